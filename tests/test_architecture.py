@@ -247,7 +247,7 @@ def test_every_import_is_allowed() -> None:
         ("warehouse_env.traffic.together", "from warehouse_env.simulation.simulator import Simulator"),
         ("warehouse_env.planning.ants.aco", "from warehouse_env import Simulator"),
         ("warehouse_env.simulation.physics.contact", "from warehouse_env.simulation.driver.tracking import follow"),
-        ("warehouse_env.simulation.driver.tracking", "from warehouse_env.simulation.traffic import field"),
+        ("warehouse_env.simulation.driver.tracking", "from warehouse_env.simulation.traffic import shield"),
         ("warehouse_env.simulation.traffic.field", "from warehouse_env.simulation.tasks.dispatch import Dispatcher"),
         ("warehouse_env.simulation.tasks.dispatch", "from warehouse_env.simulation.simulator import Simulator"),
         ("warehouse_env.simulation.step", "from warehouse_env.envs.parallel import parallel_env"),

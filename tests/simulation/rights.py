@@ -14,9 +14,9 @@ from tests.simulation.reference import FRONT, LENGTH, OFFSET, REAR, WIDTH, Point
 from tests.simulation.worlds import room, stage
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.simulation.simulator import Simulator
-from warehouse_env.simulation.traffic import meetings, right_of_way, stepping_in, waits
-from warehouse_env.simulation.traffic.field import NOBODY
+from warehouse_env.simulation.traffic import local_activation, reservations, right_of_way, waits
 from warehouse_env.simulation.traffic.path_ahead import CENTRE_X, COLUMNS, COS, POSES, SIN
+from warehouse_env.simulation.traffic.shield import NOBODY
 from warehouse_env.traffic_spec import TRAFFIC, TrafficSpec
 
 Pose = Sequence[float]
@@ -54,27 +54,29 @@ class World:
         told = np.full((1, len(self.robots)), int(sim.cruise_action)) if actions is None else actions
         sim._actions.decode(told, sim._commands[0], sim._choices)
         p, kinds = sim._params[0], sim._kinds
-        self.ways = sim._paths[0], *meetings.scratch(len(self.robots))
-        self.step_in()
+        self.ways = sim._paths[0], *reservations.scratch(len(self.robots))
+        self.activate_rules()
         right_of_way.rank(self.robots, self.order)
         who, what = (self.robots, sim.people.persons[0]), (sim.routes[0], sim.arcs[0], sim._commands[0, 0])
         world = right_of_way.Claims(*who, *what, sim._choices[0], self.ways)
         right_of_way.decide(world, self.order, p, kinds, sim._floor)
         return self
 
-    def step_in(self) -> bool:
+    def activate_rules(self) -> bool:
         """Say who is settled; whether anybody is."""
         sim, found = self.simulator, waits.scratch(len(self.robots))
         commands, persons = sim._commands[0, 0], sim.people.persons[0]
-        return bool(stepping_in.step_in(self.robots, persons, sim.routes[0], commands, found, sim._params[0], None))
+        return bool(
+            local_activation.activate_rules(self.robots, persons, sim.routes[0], commands, found, sim._params[0], None)
+        )
 
     def granted(self, robot: int) -> int:
         """Number of the last pose that a robot has been granted."""
-        return int(self.ways[4][meetings.GRANT, robot])
+        return int(self.ways[4][reservations.GRANT, robot])
 
     def path(self, robot: int, last: int | None = None) -> NDArray[np.float32]:
         """The poses of a robot's path, to the last one of it or to number `last`."""
-        end = int(self.ways[4][meetings.COUNT, robot]) if last is None else last + 1
+        end = int(self.ways[4][reservations.COUNT, robot]) if last is None else last + 1
         return np.array(self.ways[0][robot, :end])
 
     def drive(self, robot: int, pose: int) -> None:

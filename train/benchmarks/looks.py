@@ -24,8 +24,8 @@ from warehouse_env.planning.cost_to_go import UNIT
 from warehouse_env.planning.graph_search import START, is_hairpin
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.traffic.live import Finder
-from warehouse_env.simulation.traffic.passing import eighth
-from warehouse_env.simulation.traffic.prices import Look, is_beyond, price_of, rest_from
+from warehouse_env.simulation.traffic.prices import ReplanQuery, is_beyond, price_of, rest_from
+from warehouse_env.simulation.traffic.route_occupancy import eighth
 
 POLICY = "threaded_ppo"
 FLOORS = ("paper46", "narrow", "aisles:seed=601", "aisles:seed=602")
@@ -35,7 +35,7 @@ _NO_CELLS = np.empty((0, 2), np.int32)
 
 
 @kernel
-def way_cost(look: Look, cells: NDArray[np.int32]) -> int:
+def way_cost(look: ReplanQuery, cells: NDArray[np.int32]) -> int:
     """Return what a way along cells int32[L, 2] costs as far as a robot looks, and from there the shortest way."""
     total, arrived = 0, START
     row, column = cells[0, 0], cells[0, 1]
@@ -58,7 +58,9 @@ class Beside(Finder):
         self.search = Finder("astar_turns", shape)
         self.looks: list[tuple[bool, float, float, int, int]] = []  # on its way; seconds; costs, 0 where none is found
 
-    def find(self, look: Look, cells: NDArray[np.int32], saving: int, runs_out: bool, seed: int) -> NDArray[np.int32]:
+    def find(
+        self, look: ReplanQuery, cells: NDArray[np.int32], saving: int, runs_out: bool, seed: int
+    ) -> NDArray[np.int32]:
         """Return what the ants find."""
         times, costs = [], []
         for find in (self.search.find, super().find):

@@ -39,10 +39,10 @@ from warehouse_env.simulation.tasks.dispatch import ROUTE_BLOCK, Dispatcher
 from warehouse_env.simulation.tasks.orders import Order
 from warehouse_env.simulation.tasks.placement import Limits, put_all
 from warehouse_env.simulation.tasks.tasks import Arrival
-from warehouse_env.simulation.traffic import agreement, making_room, recovery
+from warehouse_env.simulation.traffic import deadlock_recovery, decision, recovery
 from warehouse_env.simulation.traffic.audit import raise_fault
-from warehouse_env.simulation.traffic.by_sight import NOT_SEEN
 from warehouse_env.simulation.traffic.jams import Jams, jams_of
+from warehouse_env.simulation.traffic.lidar_shield import NOT_SEEN
 from warehouse_env.simulation.traffic.path_ahead import COLUMNS, POSES
 from warehouse_env.simulation.worlds import Equipment, Features, Pool, Scratch, Setup, Vehicles, Worlds, make_scratch
 from warehouse_env.threads import MOST_THREADS, get_num_threads, side_by_side
@@ -382,9 +382,9 @@ class Simulator(Portable):
         Where all robots look for better routes, a world waits with its observation until they have done so.
         """
         worlds, scratch = self._at_hand(), self._scratches.take()
-        if self._decides and self._call(agreement.agree, begin, end, scratch=scratch):
+        if self._decides and self._call(decision.assign_right_of_way, begin, end, scratch=scratch):
             search = self._searches.take()
-            making_room.make_room(begin, end, worlds, self._search_setup, search)
+            deadlock_recovery.resolve_deadlocks(begin, end, worlds, self._search_setup, search)
             self._searches.give_back(search)
         observe = 0 if self.dispatcher.all_look else step.OBSERVE
         did: tuple[int, int] = self._call(step.run, begin, end, step.ADVANCE | observe, scratch=scratch)

@@ -66,7 +66,7 @@ ROBOT = _record(
     ("shield", _record(
         ("vetoed", I), ("vetoed_by", I), ("vetoed_time", F),  # in the last env step; by whom; [s] without a break
         ("silent", B),  # its messages of this env step are lost (senses/messages.py)
-        ("occluded_speed_bound", F),  # [m/s], of robots that it cannot see (traffic/by_sight.py)
+        ("occluded_speed_bound", F),  # [m/s], of robots that it cannot see (traffic/lidar_shield.py)
         ("off_plan", B),  # it is not where it has planned to be (physics/deviation.py)
     )),
     ("manoeuvre", _record(  # driver/driving.py

@@ -1,11 +1,11 @@
-"""The batched step: `run` advances worlds, which commands, moves, judges contacts and goes on along the routes, and
-observes them.
+"""The batched step: `run` advances worlds (commands, motions, contacts, progress along the routes) and observes them.
 
-With right of way, `agree` (traffic/agreement.py) goes before, and `make_room` (traffic/making_room.py) where wait
-cycles are to be resolved; `seek` (traffic/recovery.py) follows where robots seek a manoeuvre. They are kernels of their
-own since few runs need them. Each does one world after another; the Simulator hands parts of the worlds to threads.
+With right of way, `assign_right_of_way` (traffic/decision.py) runs before it, and `resolve_deadlocks`
+(traffic/deadlock_recovery.py) if wait cycles must be resolved. `seek` (traffic/recovery.py) runs after it if robots
+seek a manoeuvre. These are separate kernels since few runs need them. Each takes one world after another; the Simulator
+hands parts of the batch to threads.
 
-What a config has not is not compiled: see worlds.py.
+Features that a config does not use are not compiled: see worlds.py.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from warehouse_env.simulation.physics.trigonometry import ONE, ZERO
 from warehouse_env.simulation.senses import prediction, sensing
 from warehouse_env.simulation.senses.rewards import write_terms
 from warehouse_env.simulation.state import GAP_HORIZON, NOBODY
-from warehouse_env.simulation.traffic import audit, by_sight, field, right_of_way, waits
+from warehouse_env.simulation.traffic import audit, lidar_shield, right_of_way, shield, waits
 
 ADVANCE, OBSERVE, OBSERVE_WAITING = 1, 2, 4
 _HORIZON = np.float32(GAP_HORIZON)
@@ -164,9 +164,9 @@ def _guard(worlds, b, scratch, guarded, walking, scanners, vehicles, floor):
     """Let the protective field of world b replace motions from which robots could not stop clear of others."""
     (p, kinds), robots, persons = vehicles, worlds.robots[b], worlds.persons[b]
     if scanners is not None:
-        by_sight.guard(robots, persons, worlds.sights[b], scratch, walking, p, floor, scanners)
+        lidar_shield.guard(robots, persons, worlds.sights[b], scratch, walking, p, floor, scanners)
     elif guarded is not None:
-        field.guard(robots, persons, scratch, walking, p, kinds, floor)
+        shield.guard(robots, persons, scratch, walking, p, kinds, floor)
 
 
 @inline
@@ -247,7 +247,7 @@ def _step(worlds, at, setup, scratch):
     _choose(worlds, b, worlds.commands[said, b], setup, scratch)
     _move_as_planned(worlds, b, scratch, guarded, walking, features.erring, planned, floor)
     _move_as_can(worlds, at, scratch, guarded, walking, features.erring, (planned, true), floor)
-    field.settle(robots, guarded)
+    shield.settle(robots, guarded)
     people.walk(persons, worlds.ways[b], robots, walking, p, kinds, floor)
     _check(worlds, b, clock, features.checked, planned, floor)
     contact_episodes.judge_pairs(robots, scratch.own, pairs, scratch.near[0], worlds.stamps[b], clock, *true)
@@ -311,7 +311,7 @@ def _observe_world(worlds, b, setup, scratch):
             row[k] = ONE / (ONE + row[k])
         sensing.write_ego_and_route(r, worlds.routes[b, i], own, row, starts.ego, starts.route)
         _predict(row, starts, equipment.table, scratch.sights, own)
-        field.observe(r, own, row, starts.field)
+        shield.observe(r, own, row, starts.field)
         arrival.observe(r, own, row, starts.goal)
         worlds.reward[b, i] = write_terms(r, own, equipment.weights, worlds.terms[b, i])
 

@@ -14,7 +14,7 @@ from tests.simulation.worlds import Pose, put, raw, room, stage
 from warehouse_env.simulation.record.jam_log import JamLog
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.state import NOBODY
-from warehouse_env.simulation.traffic.waits import find_rings
+from warehouse_env.simulation.traffic.waits import find_wait_cycles
 from warehouse_env.traffic_spec import TrafficSpec
 
 EAST, NORTH, WEST, SOUTH = 0.0, math.pi / 2, math.pi, -math.pi / 2
@@ -121,7 +121,7 @@ def plain_cycles(waits_for: list[int]) -> list[int]:
 def test_cycles_are_those_of_a_plain_walk(waits_for: list[int]) -> None:
     who = np.array(waits_for, dtype=np.int32)
     found = np.empty_like(who)
-    find_rings(who, found, np.empty(len(who), np.int64))
+    find_wait_cycles(who, found, np.empty(len(who), np.int64))
     assert found.tolist() == plain_cycles(waits_for)
 
 

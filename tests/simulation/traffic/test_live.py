@@ -18,9 +18,24 @@ from warehouse_env.simulation.state import PERSON, ROBOT, field_of
 from warehouse_env.simulation.traffic import live
 from warehouse_env.simulation.traffic.ants import colonise, make_trails
 from warehouse_env.simulation.traffic.live import SLOTS, LiveRoutes, find_due, keep_barred
-from warehouse_env.simulation.traffic.passing import Passing, RoadUsers, Site, keep_all_up, make_passing, note_waiting
-from warehouse_env.simulation.traffic.prices import ANY, PRICES, Look, Prices, cost_ahead, make_asked, price_of
-from warehouse_env.simulation.traffic.ways import make_labels, search
+from warehouse_env.simulation.traffic.prices import (
+    ANY,
+    PRICES,
+    Prices,
+    ReplanQuery,
+    cost_ahead,
+    make_price_cache,
+    price_of,
+)
+from warehouse_env.simulation.traffic.replan_search import make_labels, search
+from warehouse_env.simulation.traffic.route_occupancy import (
+    RoadUsers,
+    RouteOccupancy,
+    Site,
+    keep_all_up,
+    make_occupancy,
+    note_waiting,
+)
 from warehouse_env.traffic_spec import TrafficSpec
 
 EAST, NORTH, WEST, SOUTH = 0, 2, 4, 6
@@ -67,15 +82,15 @@ ONE = np.float32(1.0)
 SITE = Site(ONE, ROWS, COLUMNS, 6.0, np.zeros(64, np.float32))  # a robot stands after 6 s; bodies' centres on the axle
 
 
-def table_of(robots: Any, routes: Any) -> Passing:
-    table = make_passing(1, robots.shape[1], ROWS * COLUMNS, SLOTS)
+def table_of(robots: Any, routes: Any) -> RouteOccupancy:
+    table = make_occupancy(1, robots.shape[1], ROWS * COLUMNS, SLOTS)
     keep_all_up(table, 0, 0, RoadUsers(robots, routes, *NOBODY_WALKS), SITE)
     return table
 
 
 def barred(robots: Any, routes: Any, look_ahead: float = 25.0, **when: int) -> list[bool]:
     out = looks(robots, **when)
-    table, laid = make_passing(1, robots.shape[1], ROWS * COLUMNS, SLOTS), np.full(robots.shape, np.inf, np.float32)
+    table, laid = make_occupancy(1, robots.shape[1], ROWS * COLUMNS, SLOTS), np.full(robots.shape, np.inf, np.float32)
     users = RoadUsers(robots, routes, *NOBODY_WALKS)
     keep_barred(table, users, SITE, look_ahead, laid, np.array([0]), out)
     return [bool(found) for found in out[0]]
@@ -96,17 +111,19 @@ def all_moves(rows: int = ROWS, columns: int = COLUMNS) -> Any:
 NO_FIELD = np.empty((0, 0), np.int32)
 
 
-def look_of(robots: Any, routes: Any, me: int, legal: Any = None, **prices: float) -> Look:
+def look_of(robots: Any, routes: Any, me: int, legal: Any = None, **prices: float) -> ReplanQuery:
     steps = steps_of(all_moves() if legal is None else legal)
     row, column = ROWS - 1 - int(robots[0, me]["motion"]["y"]), int(robots[0, me]["motion"]["x"])
-    asked = make_asked(ROWS * COLUMNS)
+    asked = make_price_cache(ROWS * COLUMNS)
     asked.looks[0] = 1
     table, priced = table_of(robots, routes), FREE._replace(**prices)
-    return Look(table, asked, robots[0], steps, priced, ONE, 0, me, row, column, NO_FIELD, 0, 0, 10 * UNIT, 40 * UNIT)
+    return ReplanQuery(
+        table, asked, robots[0], steps, priced, ONE, 0, me, row, column, NO_FIELD, 0, 0, 10 * UNIT, 40 * UNIT
+    )
 
 
 @kernel
-def price_all(look: Look, cost: Any) -> None:
+def price_all(look: ReplanQuery, cost: Any) -> None:
     for cell in range(cost.shape[0] * cost.shape[1]):
         row, column = cell // cost.shape[1], cell % cost.shape[1]
         for move in range(8):
@@ -243,7 +260,7 @@ def test_cells_where_another_will_be_at_the_same_time_cost() -> None:
 
 
 @kernel
-def ahead(look: Look, cells: Any) -> int:
+def ahead(look: ReplanQuery, cells: Any) -> int:
     return cost_ahead(look, cells)
 
 
@@ -391,17 +408,17 @@ def test_who_is_in_the_cell_of_its_goal_keeps_its_route_to_the_middle() -> None:
 
 
 @kernel
-def cheapest(look: Look, most: int, labels: Any) -> tuple[int, int]:
+def cheapest(look: ReplanQuery, most: int, labels: Any) -> tuple[int, int]:
     return search(look, most, labels)
 
 
 @kernel
-def by_ants(look: Look, most: int, seed: int, trails: Any) -> tuple[int, int]:
+def by_ants(look: ReplanQuery, most: int, seed: int, trails: Any) -> tuple[int, int]:
     look.asked.looks[0] += 1
     return colonise(look, most, seed, trails)
 
 
-def crowd(layout: str, robots: int, steps: int = 0, seed: int = 3) -> tuple[Simulator, list[Look]]:
+def crowd(layout: str, robots: int, steps: int = 0, seed: int = 3) -> tuple[Simulator, list[ReplanQuery]]:
     """Robots on their way, of whom the first two stand, and the look of each."""
     simulator = Simulator(CONFIG.replace(layout=layout, num_agents=robots))
     simulator.reset([seed])
@@ -410,7 +427,7 @@ def crowd(layout: str, robots: int, steps: int = 0, seed: int = 3) -> tuple[Simu
     records["clocks"]["standing_time"][:2] = 7.7
     size, floor, looks = np.float32(grid.cell_size), CostToGo(grid), []
     site = Site(size, *grid.shape, 6.0, np.full(robots, 0.3, np.float32))
-    table, asked = make_passing(1, robots, grid.occupied.size, SLOTS), make_asked(grid.occupied.size)
+    table, asked = make_occupancy(1, robots, grid.occupied.size, SLOTS), make_price_cache(grid.occupied.size)
     keep_all_up(table, 0, 0, RoadUsers(simulator.robots, simulator.routes, *NOBODY_WALKS), site)
     for me, r in enumerate(records):
         field, cell = (
@@ -418,7 +435,7 @@ def crowd(layout: str, robots: int, steps: int = 0, seed: int = 3) -> tuple[Simu
             grid.cell([r["motion"]["x"], r["motion"]["y"]]),
         )
         where = (me, *cell.tolist(), field, 0, 0, 10 * UNIT, 40 * UNIT)
-        looks.append(Look(table, asked, records, floor.steps, PRICES, size, 0, *where))
+        looks.append(ReplanQuery(table, asked, records, floor.steps, PRICES, size, 0, *where))
     return simulator, looks
 
 
@@ -439,11 +456,11 @@ def test_ants_find_ways_that_cost_little_more_than_the_cheapest_and_never_less()
 
 
 @kernel
-def price_on(look: Look, cell: int, move: int, to: int) -> int:
+def price_on(look: ReplanQuery, cell: int, move: int, to: int) -> int:
     return price_of(look, cell, move, to)
 
 
-def cost_of(look: Look, moves: Any) -> int:
+def cost_of(look: ReplanQuery, moves: Any) -> int:
     """What moves from the robot on cost at the prices of others and of hairpins, and then the shortest way."""
     columns, total, arrived = look.steps.shape[1], 0, None
     cell = look.row * columns + look.column

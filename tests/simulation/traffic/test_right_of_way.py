@@ -16,7 +16,7 @@ from tests.simulation.worlds import drawn
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
 from warehouse_env.simulation.senses.preferences import GOING, SIDE, SPEED, speed_of
-from warehouse_env.simulation.traffic.meetings import TIGHT, WIDE
+from warehouse_env.simulation.traffic.reservations import TIGHT, WIDE
 from warehouse_env.simulation.traffic.right_of_way import AHEAD, NOBODY, limit, rank
 from warehouse_env.simulation.traffic.waits import is_urged
 from warehouse_env.traffic_spec import TrafficSpec

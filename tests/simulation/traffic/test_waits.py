@@ -11,7 +11,7 @@ from tests.simulation.rights import World
 from warehouse_env.config import EnvConfig
 from warehouse_env.simulation.driver import tracking
 from warehouse_env.simulation.state import NOBODY, field_of
-from warehouse_env.simulation.traffic import letting_out, live, waits
+from warehouse_env.simulation.traffic import live, pedestrian_yield, waits
 from warehouse_env.simulation.traffic.waits import MOVES, SEEKS, STUCK, WAITS
 
 
@@ -77,7 +77,9 @@ def test_only_whoever_could_be_in_a_ring_is_asked_for_whom_it_waits() -> None:
     world = standing([NOBODY] * 4, [9.0] * 4)
     world.robots["shield"]["vetoed_by"], world.robots["clocks"]["standing_time"] = [1, 2, 1, 0], [0.0, 3.0, 0.0, 0.0]
     found = waits.scratch(4)
-    waits.find_rings_of(world.robots, world.simulator.routes[0], 3.0, 15.0, found, world.simulator._params[0], None)
+    waits.find_wait_cycles_of(
+        world.robots, world.simulator.routes[0], 3.0, 15.0, found, world.simulator._params[0], None
+    )
     assert found[waits.WHO].tolist() == [NOBODY, 2, 1, NOBODY]
     assert found[waits.RING].tolist() == [NOBODY, 1, 1, NOBODY]
 
@@ -93,7 +95,8 @@ def test_the_page_tells_in_order_when_what_happens() -> None:
     seconds = [float(found[0]) for row in rows() if (found := re.match(r"[\d.]+", row[0])) is not None]
     assert seconds == sorted(seconds)
     told = (
-        waits.REFUSED, waits.STANDS, letting_out.KEPT, waits.URGED, waits.SEEKS_AFTER, waits.FOR_GOOD, tracking.HELD,
+        waits.REFUSED, waits.STANDS, pedestrian_yield.KEPT, waits.URGED, waits.SEEKS_AFTER, waits.FOR_GOOD,
+        tracking.HELD,
         waits.STUCK_AFTER, tracking.PATIENCE, waits.ROCKS, live.STOOD_FOR, waits.SHUT_IN_AFTER, waits.DEARER,
         EnvConfig.stuck_after,
     )  # fmt: skip

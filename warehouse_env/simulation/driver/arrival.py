@@ -1,7 +1,7 @@
-"""Arriving where robots stop at their goals: how one comes to rest at its route's end, and when it is there.
+"""Arrival where robots stop at their goals: coming to rest at the end of the route, and the test for being there.
 
-Only for `EnvConfig.arrival` other than "pass". A robot's goal is a point (goal_x, goal_y) and a heading, nan for any.
-The event `arrived` then says that the robot stands: what is done to it at its goal can begin in the same step.
+Used only if `EnvConfig.arrival` is not "pass". A goal is a point (goal_x, goal_y) and a heading; nan allows any. The
+event `arrived` says that the robot stands, so its service can begin in the same step.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
-"""Driving the arcs of a manoeuvre: a reference pose slides along them, and the robot is steered back to it.
+"""Drive the arcs of a manoeuvre: a reference pose moves along them, and the robot is steered back to it.
 
-API: `begin(r, count, arcs, margin)` starts the manoeuvre that stands in arcs float32[ARCS, 2] (see manoeuvre.py);
-`give_up(r)` ends it; r["manoeuvre"]["arcs"] > 0 says that a robot is in one. `drive_arcs` returns the next step's (speed, steering)
-until it is done, or 0 arcs are left because the robot was pushed off it. One that `docks` ends exactly at its goal:
-where robots stop at goals (`stopping`, see step.Features), it stands at its end, and drives straight arcs as fast as
-may be.
+`begin(r, count, arcs, margin)` starts the manoeuvre in arcs float32[ARCS, 2] (manoeuvre.py), and `give_up(r)` ends it.
+While a robot is in one, its `arcs` field is above 0. `drive_arcs` returns (speed, steering) of the next step until the
+manoeuvre is done, or gives it up if the robot was pushed off it. A manoeuvre that `docks` ends exactly at the goal:
+where robots stop at goals (`stopping`, step.Features), the robot stands at its end and drives straight arcs at full
+speed.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""A robot's line: where on its route it is, the points ahead of it, and pure pursuit towards one of them.
+"""The robot on its route: its position, the points ahead, and pure pursuit towards one of them.
 
-The follower (tracking.py) drives by it, and right of way predicts by the same functions where a robot will drive
-(traffic/path_ahead.py): what it grants would be wrong if the two drifted apart.
+The path follower (tracking.py) drives by these functions, and right of way predicts by them (traffic/path_ahead.py).
+They must stay the same, or grants would not match the motion.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""May a robot carry out a command and then stop, off all shelves? What the path follower asks before it drives on."""
+"""Whether a robot can carry out a command and then stop clear of all shelves: the path follower's test."""
 
 from __future__ import annotations
 

@@ -1,18 +1,18 @@
-"""How far it is to room: the heuristic of a search for a way off others' paths (manoeuvre.py), which knows obstacles.
+"""The distance to room: the heuristic of a search for a place off others' paths (manoeuvre.py).
 
-A body holds the disc as wide as itself around its centre, whichever way it faces. So it is not off the paths before
-that disc is, and the disc's shortest way there, off shelves and off bodies that stand, is no longer than the body's.
-These ways are found by Dijkstra's algorithm from wherever the disc is off, on a square lattice of points around the
-robot: the holonomic-with-obstacles heuristic of hybrid-state A* (Dolgov et al. 2010). A centre is within _SLACK of a
-point, so the discs on points are smaller by that: what a body can do, the lattice allows. Its ways turn by eighths, so
-they are up to 8% longer than the disc's: no more than the search weighs them anyway (manoeuvre.GREED).
+A body contains the disc of its width around its centre, whatever its heading. So the disc is off the paths no later
+than the body, and its shortest way there, clear of shelves and standing bodies, is no longer than the body's.
+Dijkstra's algorithm finds these ways on a square lattice of points around the robot (the holonomic-with-obstacles
+heuristic of hybrid-state A*, Dolgov et al. 2010). A centre is within _SLACK of a lattice point, so the discs on points
+are smaller by that. Lattice ways turn by eighths and are up to 8% longer than the disc's, within the weight of the
+search (manoeuvre.GREED).
 
     write_room(pose, around, scratch)    around a Pose, into scratch.room float32[POINTS, POINTS] [m], rows northward
-    room_at(x, y, x0, y0, room, apart_of(p))    what it says of a body's centre (x, y) [m]; (x0, y0): of the robot's
+    room_at(x, y, x0, y0, room, apart_of(p))    the value at a body's centre (x, y) [m]; (x0, y0): the robot's
     write_way(x0, y0, room, p, way)             the way of descent, as bodies along it
 
-0: off the paths, or at the rim, beyond which there may be room; BARRED: in a shelf or a body; UNKNOWN: no way.
-It takes 0.15 ms, as much as a hundred nodes of a search.
+Values: 0 off the paths, or at the rim, beyond which there may be room; BARRED in a shelf or a body; UNKNOWN without a
+way. A field takes 0.15 ms, as much as a hundred nodes of a search.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Scratch arrays of the search for manoeuvres: allocated once, lent to one kernel call after another.
+"""Scratch arrays of the manoeuvre search: allocated once and lent to one kernel call after another.
 
 A search reads nothing that an earlier one left. A set takes 1.0 MB plus 1 kB per robot of a world; there are as many
-sets as kernel calls run at once.
+sets as concurrent kernel calls.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ class SearchScratch(NamedTuple):
     rooms: NDArray[np.float32]  # [robots + people] [m], distances kept from them
     avoid: NDArray[np.float32]  # [robots * poses, BODY], bodies that the end pose must be off
     found: NDArray[np.int64]  # [4, robots] (traffic/waits.py)
-    poses: NDArray[np.int32]  # [robots], poses of each path (traffic/making_room.py)
+    poses: NDArray[np.int32]  # [robots], poses of each path (traffic/deadlock_recovery.py)
 
 
 def make_search_scratch(robots: int, people: int = 0, poses: int = 1) -> SearchScratch:

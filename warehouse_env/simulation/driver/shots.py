@@ -1,8 +1,8 @@
-"""Shots: a Reeds-Shepp curve from a pose to exact poses, taken whole if the body can drive it.
+"""Shots: a Reeds-Shepp curve from a pose to exact poses, used whole if the body can drive it.
 
-Of all words (routes/reeds_shepp.py), at several turning radii, the soonest counts that the body can drive, by the same
-prices as the search for manoeuvres (turning.py): the shortest curve turns at full lock, and its jumps of the steering
-cost more than a wider turn does.
+Of all curve words (routes/reeds_shepp.py) at several turning radii, the quickest drivable one is taken, at the prices
+of the manoeuvre search (turning.py). The shortest curve turns at full lock, and its steering jumps cost more time than
+a wider turn.
 """
 
 from __future__ import annotations

@@ -1,12 +1,11 @@
 """The path follower under every discrete and continuous action: pure pursuit that respects the swept body.
 
-An action asks for a speed and a lateral offset from the route. The follower steers towards a point ahead
-(pure pursuit about the fixed front axle), slows down where it must steer, and takes a command only if the
-body, driven on and then braked, stays off the shelves: the map is known, so this needs no learning. Where the line
-cannot be followed so (it begins behind the robot, a corner is too sharp, a lane ends) it asks for a manoeuvre that
-leads to the route (`seeks`), which is searched for after the env step (traffic/recovery.py), and drives that. Other
-robots are not its business, but that it asks for a way round their bodies once one has barred its way for a while
-(HELD).
+An action asks for a speed and a lateral offset from the route. The follower steers towards a point ahead, slows down in
+turns, and accepts a command only if the body, driven on and then braked, stays clear of the shelves. The map is known,
+so this needs no learning. Where the route cannot be followed (it begins behind the robot, a corner is too sharp, a lane
+ends), the follower requests a manoeuvre back to the route (`seeks`); the search runs after the env step
+(traffic/recovery.py). The follower ignores other robots, except that it requests a way around their bodies once one has
+blocked it for HELD seconds.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""What a body can do next: arcs forwards and backwards, and how long they take it from pose to pose on open floor.
+"""Motion primitives of a body: forward and backward arcs, and the time from pose to pose on open floor.
 
-The turning metric is the heuristic of the search (manoeuvre.py): the time from a relative pose to another where
-nothing is in the way, by Dijkstra's algorithm from the goal backwards over the same arcs, looked up on cells.
-Hybrid-state A*, Dolgov et al. 2010, takes Reeds-Shepp lengths instead; these know nothing of steering and stopping.
+The turning metric is the heuristic of the manoeuvre search (manoeuvre.py): the time from one relative pose to another
+without obstacles, found by Dijkstra's algorithm backwards from the goal over the same arcs, and looked up by cell.
+Hybrid-state A* (Dolgov et al. 2010) uses Reeds-Shepp lengths, which ignore steering and stopping times.
 """
 
 from __future__ import annotations

@@ -2,8 +2,8 @@
 
 They walk from one endpoint to the next by the shortest way, rest there, keep their distance from robots and pass to the
 right of those in their way. Where there is no way past they stand, or step back from who has come too near, and after a
-few seconds turn away. Robots let out whom they keep from walking (traffic/letting_out.py). Nobody walks into a robot,
-so each contact is a robot's doing; people do not heed each other.
+few seconds turn away. Robots make way for a person whom they keep from walking (traffic/pedestrian_yield.py). Nobody
+walks into a robot, so each contact is a robot's doing; people ignore each other.
 
 Robots have them in their lidar. The protective field knows where they are, but not where they will go: it lets a robot
 drive only if, wherever they walk, it stands before anybody can be where its body will be (passive motion safety:

@@ -8,7 +8,7 @@ losses cost time, never a contact.
 
 A robot whose messages are lost (`silent` of its record)
 
-- brakes within its stop, under the protective field (traffic/field.py);
+- brakes within its stop, under the protective field (traffic/shield.py);
 - is in no other's observation but by lidar: not among the neighbours, and so in no prediction;
 - is granted its stretch by right of way unheard: the others know of the one it had in the decision before.
 

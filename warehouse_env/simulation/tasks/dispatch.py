@@ -26,8 +26,8 @@ from warehouse_env.simulation.tasks.orders import Order
 from warehouse_env.simulation.tasks.placement import Limits, place, stand
 from warehouse_env.simulation.tasks.shifts import Shifts, check_given
 from warehouse_env.simulation.tasks.tasks import Arrival, Tasks, book_arrival, pass_by, set_out
-from warehouse_env.simulation.traffic.astray import far_off, find_astray
 from warehouse_env.simulation.traffic.live import LiveRoutes
+from warehouse_env.simulation.traffic.off_route import far_off, find_off_route
 
 # [m], of the default body, before the end of a route at which a robot seeks the manoeuvre to its goal's pose
 JOIN = 3.0
@@ -305,7 +305,7 @@ class Dispatcher(Portable):
         worlds = []
         look = self.robots, self.routes, self._far, self._astray
         if self._find_astray is None:
-            self._find_astray = compiled_for(find_astray, *look)
+            self._find_astray = compiled_for(find_off_route, *look)
         if self._find_astray(*look):
             for world, robot in np.argwhere(self._astray).tolist():
                 self._give_another(world, robot, self._route_from_here(world, robot, int(steps[world])))

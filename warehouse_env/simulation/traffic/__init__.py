@@ -1,1 +1,1 @@
-"""Many robots: who waits for whom, the protective field, right of way, making room, live routes."""
+"""Many robots: the wait-for graph, shield, right of way, recovery and live replanning."""

@@ -1,14 +1,14 @@
-"""The potential-field ant colony on the way: a small one at each look of a robot.
+"""The potential-field ant colony on the way: a small colony for each replan of a robot.
 
-Ants walk as those of all colonies do (planning/ants/colony.py). As in paper 000, p ~ pheromone * eta^exponent with
-eta = a*L + b*N + c*T (eqs. 8-15 on an even floor; planning/ants/pf_aco.py reads them), and what ants have found marks
-their edges (eqs. 18-20). Ours is:
+The ants walk as in all colonies (planning/ants/colony.py). As in paper 000, p ~ pheromone * eta^exponent with
+eta = a*L + b*N + c*T (eqs. 8-15 on an even floor; planning/ants/pf_aco.py), and ants mark the edges of their ways (eqs.
+18-20). Different here:
 
-- L is the fall of the exact cost-to-go (planning/cost_to_go.py) for each unit of a move's cost, which others raise
-  (prices.py). It replaces the straight pull of the goal, so that few ants suffice.
-- Where the cost-to-go is too little for what others make the moves cost, ants raise it (learning real-time A*, Korf
-  1990). The potential field learns as well as the pheromone, and bounds what is left of a way.
-- Ants walk as far as a robot looks, and give up where they cannot beat the best way any more.
+- L is the fall of the exact cost-to-go (planning/cost_to_go.py) per unit of a move's cost, including the prices of
+  other robots (prices.py). It replaces the straight pull of the goal, so that few ants suffice.
+- Where prices make the cost-to-go too low, ants raise it (learning real-time A*, Korf 1990). So the potential field
+  learns as the pheromone does, and bounds the rest of a way.
+- Ants walk up to the replanning horizon, and give up when they cannot beat the best way any more.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from warehouse_env.planning.ants.colony import ARRIVED, Trip, WalkRule, sender
 from warehouse_env.planning.cost_to_go import UNIT, UNREACHABLE
 from warehouse_env.planning.graph_search import START, is_hairpin
 from warehouse_env.simulation.traffic.prices import ANY, is_beyond, price_of, rest_from
-from warehouse_env.simulation.traffic.ways import finish, make_path
+from warehouse_env.simulation.traffic.replan_search import finish, make_path
 
 ANTS, ITERATIONS = 8, 20
 PATIENCE = 8  # iterations without a better way, once there is one, after which ants are not sent again
@@ -212,7 +212,7 @@ def colonise(look, most, seed, trails):
 
 @inline
 def _lead(look, most, seed, trails):
-    """Write the way that ants find to trails.path; return (of how many cells, the last move), see `ways.finish`."""
+    """Write the ants' way to trails.path; return (number of cells, last move), see `replan_search.finish`."""
     best, _ = colonise(look, most, seed, trails)
     path = trails.path
     path[0, 0], path[0, 1] = look.row, look.column
@@ -227,5 +227,5 @@ _finish = finish(_lead)
 
 @kernel
 def send_ants(look, cells, saving, runs_out, seed, trails):
-    """Write the way that ants find to trails.path; return of how many cells; see `ways.find_way`."""
+    """Write the way that ants find to trails.path; return of how many cells; see `replan_search.find_way`."""
     return _finish(look, cells, saving, runs_out, seed, trails)

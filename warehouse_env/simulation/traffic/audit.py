@@ -1,7 +1,7 @@
-"""The checked mode: after every physics step all robots must be able to stop at once without touching anything.
+"""The checked mode: after every physics step, all robots must be able to stop at once without touching anything.
 
-Looked for the plain way, and with nothing of field.py's: every stop is driven through by kinematics.drive, and every
-pair of robots is held against each other at every substep of it. Slow; for tests, and for doubts.
+It shares no code with shield.py: kinematics.drive drives every stop, and all pairs of robots are compared at every
+substep. It is slow, and meant for tests and doubts.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
-"""Who is in a robot's way: the first body that its own would touch further along its route.
+"""The robot in the way: the first body that a robot's own body would touch along its route.
 
-Geometry alone, so it holds whatever moves the robots. The body is carried along the route as it would be driven: the
-front axle on the line, the body along it, and what it stands off the line by, in place and heading, is driven out on
-the first metre. Others are looked at where they are now.
+This is geometry alone, whatever moves the robots. The body is carried along the route, front axle on the line; its
+present offset from the line, in place and heading, fades out over the first metre. Others are taken where they are.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Who waits for whom, for pictures and the log of jams: of all robots that stand, whatever options are on.
+"""The wait-for graph of all standing robots, for pictures and the log of deadlocks, whatever options are on.
 
-A chain of robots each of which waits for the next is a queue; a cycle is a deadlock, since each of its robots waits for
-another of them (a wait-for graph, Coffman et al. 1971). What counts as waiting: waits.py.
+A chain of robots in which each waits for the next is a queue. A wait cycle is a deadlock, since each of its robots
+waits for another of them (Coffman et al. 1971). What counts as waiting: waits.py.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ def _look(robots, routes, params, kinds, jams, found):
         stage[b] = found[waits.STAGE]
         for i in range(robots.shape[1]):
             who[b, i] = waits.waits_for(robots[b], i, routes[b, i], params[0], kinds, found[waits.SPARE])
-        waits.find_rings(who[b], ring[b], found[waits.SPARE])
+        waits.find_wait_cycles(who[b], ring[b], found[waits.SPARE])
 
 
 class Jams(NamedTuple):

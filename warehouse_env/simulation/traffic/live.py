@@ -15,8 +15,8 @@ trainings, it looks only if another robot stands in or beside a cell of its rout
 A new route must save some cells at these prices. Otherwise the robot keeps its own, since a change often begins with a
 manoeuvre in the way of others. docs/measured/trials.md lists what was tried.
 
-A table (passing.py) says who stands and passes where. Robots look one after another, spread over the period by their
-index, so that two that meet do not both turn away at once. A world's routes depend on its own robots alone.
+A table (route_occupancy.py) says who stands and passes where. Robots look one after another, spread over the period by
+their index, so that two that meet do not both turn away at once. A world's routes depend on its own robots alone.
 """
 
 from __future__ import annotations
@@ -35,7 +35,9 @@ from warehouse_env.portable import Portable
 from warehouse_env.routes.book import Route, RouteBook
 from warehouse_env.routes.goals import Pose
 from warehouse_env.simulation.traffic.ants import make_trails, send_ants
-from warehouse_env.simulation.traffic.passing import (
+from warehouse_env.simulation.traffic.prices import ReplanQuery, make_price_cache, prices_for
+from warehouse_env.simulation.traffic.replan_search import find_way, make_labels
+from warehouse_env.simulation.traffic.route_occupancy import (
     NOTHING,
     RoadUsers,
     Site,
@@ -44,11 +46,9 @@ from warehouse_env.simulation.traffic.passing import (
     forget_route,
     keep_all_up,
     keep_up,
-    make_passing,
+    make_occupancy,
     note_waiting,
 )
-from warehouse_env.simulation.traffic.prices import Look, make_asked, prices_for
-from warehouse_env.simulation.traffic.ways import find_way, make_labels
 
 # Of live routes, by the name of their planner: the kernel, and what makes room for it on a floor.
 FINDERS: dict[str, tuple[Any, Any]] = {"pf_aco": (send_ants, make_trails), "astar_turns": (find_way, make_labels)}
@@ -143,8 +143,10 @@ class Finder(Portable):
     def _bind(self) -> None:
         self._room = FINDERS[self.name][1](*self._shape)
 
-    def find(self, look: Look, cells: NDArray[np.int32], saving: int, runs_out: bool, seed: int) -> NDArray[np.int32]:
-        """Return the cells int32[L, 2] of a way, none if there is none that saves enough; see `ways.find_way`."""
+    def find(
+        self, look: ReplanQuery, cells: NDArray[np.int32], saving: int, runs_out: bool, seed: int
+    ) -> NDArray[np.int32]:
+        """Return the cells int32[L, 2] of a way; none if no way saves enough (see `replan_search.find_way`)."""
         count = FINDERS[self.name][0](look, cells, saving, runs_out, seed, self._room)
         way: NDArray[np.int32] = self._room.path[:count].astype(np.int32)
         return way
@@ -173,7 +175,7 @@ class LiveRoutes(Portable):
         self._prices = prices_for(size, spread)
         self._hairpin = round(UNIT * (getattr(planner, "hairpin", 0.0) or HAIRPIN * size))
         self._saving = round(UNIT * SAVING)
-        self._passing = make_passing(len(persons), config.num_agents, grid.occupied.size, SLOTS, spread)
+        self._passing = make_occupancy(len(persons), config.num_agents, grid.occupied.size, SLOTS, spread)
         self._laid = np.full((len(persons), config.num_agents), np.inf, np.float32)  # [m] of routes that are drivable
         fastest = max(max(kind.max_speed, -kind.min_speed) for kind in config.kinds)
         self._reach = LAID if EVERY * fastest < _NEAR / 2 else np.inf
@@ -182,7 +184,7 @@ class LiveRoutes(Portable):
 
     def _bind(self) -> None:
         grid = self._book.grid
-        self._fields, self._asked = CostToGo(grid, self._gentleness), make_asked(grid.occupied.size)
+        self._fields, self._asked = CostToGo(grid, self._gentleness), make_price_cache(grid.occupied.size)
 
     def begin(self, world: int) -> None:
         """Forget all that is known of a world: its robots begin anew."""
@@ -242,7 +244,7 @@ class LiveRoutes(Portable):
             users = RoadUsers(robots, routes, self._persons, self._person_on)
             keep_all_up(self._passing, world, step, users, self._site)
         field, box = self._fields.around((row, column), goal)
-        look = Look(
+        look = ReplanQuery(
             self._passing, self._asked, robots[world], self._fields.steps, self._prices, self._site.size, world, me,
             row, column, field, box.top, box.left, self._hairpin, UNIT * HORIZON,
         )  # fmt: skip

@@ -1,8 +1,8 @@
-"""The path ahead of a robot: poses of its body along its manoeuvre and then its route, as the follower will drive them.
+"""The path ahead of a robot: poses of its body along its manoeuvre and then its route, as the follower will drive.
 
-The poses stand at whole multiples of APART on the robot's odometer (`distance` of its record), so that they stay where
-they are while it drives: what it has been granted of its path once is the same piece of floor in the next decision.
-So a path is kept from one decision to the next, and written anew after two metres, or where the robot leaves it.
+The poses stand at whole multiples of APART on the odometer (`distance`), so they stay in place while the robot drives:
+a granted stretch is the same piece of floor in the next decision. A path is kept from one decision to the next, and
+rewritten after two metres or when the robot leaves it.
 """
 
 from __future__ import annotations

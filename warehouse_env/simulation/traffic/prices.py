@@ -1,9 +1,9 @@
-"""What the other robots of a world cost one that looks for a way: prices of moves, made for cells that are asked for.
+"""Prices of moves near other robots, computed for the cells that a replanning query asks for.
 
 live.py says what is priced and why. Each price is one function here, one call of it and its fields of `Prices`, so that
-any of them can be removed alone. Prices are whole thousandths of a cell: their sums do not depend on the order in which
-the table (passing.py) lists who passes a cell. They are computed in float64 where a kernel would widen a float32 by
-itself, since plain Python would not.
+any can be removed alone. Prices are whole thousandths of a cell: their sums do not depend on the order in which the
+table (route_occupancy.py) lists robots. They are computed in float64 where a kernel would widen a float32, since plain
+Python would not.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from warehouse_env.kernel import inline, part, whole
 from warehouse_env.planning.cost_to_go import UNIT, UNREACHABLE, octile, to_go
-from warehouse_env.simulation.traffic.passing import NOTHING, ONCE, Passing, eighth, waited_at
+from warehouse_env.simulation.traffic.route_occupancy import NOTHING, ONCE, RouteOccupancy, eighth, waited_at
 from warehouse_env.simulation.traffic.waits import DEARER
 
 ANY = whole(np.iinfo(np.int32).max // 2)  # a cost that no way comes to
@@ -56,7 +56,7 @@ _SLACK = 6  # [cells] by which a robot's place along its cells may differ from i
 OFF_HEADING = (0.0, 0.2, 1.0, 2.0, 2.0)  # times `turn`, for beginning so many eighths off the heading
 
 
-class Asked(NamedTuple):
+class PriceCache(NamedTuple):
     """The prices that one robot has asked for, by cell; those of others before it are told apart by `looks`."""
 
     looks: NDArray[np.int64]  # [1], how often anybody looked
@@ -65,18 +65,18 @@ class Asked(NamedTuple):
     leave: NDArray[np.int32]  # [C, 8], what leaving it by each move costs
 
 
-def make_asked(cells: int) -> Asked:
+def make_price_cache(cells: int) -> PriceCache:
     """Return room for the prices of so many cells."""
-    return Asked(
+    return PriceCache(
         np.zeros(1, np.int64), np.zeros(cells, np.int64), np.zeros(cells, np.int32), np.zeros((cells, 8), np.int32)
     )
 
 
-class Look(NamedTuple):
+class ReplanQuery(NamedTuple):
     """One robot's look at the floor: what it is given, and where the robot is. Costs are thousandths of a cell."""
 
-    passing: Passing  # the table of who stands and passes where, brought up to now
-    asked: Asked
+    passing: RouteOccupancy  # the table of who stands and passes where, brought up to now
+    asked: PriceCache
     robots: NDArray[Any]  # ROBOT[N] of its world, whose number is `world`
     steps: NDArray[np.int32]  # [H, W, 8], what moves cost whoever is about; 0 where they are not legal
     prices: Prices

@@ -5,7 +5,7 @@
 runs the stages of a case in order and starts the first manoeuvre found. It returns the number of arcs: 0 if the robot
 is at its goal pose already, STAYS if it is already off the bodies `avoid`, NONE if no stage finds a manoeuvre.
 
-making_room.py calls it for robots that wait for each other. `seek` calls it for the path follower.
+deadlock_recovery.py calls it for robots that wait for each other. `seek` calls it for the path follower.
 """
 
 from __future__ import annotations

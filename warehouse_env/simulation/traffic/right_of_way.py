@@ -1,23 +1,22 @@
-"""Right of way: once a decision, each robot is granted a stretch of the path ahead of it, and drives no farther.
+"""Right of way: in each decision, every robot is granted a stretch of its path, and drives no farther.
 
-Robots are asked one after another, who has been longest on its way first; who bars the way of another has that one's
-right (priority inheritance, as in PIBT, Okumura et al. 2022). A robot is granted its path up to the first pose that
-touches what another has been granted, as AGVs reserve zones ahead of them. The end of a grant is a place to wait at, so
+Robots are asked in turn, the one that has been on its way longest first. A robot that blocks another inherits its right
+(priority inheritance, as in PIBT, Okumura et al. 2022). A robot is granted its path up to the first pose that touches a
+stretch granted to another, as AGVs reserve zones ahead. The end of a grant must be a place to wait:
 
-- it is never where one would soon cross the robot (do not stop on a crossing, nor in a lane that others come along);
-- who waits for another does so off all of that one's path, so no two wait for each other;
-- what has been granted is kept, unless another could not stop before it any more;
-- it is never beside a person, nor where one will be a second later, so who waits for people bars nobody else's way.
-  Two that keep a person from walking wait for each other, and one that does so alone for itself: a ring in which one
-  makes room.
+- It is never where another robot would soon cross (no stop on a crossing, nor in a lane that others come along).
+- A robot waits off the whole path of the robot that it waits for, so no two wait for each other.
+- A grant is kept, unless another robot cannot stop before it any more.
+- It is never beside a person, nor where one will be a second later. So a robot that waits for people blocks nobody. Two
+  robots that keep a person from walking wait for each other, and a single one waits for itself (pedestrian_yield.py).
 
-If what bars the way stands or comes the other way, the robot's other lateral offsets are tried, in the order of its
-preferences. What robots would have to tell each other for it, within 16 m: the poses ahead (path_ahead.py), how far
-they have been granted them, how long they have been on their way, whom they wait for, and whether they make room.
+If the blocking robot stands or comes the other way, the robot tries its other lateral offsets, in the order of its
+preferences. Robots within 16 m exchange their paths ahead (path_ahead.py), grants, time on the way, whom they wait for,
+and whether they retreat.
 
-Where all wait in a ring none the less, one of them makes room: making_room.py. All this may step in only where a robot
-has stood for a while: stepping_in.py. Under it all lies the field (field.py): paths are predictions, and whatever is
-granted, no robot moves where it could not stop clear of all others.
+Wait cycles that remain are resolved by deadlock_recovery.py. Right of way may apply only near robots that have stood
+for a while (local_activation.py). The shield stays in force below it (shield.py): paths are predictions, and no grant
+lets a robot move where it could not stop clear of all others.
 """
 
 from __future__ import annotations
@@ -32,8 +31,18 @@ from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.physics.trigonometry import HALF, ZERO
 from warehouse_env.simulation.senses.preferences import SIDE, speed_of
 from warehouse_env.simulation.state import NOBODY
-from warehouse_env.simulation.traffic.letting_out import is_kept, who_frees
-from warehouse_env.simulation.traffic.meetings import (
+from warehouse_env.simulation.traffic.path_ahead import (
+    COS,
+    DRIVEN,
+    POSES,
+    SIN,
+    before_people,
+    begin_path,
+    keep_path,
+    write_path,
+)  # fmt: skip
+from warehouse_env.simulation.traffic.pedestrian_yield import is_kept, yields_for
+from warehouse_env.simulation.traffic.reservations import (
     ASKED,
     BIT,
     COUNT,
@@ -45,16 +54,6 @@ from warehouse_env.simulation.traffic.meetings import (
     WHO,
     enlist,
     meet,
-)  # fmt: skip
-from warehouse_env.simulation.traffic.path_ahead import (
-    COS,
-    DRIVEN,
-    POSES,
-    SIN,
-    before_people,
-    begin_path,
-    keep_path,
-    write_path,
 )  # fmt: skip
 from warehouse_env.simulation.traffic.waits import SLOW, is_urged, refuser
 
@@ -78,7 +77,7 @@ class Claims(NamedTuple):
     arcs: Any  # float32[N, ARCS, 2], manoeuvres
     commands: Any  # float32[N, 2]: speed [m/s], which becomes the one liked with the offset taken, and offset [m]
     choices: Any  # float32[N, K, 3], see preferences.py
-    ways: Any  # see meetings.scratch
+    ways: Any  # see reservations.scratch
 
 
 @inline
@@ -259,7 +258,7 @@ def _ask(i, world, p, kinds, floor):
             granted, barrier = _try_sides(i, world, granted, barrier, p, kinds, floor)
     granted, person = before_people(paths[i], must, granted, persons, p)
     if person != NOBODY and is_kept(persons[person]):
-        barrier = who_frees(i, persons[person], robots, p, kinds)
+        barrier = yields_for(i, persons[person], robots, p, kinds)
     if r["shield"]["silent"] == 0:
         numbers[GRANT, i] = granted
     traffic["authority"] = paths[i, granted, DRIVEN]

@@ -1,17 +1,17 @@
-"""Who waits for whom, and what is done about it when: one home for waiting.
+"""Who waits for whom, and when something is done about it: the one home for waiting.
 
-Why does a robot stand? `waits_for` names the one it waits for, `find_rings` says who of those wait for each other, and
-`look` gives each robot of a world one stage:
+`waits_for` names the robot that a standing robot waits for, `find_wait_cycles` finds the cycles of that graph, and
+`look` gives each robot of a world a stage:
 
-- MOVES: it has driven within the last second, makes room, or is parked;
+- MOVES: it has driven within the last second, retreats, or is parked;
 - WAITS: it stands, and nothing is done about it yet;
-- SEEKS: it is in a ring of robots all of which stand, and has waited so long that one of them is to leave the ring;
-- STUCK: it waits for one that stands for good, and has waited so long that it is to go round that one.
+- SEEKS: it is in a wait cycle in which all stand, and has waited so long that one of them must leave the cycle;
+- STUCK: it waits for a robot that stands for good, and has waited so long that it goes around it.
 
-The table below holds all times from which on something is done; docs/traffic.md tells them in the order in which they
-come. Robots count four clocks, all in seconds of the world: `waiting_time` without driving, `standing_time` within a
-metre of one place (it may rock there), `stalled_time` without a metre of progress along its route, `contact_time` in
-touch; the field counts a fifth, `vetoed_time`, for which it has refused a robot without a break.
+The table below holds all times; docs/traffic.md lists them in order. Each robot has four clocks, in simulated seconds:
+`waiting_time` without driving, `standing_time` within a metre of one place (it may rock there), `stalled_time` without
+a metre of progress along its route, and `contact_time` in touch. The shield adds `vetoed_time`, for which it has
+refused the robot's commands without a break.
 """
 
 from __future__ import annotations
@@ -160,7 +160,7 @@ def waits_for(robots, i, route, p, kinds, near):
 
 
 @part
-def find_rings(who, ring, walk):
+def find_wait_cycles(who, ring, walk):
     """Write into ring int[N] the lowest robot of the ring that each robot is in, NOBODY off all.
 
     who int[N]: whom each waits for, or NOBODY; walk int[N]: scratch, the walk on which a robot was met, so that each is
@@ -187,7 +187,7 @@ def find_rings(who, ring, walk):
 
 
 @part
-def find_rings_of(robots, routes, least, most, found, p, kinds):
+def find_wait_cycles_of(robots, routes, least, most, found, p, kinds):
     """Find the rings through those who have stood for `least` to `most` [s], and whom the robots on the way wait for.
 
     Only they, and whoever they wait for, are asked: to look for who is in the way takes long.
@@ -207,7 +207,7 @@ def find_rings_of(robots, routes, least, most, found, p, kinds):
             j = who[j]
     for i in range(robots.shape[0]):
         who[i] = max(who[i], NOBODY)
-    find_rings(who, found[RING], found[SPARE])
+    find_wait_cycles(who, found[RING], found[SPARE])
 
 
 @part
@@ -220,7 +220,7 @@ def look(robots, found):
     for i in range(robots.shape[0]):
         who[i] = robots[i]["traffic"]["yields_to"]
         stage[i] = WAITS if may_leave(robots[i]) else MOVES
-    find_rings(who, ring, found[SPARE])
+    find_wait_cycles(who, ring, found[SPARE])
     broken[:] = 0
     for i in range(robots.shape[0]):
         if ring[i] != NOBODY and stage[i] == MOVES:

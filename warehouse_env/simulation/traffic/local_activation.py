@@ -1,12 +1,10 @@
-"""Where right of way steps in: everywhere, or only around robots that have stood for `right_of_way_after` seconds.
+"""Where right of way applies: everywhere, or only around robots that have stood for `right_of_way_after` seconds.
 
-A policy that gives way by itself drives closer, and gets farther, than by the stretches that rules grant; but now and
-then some of its robots bar each other's way for good. There the rules hold: around a ring of robots each of which waits
-for the next (waits.py), since no ring dissolves by itself, around who has stood five times as long for whatever reason,
-and around people whom robots keep from walking. Who stands in a queue needs no rules, only patience. They hold a metre
-around it for each second that it has stood, so wider where they have not helped, and until nobody near has called for
-them for a while. The others drive as commanded: what they are granted of their paths is what the settled ones expect of
-them.
+A policy that gives way by itself drives closer, and gets more done, than grants allow. But now and then some of its
+robots block each other permanently. There the rules apply: around wait cycles (waits.py), which do not dissolve by
+themselves; around any robot that has stood five times as long; and around people whom robots keep from walking. A queue
+needs no rules. The radius grows by a metre for each second of standing, and the rules stay active for a while after the
+last call. Other robots drive as commanded; their grants tell the robots under rules what to expect of them.
 
 What was tried instead: docs/measured/trials.md.
 """
@@ -19,8 +17,8 @@ from warehouse_env.kernel import inline, part
 from warehouse_env.simulation.driver.line import forget_path
 from warehouse_env.simulation.physics.trigonometry import ONE, ZERO
 from warehouse_env.simulation.state import NOBODY
-from warehouse_env.simulation.traffic.letting_out import is_kept
-from warehouse_env.simulation.traffic.waits import CALM, LONGER, RING, find_rings_of
+from warehouse_env.simulation.traffic.pedestrian_yield import is_kept
+from warehouse_env.simulation.traffic.waits import CALM, LONGER, RING, find_wait_cycles_of
 
 SPREAD = np.float32(1.0)  # [m/s] of standing around one that calls for the rules, within which robots are settled ...
 AROUND = np.float32(8.0)  # [m] ... and this far at most
@@ -38,9 +36,9 @@ def _settle_around(i, robots):
 
 @part
 def _settle(robots, routes, found, p, kinds):
-    """Settle those near whoever calls for the rules; see step_in."""
+    """Settle those near whoever calls for the rules; see activate_rules."""
     after = p["right_of_way_after"]
-    find_rings_of(robots, routes, after, LONGER * after, found, p, kinds)
+    find_wait_cycles_of(robots, routes, after, LONGER * after, found, p, kinds)
     for i in range(robots.shape[0]):
         stood = robots[i]["clocks"]["standing_time"]
         if robots[i]["task"]["alive"] == 0 or stood < after:
@@ -75,7 +73,7 @@ def _release(r, side):
 
 
 @part
-def step_in(robots, persons, routes, commands, found, p, kinds):
+def activate_rules(robots, persons, routes, commands, found, p, kinds):
     """Set `rules_active` of the robots that keep to their grants: all, or those near one that calls for the rules.
 
     robots ROBOT[N] and persons PERSON[M] of a world; routes float32[N, R, 2] [m]; commands float32[N, 2]: speed [m/s]

@@ -12,7 +12,7 @@ from tests.simulation.rights import World, simulator_with_right
 from tests.simulation.worlds import room, stage
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.state import NOBODY
-from warehouse_env.simulation.traffic.stepping_in import AROUND
+from warehouse_env.simulation.traffic.local_activation import AROUND
 from warehouse_env.simulation.traffic.waits import CALM, LONGER
 from warehouse_env.traffic_spec import TrafficSpec
 
@@ -22,7 +22,7 @@ DECISION = 0.2  # [s]
 def said(world: World, after: float) -> bool:
     """Have right of way step in `after` so many seconds of standing; whether anybody is settled then."""
     world.simulator._params["right_of_way_after"] = after
-    return world.step_in()
+    return world.activate_rules()
 
 
 def three(beside: float) -> World:

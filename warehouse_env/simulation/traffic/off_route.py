@@ -1,6 +1,6 @@
-"""Robots astray: whoever has come to a halt far from its route needs another one, from where it is.
+"""Robots off their routes: a robot that has halted far from its route needs a new one, from where it is.
 
-Making room can take a robot metres off, into another aisle or out of its own; from there no short search leads back.
+Recovery can take a robot metres away, into another aisle or out of its own, from where no short search leads back.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ def far_off(config: EnvConfig, cell_size: float) -> np.float32:
 
 
 @kernel
-def find_astray(robots, routes, far, astray):
+def find_off_route(robots, routes, far, astray):
     """Write into astray bool[B, N] who of robots ROBOT[B, N] is; return how many.
 
     routes: float32[B, N, R, 2] [m]; far [m]: see far_off.

@@ -11,7 +11,7 @@ from tests.simulation.worlds import drawn, put, room
 from warehouse_env.config import EnvConfig
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.tasks.assignment import Assignment
-from warehouse_env.simulation.traffic.astray import far_off
+from warehouse_env.simulation.traffic.off_route import far_off
 
 WALL = "#" * 20
 ROOMS = drawn(["." * 32] + [f"......{WALL}......"] * 5)  # joined by an aisle of one cell, from y = 5 to y = 6

@@ -10,14 +10,14 @@ import numpy as np
 from hypothesis import given, settings
 
 from warehouse_env.simulation.state import PERSON, ROBOT
-from warehouse_env.simulation.traffic.passing import (
+from warehouse_env.simulation.traffic.route_occupancy import (
     NOTHING,
-    Passing,
     RoadUsers,
+    RouteOccupancy,
     Site,
     forget_route,
     keep_all_up,
-    make_passing,
+    make_occupancy,
 )
 
 ROWS, COLUMNS, SLOTS, ROBOTS = 9, 11, 16, 5
@@ -25,7 +25,7 @@ NOBODY_WALKS, ON_NOTHING = np.zeros((2, 0), PERSON), np.zeros((2, 0), np.int32)
 SITE = Site(np.float32(1.0), ROWS, COLUMNS, 6.0, np.full(ROBOTS, 0.2, np.float32))
 
 
-def listed(table: Passing, world: int) -> Counter[tuple[int, int, int, int]]:
+def listed(table: RouteOccupancy, world: int) -> Counter[tuple[int, int, int, int]]:
     """(cell, robot, way-points from its first one ahead, move back) of all that is listed, in any order."""
     found: Counter[tuple[int, int, int, int]] = Counter()
     for cell, first in enumerate(table.first[world]):
@@ -58,7 +58,7 @@ def test_a_table_that_is_kept_up_says_what_a_new_one_says(seed: int) -> None:
     users = RoadUsers(np.zeros((2, ROBOTS), ROBOT), np.zeros((2, ROBOTS, 40, 2), np.float32), NOBODY_WALKS, ON_NOTHING)
     robots, routes = users.robots[1], users.routes[1]
     robots["task"]["alive"] = 1
-    kept = make_passing(2, ROBOTS, ROWS * COLUMNS, SLOTS)
+    kept = make_occupancy(2, ROBOTS, ROWS * COLUMNS, SLOTS)
     for i in range(ROBOTS):
         new_route(rng, robots, routes, i)
     for step in range(20):
@@ -77,7 +77,7 @@ def test_a_table_that_is_kept_up_says_what_a_new_one_says(seed: int) -> None:
                 rng.random() < 0.9,
             )
         keep_all_up(kept, 1, step, users, SITE)
-        new = make_passing(2, ROBOTS, ROWS * COLUMNS, SLOTS)
+        new = make_occupancy(2, ROBOTS, ROWS * COLUMNS, SLOTS)
         keep_all_up(new, 1, step, users, SITE)
         assert listed(kept, 1) == listed(new, 1)
         np.testing.assert_array_equal(kept.standing, new.standing)
@@ -94,7 +94,7 @@ def test_what_is_listed_by_hand() -> None:
         robots["on_route"]["position"],
     ) = 1, 7, 0.5, 0.6
     routes[0, 0, :7, 0], routes[0, 0, :7, 1] = 0.25 + 0.5 * np.arange(7), 8.5  # along the first row, two points a cell
-    table = make_passing(1, 1, ROWS * COLUMNS, SLOTS)
+    table = make_occupancy(1, 1, ROWS * COLUMNS, SLOTS)
     keep_all_up(table, 0, 0, RoadUsers(robots, routes, NOBODY_WALKS, ON_NOTHING), SITE)
     west = 4
     assert listed(table, 0) == {(1, 0, 0, west): 1, (2, 0, 2, west): 1, (3, 0, 4, west): 1}

@@ -1,6 +1,6 @@
-"""Where the paths ahead of robots meet: which pose of one touches which poses of another, as bits.
+"""The table of reservations: which pose of a path touches which poses of others, as bits.
 
-All poses stand in lists, one for each square of the floor, so that a pose is held against those near it alone.
+All poses are listed by square of the floor, so each pose is compared only with those near it.
 """
 
 from __future__ import annotations

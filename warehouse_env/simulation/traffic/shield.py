@@ -1,17 +1,18 @@
-"""The protective field: a robot moves only where it could still stop without touching anything (ISO 3691-4).
+"""The shield: a robot makes only motions from which it can still stop without touching anything (ISO 3691-4).
 
-Every robot has a committed motion at all times: at first its safe stop, full braking with the steering held, which
-depends on its pose, speed and steering alone, never on a route or a goal. In each physics step the robots commit one
-after another: a new motion, one step as commanded and then the safe stop from there, is taken if at equal times it
-keeps `field_margin` from what all others have committed, and off the shelves; else the robot brakes within what it had
-committed, which the others kept off. So by induction a safe stop for all exists after every step. Where people walk,
-its stop must also be over before anybody could be where it ends, wherever they go (people.py).
+Every robot always has a committed motion. Initially that is its safe stop: full braking at the present steering angle,
+which depends on pose, speed and steering alone. In each physics step the robots commit in turn. A new motion is one
+step as commanded and the safe stop from there. It is accepted if it stays clear of the shelves and keeps `field_margin`
+from all committed motions at equal times; otherwise the robot brakes within its committed motion, which the others
+avoid. By induction a safe stop for all robots exists after every step. Where people walk, the stop must also be over
+before a person could reach where it ends, wherever they walk (physics/people.py).
 
-Motions are sampled at every substep, by the same arithmetic with which contact.py moves the bodies, and looked at
-between two samples where they could touch there (sweep.py); where two have come nearer than the margin already (put
-there by a user), a motion that brings them no nearer is taken.
+Motions are sampled at every substep by the arithmetic with which contact.py moves the bodies, and swept between samples
+where they could touch (sweep.py). If two robots are already nearer than the margin (placed there by a user), a motion
+that brings them no nearer is accepted.
 
-Whose messages are lost keeps what it has published: it brakes along the stop that the others count on (messages.py).
+A robot whose messages are lost brakes along the stop that it published last, which the others expect
+(senses/messages.py).
 """
 
 from __future__ import annotations

@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 
 from tests.simulation.reference import separation
 from tests.simulation.rights import World, rectangles
-from warehouse_env.simulation.traffic.meetings import (
+from warehouse_env.simulation.traffic.path_ahead import COS, POSES, SIN
+from warehouse_env.simulation.traffic.reservations import (
     COUNT,
     CROSS,
     NEARBY,
@@ -21,7 +22,6 @@ from warehouse_env.simulation.traffic.meetings import (
     meet,
     scratch,
 )
-from warehouse_env.simulation.traffic.path_ahead import COS, POSES, SIN
 
 PARAMETERS = World((5.0, 5.0, 0.0)).simulator._params[0]
 CLOSE = 1e-4  # [m] within which rounding may decide

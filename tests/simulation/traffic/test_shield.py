@@ -19,7 +19,7 @@ from warehouse_env.errors import ConfigError, UnsafeError
 from warehouse_env.simulation.physics import contact, stops
 from warehouse_env.simulation.physics.kinematics import braking
 from warehouse_env.simulation.simulator import Simulator
-from warehouse_env.simulation.traffic import field
+from warehouse_env.simulation.traffic import shield
 from warehouse_env.simulation.traffic.audit import SWITCH
 from warehouse_env.traffic_spec import TrafficSpec
 
@@ -179,7 +179,7 @@ def test_the_field_samples_the_poses_that_bodies_take(seed: int, substeps: int, 
     command = (rng.uniform(-1.0, 1.0), rng.uniform(-1.5, 1.5))
     simulator = guarded(room(30, 30), pose, substeps=substeps)
     p, body = simulator._params[0], simulator.robots[0]
-    paths, outlines, marks, _ = field.scratch(1, p)
+    paths, outlines, marks, _ = shield.scratch(1, p)
     motion = np.zeros((contact.MOTION, 1), np.float32)
     contact.load(body, 0, *np.float32(command), p, simulator._floor, motion)
     rates = motion[contact.ACCELERATION, 0], motion[contact.STEER_RATE, 0]
@@ -205,7 +205,7 @@ def test_an_outline_holds_all_that_a_motion_sweeps(seed: int, front: float) -> N
     robot = RobotSpec(length=1.2, wheelbase=0.8, front_overhang=front)
     simulator = guarded(room(30, 30), (15.0, 15.0, rng.uniform(-3.0, 3.0), rng.uniform(-0.5, 1.5), steer), robot=robot)
     p, motion = simulator._params[0], np.zeros((contact.MOTION, 1), np.float32)
-    paths, outlines, marks, _ = field.scratch(1, p)
+    paths, outlines, marks, _ = shield.scratch(1, p)
     contact.load(simulator.robots[0], 0, *command, p, simulator._floor, motion)
     stops.outline_trial(0, *command, motion, outlines, p)
     stops.sample(1, 0, (*command, p["substeps"]), motion, paths, outlines, marks, p)

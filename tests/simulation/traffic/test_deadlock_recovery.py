@@ -14,7 +14,7 @@ from tests.simulation.worlds import drawn
 from warehouse_env.config import EnvConfig
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.tasks.assignment import Assignment
-from warehouse_env.simulation.traffic import making_room, waits
+from warehouse_env.simulation.traffic import deadlock_recovery, waits
 from warehouse_env.simulation.traffic.right_of_way import NOBODY
 
 AISLE = drawn(["#" * 16, "." * 16, "#" * 16])
@@ -32,7 +32,7 @@ def resolve(world: World) -> list[int]:
     """Let them make room; return who has a manoeuvre."""
     sim = world.simulator
     if waits.look(world.robots, waits.scratch(len(world.robots))):
-        making_room.make_room(0, 1, sim._at_hand(), sim._search_setup, sim._searches.take())
+        deadlock_recovery.resolve_deadlocks(0, 1, sim._at_hand(), sim._search_setup, sim._searches.take())
     return [int(k) for k in np.flatnonzero(world.robots["manoeuvre"]["arcs"])]
 
 

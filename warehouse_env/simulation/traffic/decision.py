@@ -1,7 +1,7 @@
-"""Right of way in a batch of worlds: all are ranked and granted their stretches before each step.
+"""Right of way in a batch of worlds: rank all robots and grant their stretches before each step.
 
-Rings are dissolved after it, by a kernel of its own: making_room.py pulls in the search for manoeuvres, which takes
-long to compile, and few runs come to need it.
+Wait cycles are resolved by a kernel of its own (deadlock_recovery.py): it includes the manoeuvre search, which takes
+long to compile, and few runs need it.
 """
 
 from __future__ import annotations
@@ -10,11 +10,11 @@ import numpy as np
 
 from warehouse_env.kernel import kernel
 from warehouse_env.simulation.physics.trigonometry import ZERO
-from warehouse_env.simulation.traffic import right_of_way, stepping_in, waits
+from warehouse_env.simulation.traffic import local_activation, right_of_way, waits
 
 
 @kernel
-def agree(begin, end, worlds, setup, scratch):
+def assign_right_of_way(begin, end, worlds, setup, scratch):
     """Decide on the right of way in the worlds from `begin` to before `end`; return how many robots search a way then.
 
     Arguments: see step.run.
@@ -24,7 +24,7 @@ def agree(begin, end, worlds, setup, scratch):
     seconds = p["time_step"] * np.float32(p["repeat"])
     for b in range(begin, end):
         robots, persons, routes = worlds.robots[b], worlds.persons[b], worlds.routes[b]
-        if not stepping_in.step_in(robots, persons, routes, commands[b], found, p, kinds):
+        if not local_activation.activate_rules(robots, persons, routes, commands[b], found, p, kinds):
             continue
         first, following, masks, numbers = scratch.meetings
         numbers[:] = 0

@@ -1,15 +1,15 @@
-"""The protective field by lidar alone: nobody's word is taken, and none is given.
+"""The shield by lidar alone: robots neither send nor receive messages.
 
-All robots choose a motion at once, each by what its own scanners see at that instant: a step as commanded, or a weaker
-one, and a full stop. It is taken if both hold, else the robot brakes along the stop that it has.
+All robots choose a motion at once, by what their own scanners see at that instant: a step as commanded, or a weaker
+one, and a full stop. The motion runs if both rules allow it; otherwise the robot brakes along its current stop.
 
-- *Seen*: of two robots that see each other, each knows the other's stop. Whatever the motion sweeps must be nearer to
-  what the own stop sweeps than to what the other's does. Both see to it, so no point is swept by both.
-- *Unseen*: whoever may be hidden reaches no place of the motion before the body has left it, if no point of it is
-  faster than any of this robot has been, less what both could have braked since. Of two that are hidden from each
-  other, the faster one answers for both; so a robot is slow where somebody could come out near it.
+- *Seen*: two robots that see each other know each other's stop. Every point that the motion sweeps must be nearer to
+  what the own stop sweeps than to what the other's stop sweeps. Both ensure this, so no point is swept by both.
+- *Unseen*: an occluded robot reaches no point of the motion before the body has left it, provided that no point of it
+  moves faster than any of this robot has moved, less what both could have braked since. Of two robots that are hidden
+  from each other, the faster one is responsible for both. So a robot drives slowly past occlusions.
 
-Why nobody then runs into anybody: docs/traffic.md.
+The proof that no robot then runs into another: docs/traffic.md.
 """
 
 from __future__ import annotations
@@ -46,10 +46,10 @@ from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO
 from warehouse_env.simulation.senses.scanners import Scanners, centre_of, scan, see_each_other
 from warehouse_env.simulation.senses.sensing import TURNED
 from warehouse_env.simulation.state import NOBODY
-from warehouse_env.simulation.traffic import unseen
-from warehouse_env.simulation.traffic.field import FREE, PERSON, SHELF, begin
+from warehouse_env.simulation.traffic import occlusion
+from warehouse_env.simulation.traffic.shield import FREE, PERSON, SHELF, begin
 
-UNSEEN, TOO_FAST = -4, -5  # what refuses a motion, beside those of field.py
+UNSEEN, TOO_FAST = -4, -5  # what refuses a motion, beside those of shield.py
 NOT_SEEN = -ONE
 _TRIES = 4  # commands, each half as far from full braking as the one before
 _ROOT_2 = np.float32(1.4142137)
@@ -64,7 +64,7 @@ def scratch(count: int, scanners: Scanners | None) -> Any:
     if scanners is None:
         return None
     rays = scanners.rays.shape[1]
-    return np.empty((TURNED, rays), np.float32), unseen.scratch(count, rays)
+    return np.empty((TURNED, rays), np.float32), occlusion.scratch(count, rays)
 
 
 @inline
@@ -149,9 +149,9 @@ def commit(i, command, persons, wary, around, walking, p, floor):
         if people.anybody_near(persons, x, y, reach, p) and people.could_meet(persons, paths[trial], samples, pace, p):
             return PERSON
     refuser = _who_refuses(i, motion, field, sights, p)
-    grain = whole(unseen.GRAINS[1] if abs(speed) <= unseen.SLOW else unseen.GRAINS[0])
-    passage, looker = unseen.Passage(paths[trial], samples, pace, comes), unseen.Looker(i, motion, view, p, floor)
-    if refuser == FREE and unseen.could_come(passage, fit, grain, looker):
+    grain = whole(occlusion.GRAINS[1] if abs(speed) <= occlusion.SLOW else occlusion.GRAINS[0])
+    passage, looker = occlusion.Passage(paths[trial], samples, pace, comes), occlusion.Looker(i, motion, view, p, floor)
+    if refuser == FREE and occlusion.could_come(passage, fit, grain, looker):
         return UNSEEN
     return refuser
 
@@ -190,7 +190,7 @@ def _open_eyes(i, persons, sights, scratch, walking, p, scanners):
     motion, (turned, view) = scratch.motions[1], scratch.looks
     ranges, known, kinds, _, _, _ = view
     scan(i, persons, motion, scratch.places, walking, p, scanners, (turned, ranges))
-    kinds[:] = unseen.UNKNOWN
+    kinds[:] = occlusion.UNKNOWN
     count, n = motion.shape[1], 0
     for j in range(count):
         if j == i or sights[i, j] != NOT_SEEN:

@@ -11,21 +11,21 @@ from tests.simulation.traffic.test_live import crowd, price_on
 from warehouse_env.kernel import kernel
 from warehouse_env.maps.grid_map import MOVES
 from warehouse_env.planning.cost_to_go import UNREACHABLE, octile
-from warehouse_env.simulation.traffic.prices import ANY, Look
-from warehouse_env.simulation.traffic.ways import TURNS, Labels, make_labels, search
+from warehouse_env.simulation.traffic.prices import ANY, ReplanQuery
+from warehouse_env.simulation.traffic.replan_search import TURNS, Labels, make_labels, search
 
 START = 8
 
 
 @kernel
-def least(look: Look, most: int, labels: Labels) -> tuple[int, int]:
+def least(look: ReplanQuery, most: int, labels: Labels) -> tuple[int, int]:
     """Cost, and turns up to where what is looked at is left."""
     look.asked.looks[0] += 1
     state, cost = search(look, most, labels)
     return cost, labels.key[state] % TURNS if state >= 0 else -1
 
 
-def by_textbook(look: Look) -> tuple[int, int]:
+def by_textbook(look: ReplanQuery) -> tuple[int, int]:
     """The same by Dijkstra's algorithm over all states (cell, arriving move), with nothing left out."""
     look.asked.looks[0] += 1
     columns, best, done = look.steps.shape[1], (UNREACHABLE, 0), set[tuple[int, int]]()

@@ -1,11 +1,10 @@
-"""Who stands on each cell of a floor, who waited there of late, and who will pass it: a table kept as robots drive.
+"""A table of the floor's cells: who stands there, who waited there lately, and whose route leads through.
 
-Of each robot's route only the next `HORIZON` metres are listed, for nobody knows who is where in a minute. A robot
-that drives on takes a few entries off one end and puts as many on at the other, so that keeping the table costs the
-same for a robot on any floor and in any users, and so does asking who passes a cell.
+Only the next `HORIZON` metres of each route are listed. As a robot drives on, a few entries are removed at one end and
+added at the other, so the cost per robot depends neither on the floor nor on the fleet, and nor does a query.
 
-What is listed depends on robots and routes alone. Each cell's list is in no particular order, so what is made of it
-must not depend on any: prices.py adds whole numbers.
+The contents depend on robots and routes alone. The list of a cell has no particular order, so sums over it must not
+depend on the order: prices.py adds whole numbers.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ ONCE = 1024  # a look at which one waited; a whole number, so that halves of it 
 PERIOD = 10  # looks of a robot, after which what was noted before counts half
 
 
-class Passing(NamedTuple):
+class RouteOccupancy(NamedTuple):
     """The table of B worlds with N robots on C cells, each with S slots for the way-points that are listed.
 
     What prices do not ask for is kept elsewhere: each array more that a look carries makes a search slower.
@@ -70,14 +69,14 @@ class RoadUsers(NamedTuple):
     person_on: NDArray[np.int32]  # [B, M], the cell on which a person is counted as standing, or NOTHING
 
 
-def make_passing(worlds: int, robots: int, cells: int, slots: int, spread: int = 0) -> Passing:
-    """Return an empty table; spread: see Passing."""
+def make_occupancy(worlds: int, robots: int, cells: int, slots: int, spread: int = 0) -> RouteOccupancy:
+    """Return an empty table; spread: see RouteOccupancy."""
 
     def nothing(*shape: int) -> NDArray[np.int32]:
         return np.full(shape, NOTHING, np.int32)
 
     each = (worlds, robots * slots)
-    return Passing(
+    return RouteOccupancy(
         nothing(worlds, cells), nothing(*each), nothing(*each), nothing(*each), np.zeros(each, np.int8),
         np.zeros((worlds, robots), np.int32), np.zeros((worlds, robots), np.int32),
         np.zeros((worlds, robots), np.float32), nothing(worlds, robots),

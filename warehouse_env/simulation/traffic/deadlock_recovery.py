@@ -1,12 +1,12 @@
-"""Making room: resolve wait cycles, and free robots that are stuck behind a standing robot.
+"""Deadlock recovery: resolve wait cycles, and free robots that are stuck behind a standing robot.
 
 In a wait cycle, the robot with the least right leaves the paths of the others by a manoeuvre. A robot that waits for
 one that stands for good searches a way around it. A robot that waits for itself leaves its place to let a person pass
-(letting_out.py). If a search fails, the robots that wait behind clear the floor there, the last one first if need be.
-All searches: recovery.py. Which robots search, and when: waits.py.
+(pedestrian_yield.py). If a search fails, the robots that wait behind clear the floor there, if necessary the last one
+first. All searches: recovery.py. Which robots search, and when: waits.py.
 
 The first searches reach only near room. After waits.SHUT_IN_AFTER of waiting, as in a winding passage, the search has
-no range limit, and the robots behind clear the way that this robot would take without them (room_field.py).
+no range limit, and the robots behind clear the way that this robot would take without them (driver/room_field.py).
 """
 
 from __future__ import annotations
@@ -143,11 +143,11 @@ def _clear_way(i, count, world, setup, scratch):
 
 
 @kernel
-def make_room(begin, end, worlds, setup, scratch):
+def resolve_deadlocks(begin, end, worlds, setup, scratch):
     """Search for the robots that seek or are stuck in the Worlds from `begin` to before `end`.
 
-    Call it right after agreement.agree has returned that there are some. Robots search in turn, since each manoeuvre
-    can resolve the wait of others.
+    Call it right after decision.assign_right_of_way has returned that there are some. Robots search in turn, since each
+    manoeuvre can resolve the wait of others.
     """
     found = scratch.found
     for b in range(begin, end):

@@ -1,12 +1,12 @@
-"""The search for a cheapest way from where a robot is to its goal, at the prices that the others make.
+"""The search for a cheapest way from a robot to its goal, at the prices that other robots set.
 
-A* on (cell, arriving move) with the cost, then the turns. What bounds the rest of the way is the exact cost-to-go of
-the empty floor (planning/cost_to_go.py), and prices count up to a horizon: beyond it the way is the field's. Prices
-are asked for where the search comes, and it ends where no way can cost as little as is asked, so that a robot with
-nothing in its way opens hardly anything. Nothing here grows with the floor, but for the length of the way itself.
+A* over (cell, arriving move), by cost and then turns. The heuristic is the exact cost-to-go of the empty floor
+(planning/cost_to_go.py). Prices count up to a horizon; beyond it the way follows the cost-to-go. Prices are computed
+lazily, and the search ends when no way can cost as little as required, so a robot without obstacles opens few states.
+Nothing here grows with the floor except the length of the way.
 
-The arriving move matters for sharp turns alone. The states of a cell are closed in the order of their keys, since the
-bound is the same for all of them: by a move that one has made without turning sharply no later one goes on for less.
+The arriving move matters only for sharp turns. The states of a cell are closed in the order of their keys, since their
+heuristic is the same: after a move that was made without a sharp turn, no later state goes on at less cost.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""What is hidden: could somebody come from there to where the body will be, at any time of a motion?
+"""Occlusion: could a hidden robot reach the body at any time of a motion?
 
-The point of somebody that touches the body then is one that is not seen now, no farther off than it comes in that time.
-And it is part of a body that fits into what is not seen: near it is a disc as wide as that, into which no ray runs and
-which comes round the shelves in time. Both are looked for on a lattice, as near as a place of it stands for.
+The point of that robot which would touch the body is not seen now, and no farther away than it can move in that time.
+It belongs to a body that fits into the unseen floor: near it is a disc of the body's width that no ray crosses and that
+gets around the shelves in time. Both are looked for on a lattice, at its resolution.
 """
 
 from __future__ import annotations

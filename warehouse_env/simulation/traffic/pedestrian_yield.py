@@ -1,8 +1,8 @@
-"""Letting people out: for whom a robot waits whose grant ends at a person whom robots keep from walking.
+"""Yielding to people: whom a robot waits for when its grant ends at a person whom robots keep from walking.
 
-In an aisle of one cell nobody gets past a robot, and no robot moves beside a person. So two that shut one in wait for
-each other, a ring in which one makes room (making_room.py). Who keeps a person alone waits for itself, as both do where
-the ring has not helped soon: it leaves its place.
+Nobody passes a robot in an aisle of one cell, and no robot moves beside a person. So two robots that shut a person in
+wait for each other, a wait cycle that recovery resolves (deadlock_recovery.py). A single robot waits for itself, as
+both do if the cycle persists: it leaves its place.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ def is_kept(o):
 
 
 @inline
-def who_frees(i, o, robots, p, kinds):
+def yields_for(i, o, robots, p, kinds):
     """Return for whom robot i waits that waits for a kept person: the nearest other robot that keeps it, or itself."""
     nearest, least = i, KEEPS
     for j in range(robots.shape[0]):

@@ -20,7 +20,7 @@ from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.traffic.audit import SWITCH
-from warehouse_env.simulation.traffic.by_sight import NOT_SEEN
+from warehouse_env.simulation.traffic.lidar_shield import NOT_SEEN
 from warehouse_env.traffic_spec import TRAFFIC, TrafficSpec, UncertaintySpec
 
 FULL = (1.0, 0.0)  # raw: accelerate, steering held
