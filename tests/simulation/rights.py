@@ -45,7 +45,7 @@ class World:
             along = np.arange(0.0, length + SPACING, SPACING)[:, None]
             points = np.array([x, y]) + along * [math.cos(heading), math.sin(heading)]
             self.simulator.dispatcher.give_line(0, robot, points.astype(np.float32))
-        self.ways: Any = None
+        self.table: Any = None
         self.order = np.empty(len(poses), np.int64)
 
     def decide(self, actions: Any = None) -> World:
@@ -54,11 +54,11 @@ class World:
         told = np.full((1, len(self.robots)), int(sim.cruise_action)) if actions is None else actions
         sim._actions.decode(told, sim._commands[0], sim._choices)
         p, kinds = sim._params[0], sim._kinds
-        self.ways = sim._paths[0], *reservations.scratch(len(self.robots))
+        self.table = reservations.ReservationTable(sim._paths[0], *reservations.scratch(len(self.robots)))
         self.activate_rules()
         right_of_way.rank(self.robots, self.order)
         who, what = (self.robots, sim.people.persons[0]), (sim.routes[0], sim.arcs[0], sim._commands[0, 0])
-        world = right_of_way.Claims(*who, *what, sim._choices[0], self.ways)
+        world = right_of_way.Claims(*who, *what, sim._choices[0], self.table)
         right_of_way.decide(world, self.order, p, kinds, sim._floor)
         return self
 
@@ -72,12 +72,12 @@ class World:
 
     def granted(self, robot: int) -> int:
         """Number of the last pose that a robot has been granted."""
-        return int(self.ways[4][reservations.GRANT, robot])
+        return int(self.table.numbers[reservations.GRANT, robot])
 
     def path(self, robot: int, last: int | None = None) -> NDArray[np.float32]:
         """The poses of a robot's path, to the last one of it or to number `last`."""
-        end = int(self.ways[4][reservations.COUNT, robot]) if last is None else last + 1
-        return np.array(self.ways[0][robot, :end])
+        end = int(self.table.numbers[reservations.COUNT, robot]) if last is None else last + 1
+        return np.array(self.table.paths[robot, :end])
 
     def drive(self, robot: int, pose: int) -> None:
         """Put a robot on a pose of its path."""

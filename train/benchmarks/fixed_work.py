@@ -73,7 +73,7 @@ class InC:
         begin = start(worlds, robots)
         self.robots = np.zeros((worlds, robots), ROBOT)
         for name, values in zip(("x", "y", "heading"), np.moveaxis(begin.pose, -1, 0), strict=True):
-            self.robots[name] = values
+            self.robots["motion"][name] = values
         self.seen = np.zeros((worlds, robots, SEEN), np.float32)
         self.way, self.commands = begin.way, begin.commands
         self._given = (floor(), lidar(), self.robots.copy())  # kept alive: C only knows where they are

@@ -18,6 +18,7 @@ from warehouse_env.simulation.traffic.reservations import (
     TOUCH_WIDE,
     WHO,
     WIDE,
+    ReservationTable,
     enlist,
     meet,
     scratch,
@@ -43,13 +44,13 @@ def test_all_poses_that_touch_are_found_and_no_others(
     for path, given_poses in zip(kept, drawn, strict=False):
         for pose, (x, y, heading) in zip(path, given_poses, strict=False):
             pose[:4] = x, y, np.cos(heading), np.sin(heading)
-    ways = kept, *scratch(len(kept) - 1)
-    ways[-1][COUNT, :-1] = [len(path) for path in drawn]
-    enlist(ways, PARAMETERS)
+    table = ReservationTable(kept, *scratch(len(kept) - 1))
+    table.numbers[COUNT, :-1] = [len(path) for path in drawn]
+    enlist(table, PARAMETERS)
     mine = data.draw(st.integers(0, len(drawn) - 1))
     last = data.draw(st.integers(0, len(drawn[mine]) - 1))
-    count = meet(mine, mine, last, ways, PARAMETERS, None)
-    masks, met = ways[-2], ways[-1][WHO, :count].tolist()
+    count = meet(mine, mine, last, table, PARAMETERS, None)
+    masks, met = table.masks, table.numbers[WHO, :count].tolist()
     assert len(set(met)) == count
     for other in range(len(drawn)):
         if other == mine:
@@ -75,10 +76,10 @@ def test_floors_larger_than_the_squares_go_on_from_the_first() -> None:
     kept = np.zeros((3, POSES, 5), np.float32)
     kept[:, :, COS] = 1.0
     kept[0, 0, :2], kept[1, 0, :2] = (200.0, 300.0), (200.5, 300.0)
-    ways = kept, *scratch(len(kept) - 1)
-    ways[-1][COUNT, :-1] = 1
-    enlist(ways, PARAMETERS)
-    assert meet(0, 0, 0, ways, PARAMETERS, None) == 1
+    table = ReservationTable(kept, *scratch(len(kept) - 1))
+    table.numbers[COUNT, :-1] = 1
+    enlist(table, PARAMETERS)
+    assert meet(0, 0, 0, table, PARAMETERS, None) == 1
     kept[1, 0, :2] = 200.0 + 64 * 2.0, 300.0
-    enlist(ways, PARAMETERS)
-    assert meet(0, 0, 0, ways, PARAMETERS, None) == 0
+    enlist(table, PARAMETERS)
+    assert meet(0, 0, 0, table, PARAMETERS, None) == 0

@@ -103,7 +103,7 @@ def test_who_has_been_longest_on_its_way_goes_first(first: int) -> None:
         simulator.step(raw(simulator, FULL, FULL))
     other = 1 - first
     assert simulator.robots["totals"]["distance"][0, first] > simulator.robots["totals"]["distance"][0, other] + 1.0
-    assert simulator.robots["x" if first == 0 else "y"][0, first] > 12.0
+    assert simulator.robots["motion"]["x" if first == 0 else "y"][0, first] > 12.0
     assert untouched(simulator)
 
 

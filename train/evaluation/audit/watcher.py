@@ -36,7 +36,7 @@ class _Looks(NamedTuple):
         robots, persons = simulator.robots, simulator.people.persons
         states = np.empty((*robots.shape, STATE))
         for column, name in enumerate(("x", "y", "heading", "speed", "steer")):
-            states[..., column] = robots[name]
+            states[..., column] = robots["motion"][name]
         people = np.stack([persons["x"], persons["y"]], axis=-1).astype(np.float64)
         return cls(states, robots["task"]["alive"] != 0, people)
 

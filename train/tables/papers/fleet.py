@@ -87,7 +87,7 @@ def _assignment(tasks: Sequence[Task], routes: RouteBook, config: EnvConfig) -> 
         direction = line[min(2, len(line) - 1)] - line[0]
         if not place(robots, robot, grid.centre(start), direction, (parameters, None), floor_of(grid)):
             raise ConfigError(f"robot {robot} touches something at {start}; choose another start")
-    pose = np.stack([robots[name].astype(np.float64) for name in ("x", "y", "heading")], axis=1)
+    pose = np.stack([robots["motion"][name].astype(np.float64) for name in ("x", "y", "heading")], axis=1)
     return Assignment(pose, np.array([goal for _, goal in tasks]))
 
 

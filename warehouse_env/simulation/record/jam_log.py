@@ -116,5 +116,5 @@ def _ending(jam: _Open, robots: NDArray[Any]) -> Ending | None:
 
 
 def _closed(jam: _Open, now: float, ending: Ending) -> Deadlock:
-    x, y = (round(float(jam.robots[axis].mean()), 2) for axis in ("x", "y"))
+    x, y = (round(float(jam.robots["motion"][axis].mean()), 2) for axis in ("x", "y"))
     return Deadlock(jam.members, x, y, round(jam.begin, 2), round(now - jam.begin, 2), ending)

@@ -11,6 +11,7 @@ import numpy as np
 from warehouse_env.kernel import kernel
 from warehouse_env.simulation.physics.trigonometry import ZERO
 from warehouse_env.simulation.traffic import local_activation, right_of_way, waits
+from warehouse_env.simulation.traffic.reservations import ReservationTable
 
 
 @kernel
@@ -28,9 +29,9 @@ def assign_right_of_way(begin, end, worlds, setup, scratch):
             continue
         first, following, masks, numbers = scratch.meetings
         numbers[:] = 0
-        ways = worlds.paths[b], first, following, masks, numbers
+        table = ReservationTable(worlds.paths[b], first, following, masks, numbers)
         right_of_way.rank(robots, order)
-        world = right_of_way.Claims(robots, persons, routes, worlds.arcs[b], commands[b], worlds.choices[b], ways)
+        world = right_of_way.Claims(robots, persons, routes, worlds.arcs[b], commands[b], worlds.choices[b], table)
         right_of_way.decide(world, order, p, kinds, setup.floor)
         for r in robots:
             r["traffic"]["pause"] = max(r["traffic"]["pause"] - seconds, ZERO)

@@ -5,7 +5,7 @@ All poses are listed by square of the floor, so each pose is compared only with 
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,15 +26,20 @@ TOUCH_WIDE, TOUCH_TIGHT, CROSS = range(3)  # of masks uint32[3, N, POSES]
 COUNT, WHO, NUMBER, GRANT, MUST, ASKED = range(6)  # rows of numbers int32[6, N + 1]
 
 
-def scratch(count: int) -> tuple[NDArray[Any], ...]:
-    """Return the arrays of a decision on `count` robots, which after the world's paths make what is called `ways`.
+class ReservationTable(NamedTuple):
+    """The paths ahead of N robots, what has been granted of them, and where they touch."""
 
-    paths float32[N + 1, POSES, COLUMNS]: the bodies ahead, the last row on trial; first int32[SQUARES, SQUARES]: a pose
-    in each square, and following int32[N * POSES]: of each pose the next one, -1: none; masks uint32[3, N, POSES]: of
-    the n-th robot that a path meets, and for each pose of that path, a bit for each pose of the other that it touches
-    with WIDE room, with TIGHT room, and across; numbers int32[6, N + 1]: poses of a path, the n-th robot met, as which
-    number a robot was met, poses granted, poses in which a robot can stop, and whether it has been asked.
-    """
+    paths: NDArray[np.float32]  # [N + 1, POSES, COLUMNS], the bodies ahead; the last row is for trials
+    first: NDArray[np.int32]  # [SQUARES, SQUARES], a pose in each square
+    following: NDArray[np.int32]  # [N * POSES], of each pose the next one in its square, -1: none
+    masks: NDArray[np.uint32]  # [3, N, POSES], by kind (TOUCH_WIDE ...), the n-th robot that a path meets, and pose of
+    # the path: a bit for each pose of that robot
+    numbers: NDArray[np.int32]  # [6, N + 1], rows COUNT ...: poses of a path; the n-th robot met; as which number a
+    # robot was met; poses granted; poses in which a robot can stop; whether it has been asked
+
+
+def scratch(count: int) -> tuple[NDArray[Any], ...]:
+    """Return all arrays of a ReservationTable of `count` robots but the paths, which are kept between decisions."""
     return (
         np.empty((SQUARES, SQUARES), np.int32), np.empty(count * POSES, np.int32),
         np.empty((3, count, POSES), np.uint32), np.zeros((6, count + 1), np.int32),
@@ -54,9 +59,9 @@ def _square(x, reach):
 
 
 @part
-def enlist(ways, p):
+def enlist(table, p):
     """Put all poses of all paths into the lists; to be done again when a path has changed."""
-    paths, first, following, _, numbers = ways
+    paths, first, following, numbers = table.paths, table.first, table.following, table.numbers
     first[:] = -1
     reach = _reach(p)
     for j in range(paths.shape[0] - 1):
@@ -86,12 +91,12 @@ def pose_in(pose, p):
 
 
 @inline
-def _touch(ways, row, k, j, m, count, p, q):
+def _touch(table, row, k, j, m, count, p, q):
     """Write whether pose k of a path touches pose m of robot j's; return how many are met then.
 
     p, q: the parameters of whose path it is, and of robot j.
     """
-    paths, _, _, masks, numbers = ways
+    paths, masks, numbers = table.paths, table.masks, table.numbers
     one, other, reach = pose_in(paths[row, k], p), pose_in(paths[j, m], q), _reach(p)
     if squared_distance(one, other) > reach * reach:
         return count
@@ -109,12 +114,12 @@ def _touch(ways, row, k, j, m, count, p, q):
 
 
 @part
-def meet(i, row, last, ways, p, kinds):
+def meet(i, row, last, table, p, kinds):
     """Find all robots whose paths touch a path of robot i's up to its pose number `last`; return how many.
 
     p: its own; kinds: see kinds.py.
     """
-    paths, first, following, _, _ = ways
+    paths, first, following = table.paths, table.first, table.following
     reach, count = _reach(p), whole(0)
     for k in range(last + 1):
         middle_row, middle_column = _square(paths[row, k, CENTRE_Y], reach), _square(paths[row, k, CENTRE_X], reach)
@@ -125,6 +130,6 @@ def meet(i, row, last, ways, p, kinds):
             while pose >= 0:
                 j, m = pose >> PLACES, pose & (POSES - 1)
                 if j != i:
-                    count = _touch(ways, row, k, j, m, count, p, kind_of(j, p, kinds))
+                    count = _touch(table, row, k, j, m, count, p, kind_of(j, p, kinds))
                 pose = following[pose]
     return count

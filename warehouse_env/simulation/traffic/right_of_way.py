@@ -77,7 +77,7 @@ class Claims(NamedTuple):
     arcs: Any  # float32[N, ARCS, 2], manoeuvres
     commands: Any  # float32[N, 2]: speed [m/s], which becomes the one liked with the offset taken, and offset [m]
     choices: Any  # float32[N, K, 3], see preferences.py
-    ways: Any  # see reservations.scratch
+    table: Any  # ReservationTable
 
 
 @inline
@@ -87,9 +87,9 @@ def _first(k):
 
 
 @inline
-def _reach_of_grants(count, have, end, ways):
+def _reach_of_grants(count, have, end, table):
     """Return (the last pose up to `end` before what others have been granted, who bars the way there or NOBODY)."""
-    _, _, _, masks, numbers = ways
+    masks, numbers = table.masks, table.numbers
     last, barrier = end, NOBODY
     for n in range(count):
         j = numbers[WHO, n]
@@ -103,9 +103,9 @@ def _reach_of_grants(count, have, end, ways):
 
 
 @inline
-def _may_wait(k, count, barrier, ways):
+def _may_wait(k, count, barrier, table):
     """Return whose path a robot that waits at pose k would bar, NOBODY if it may wait there."""
-    _, _, _, masks, numbers = ways
+    masks, numbers = table.masks, table.numbers
     for n in range(count):
         j = numbers[WHO, n]
         bars = masks[CROSS, n, k] & _first(numbers[GRANT, j] + SOON)
@@ -117,17 +117,17 @@ def _may_wait(k, count, barrier, ways):
 
 
 @part
-def _grant(count, have, must, want, end, goal, yields, ways):
+def _grant(count, have, must, want, end, goal, yields, table):
     """Return (poses granted of a path, who bars the way to `want` or NOBODY); yields: it may wait anywhere.
 
     It is granted more than it wants, up to pose `end`, if it may not wait sooner; at pose `goal` it does not wait.
     """
-    last, barrier = _reach_of_grants(count, have, end, ways)
+    last, barrier = _reach_of_grants(count, have, end, table)
     k = min(max(min(have, last), must), last)
     best, barred_by = NOBODY, NOBODY
     least = k
     while k <= last:
-        bars = NOBODY if yields or k == goal else _may_wait(k, count, barrier if last < want else NOBODY, ways)
+        bars = NOBODY if yields or k == goal else _may_wait(k, count, barrier if last < want else NOBODY, table)
         if bars == NOBODY:
             best = k
             if k >= want:
@@ -142,9 +142,9 @@ def _grant(count, have, must, want, end, goal, yields, ways):
 
 
 @inline
-def _comes_against(row, granted, end, count, barrier, ways):
+def _comes_against(row, granted, end, count, barrier, table):
     """Whether who bars the way comes the other way where the paths first touch beyond the grant."""
-    paths, _, _, masks, numbers = ways
+    paths, masks, numbers = table.paths, table.masks, table.numbers
     for n in range(count):
         if numbers[WHO, n] != barrier:
             continue
@@ -161,7 +161,7 @@ def _comes_against(row, granted, end, count, barrier, ways):
 @inline
 def _write(i, world, p, floor):
     """Write a robot's path anew."""
-    r, (paths, _, _, _, numbers) = world.robots[i], world.ways
+    r, paths, numbers = world.robots[i], world.table.paths, world.table.numbers
     poses, at_end = write_path(
         r, world.routes[i], world.arcs[i], r["traffic"]["side"], whole(POSES), p, floor, paths[i]
     )
@@ -175,8 +175,8 @@ def _try_sides(i, world, granted, barrier, p, kinds, floor):
 
     Takes the first that is, and returns the new (poses granted, who bars the way).
     """
-    r, ways, choices = world.robots[i], world.ways, world.choices[i]
-    paths, _, _, _, numbers = ways
+    r, table, choices = world.robots[i], world.table, world.choices[i]
+    paths, numbers = table.paths, table.numbers
     trial, wanted = paths.shape[0] - 1, choices[0, SIDE]
     for n in range(choices.shape[0]):
         side = choices[n, SIDE]
@@ -191,14 +191,14 @@ def _try_sides(i, world, granted, barrier, p, kinds, floor):
         numbers[COUNT, trial], want = many, min(want, many - 1)
         if want < 2:
             continue
-        count = meet(i, trial, want, ways, p, kinds)
+        count = meet(i, trial, want, table, p, kinds)
         goal = many - 1 if at_end else NOWHERE
         # want < 0: False, but for Numba no constant (kernel.py)
-        free, _ = _grant(count, whole(0), numbers[MUST, i], want, want, goal, want < 0, ways)
+        free, _ = _grant(count, whole(0), numbers[MUST, i], want, want, goal, want < 0, table)
         if free >= want:
             r["traffic"]["side"] = side
             _write(i, world, p, floor)
-            enlist(ways, p)
+            enlist(table, p)
             return free, NOBODY
     return granted, barrier
 
@@ -215,7 +215,7 @@ def _within(path, count, way):
 @inline
 def _begin(i, world, p, floor):
     """Bring the robot's path up to date, and what it has been granted of it before."""
-    r, (paths, _, _, _, numbers) = world.robots[i], world.ways
+    r, paths, numbers = world.robots[i], world.table.paths, world.table.numbers
     traffic = r["traffic"]
     if r["manoeuvre"]["arcs"] == 0 and traffic["retreating"] != 0:
         traffic["retreating"] = 0
@@ -235,8 +235,8 @@ def _begin(i, world, p, floor):
 @inline
 def _ask(i, world, p, kinds, floor):
     """Grant robot i what it may have of its path; p: its own."""
-    robots, persons, ways = world.robots, world.persons, world.ways
-    paths, _, _, _, numbers = ways
+    robots, persons, table = world.robots, world.persons, world.table
+    paths, numbers = table.paths, table.numbers
     r = robots[i]
     traffic = r["traffic"]
     numbers[ASKED, i] = 1 - r["shield"]["silent"]
@@ -246,12 +246,12 @@ def _ask(i, world, p, kinds, floor):
     must = numbers[MUST, i]
     want = min(must + AHEAD, numbers[COUNT, i] - 1)
     end = min(want + MORE, numbers[COUNT, i] - 1)
-    count = meet(i, i, end, ways, p, kinds)
+    count = meet(i, i, end, table, p, kinds)
     goal = numbers[COUNT, i] - 1 if traffic["at_end"] != 0 else NOWHERE
-    granted, barrier = _grant(count, whole(numbers[GRANT, i]), must, want, end, goal, traffic["retreating"] != 0, ways)
+    granted, barrier = _grant(count, whole(numbers[GRANT, i]), must, want, end, goal, traffic["retreating"] != 0, table)
     if r["manoeuvre"]["arcs"] == 0 and traffic["rules_active"] > ZERO:
         stuck = barrier != NOBODY and (
-            abs(robots[barrier]["motion"]["speed"]) < SLOW or _comes_against(i, granted, end, count, barrier, ways)
+            abs(robots[barrier]["motion"]["speed"]) < SLOW or _comes_against(i, granted, end, count, barrier, table)
         )
         again = barrier != before or (r["task"]["age"] // p["repeat"] + i) % TRIED == 0
         if (stuck and again) or (barrier == NOBODY and traffic["side"] != world.choices[i, 0, SIDE]):
@@ -318,7 +318,7 @@ def decide(world, order, p, kinds, floor):
     robots, commands = world.robots, world.commands
     for i in range(robots.shape[0]):
         _begin(i, world, kind_of(i, p, kinds), floor)
-    enlist(world.ways, p)
+    enlist(world.table, p)
     for n in range(robots.shape[0]):
         i = whole(order[n])
         _ask(i, world, kind_of(i, p, kinds), kinds, floor)
