@@ -69,7 +69,7 @@ _COMMANDS = {
     "compare": ("commands.compare:Compare", "hold runs of evaluate against each other, in pairs"),
     "benchmark": (
         "commands.benchmark:Benchmark",
-        "drive a policy through the fixed set that all drive, and show the board",
+        "drive policies through the fixed set that all drive, beside the shipped ones",
     ),
     "clmapf": ("commands.clmapf:Clmapf", "plan car-like robots' routes on a public benchmark, and check any solution"),
     "advise": ("commands.advise:Advise", "say how many robots a floor bears, where they wait, what a change brings"),
