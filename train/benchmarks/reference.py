@@ -19,8 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents import make_policy, policy_config
-from train.benchmarks.fixed_work import InC, InNumba, Step, floor
-from train.benchmarks.native import compiler
+from train.benchmarks.fixed_work import InC, InNumba, Step, compiler, floor
 from train.reporting.report import Table, number
 from train.reporting.rows import Row
 from warehouse_env.config import EnvConfig, SensorSpec
