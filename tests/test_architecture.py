@@ -106,15 +106,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "train.central",
         "train.evaluation",
     ),
-    "train.tables.learning": (
-        *BELOW_TRAIN,
-        "train.books",
-        "train.reporting",
-        "train.evaluation",
-        "train.learning",
-        "train.tables",
-    ),
-    "train.tables": (*BELOW_TRAIN, "train.books", "train.reporting", "train.evaluation", "train.tables"),
+    "train.tables": (*BELOW_TRAIN, "train.reporting", "train.evaluation", "train.tables"),
     "train": (*BELOW_TRAIN, "train"),
 }
 

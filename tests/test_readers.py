@@ -237,7 +237,7 @@ MAY_READ = {
     "warehouse_env.render.page_text": "ships with the package",
     "train.reporting.page": "ships with the package",
     "train.fleet.check": "ships with the package",
-    "train.tables.code": "sources of this package",
+    "train.tables.runner": "sources of this package",
     "warehouse_env.render.video": "what it has just written",
     "train.learning.away": "what the training beside it has just written",
     "train.reporting.rows": "counts what its own output replaces",

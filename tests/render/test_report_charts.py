@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.render.charts import Bar
 from warehouse_env.render.heat_maps import Panel, heat_maps
-from warehouse_env.render.report_charts import Load, Pair, detours, differences, over_robots, throughput
+from warehouse_env.render.report_charts import Bar, Load, Pair, detours, differences, over_robots, throughput
 
 pytest.importorskip("matplotlib")
 

@@ -1,7 +1,7 @@
 """A table of a paper as data: the maps, the systems that are compared, the printed figures and the claims.
 
-A paper's module lists its `STUDIES`; everything else (running, resuming, tables, verdicts, pictures) is the same for
-all. Lengths are in cells, times in milliseconds, shares from 0 to 1.
+A module lists its `STUDIES`. Running, resuming, tables and verdicts are the same for all (`runner.py`). Lengths are in
+cells, times in milliseconds, shares from 0 to 1.
 """
 
 from __future__ import annotations
@@ -10,9 +10,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final, Literal, NamedTuple
 
-import numpy as np
-
-from train.reporting.rows import Row
 from train.tables.measures import MEASURES, Figures
 from warehouse_env.errors import ConfigError, unknown_name
 from warehouse_env.maps.grid_map import Cell, GridMap
@@ -26,19 +23,17 @@ OPEN: Final = "cannot be told"
 
 
 class TableTask(NamedTuple):
-    """A map with a start and a goal on it; others: start and goal of whatever else moves in a study's experiment."""
+    """A map with a start and a goal on it."""
 
     grid: GridMap
     start: Cell
     goal: Cell
-    others: tuple[tuple[Cell, Cell], ...] = ()
 
 
-@dataclass(frozen=True)
-class Setting:
-    """A group of lines of the paper's table: one map, or several random ones of one kind.
+class Setting(NamedTuple):
+    """A group of lines of the table: one map, or several random ones of one kind.
 
-    With one task a sample is a run; with several a sample is the mean of a map's runs, so intervals are over maps.
+    With one task a sample is a run. With several a sample is the mean of a map's runs, so intervals are over maps.
     """
 
     name: str
@@ -47,23 +42,15 @@ class Setting:
 
 @dataclass(frozen=True)
 class System:
-    """A planner with its parameters, as one line of the table; `label` is unique in a study, e.g. "pf_aco (paper)".
-
-    mode: what a study's experiment does with the planned paths, one of its own names; "" where it only plans.
-    """
+    """A planner with its parameters, as one line of the table; `label` is unique in a study, e.g. "pf_aco (paper)"."""
 
     label: str
     planner: str
     parameters: Mapping[str, Any] = field(default_factory=dict)
-    mode: str = ""
 
     def make(self) -> Planner:
         """Build the planner; ConfigError for a wrong name or parameter."""
         return make_planner(self.planner, **self.parameters)
-
-
-Experiment = Callable[[TableTask, System, np.random.Generator], Row]
-"""What is run in place of a single plan -> the figures of a row: those of `plan_once` that the study's table shows."""
 
 
 class Published(NamedTuple):
@@ -83,7 +70,7 @@ class Published(NamedTuple):
 def published(
     measures: Sequence[str], lines: Iterable[tuple[str, str, str, Sequence[float | None]]]
 ) -> tuple[Published, ...]:
-    """Return the figures of printed lines (setting, system, ours, values), a value a measure, None where none is."""
+    """Return the figures of printed lines (setting, system, ours, values): a value a measure, None where none is."""
     return tuple(
         Published(setting, system, measure, value, ours)
         for setting, system, ours, values in lines
@@ -93,9 +80,9 @@ def published(
 
 
 class Verdict(NamedTuple):
-    """What became of a claim, and the figures behind it.
+    """The verdict on a claim, and the figures behind it.
 
-    by_clock: it rests on times, so another machine may judge otherwise; such verdicts are shown, but not counted.
+    by_clock: it rests on times, so another machine may judge otherwise; such verdicts are shown but not counted.
     """
 
     word: Word
@@ -135,12 +122,10 @@ class Claim:
 
 @dataclass(frozen=True)
 class Study:
-    """One table of one paper: what is run for it, what the paper prints, what it claims.
+    """One table: what is run for it, what the paper prints, what it claims.
 
     settings: a function, so that maps are built only where they are needed; it must give the same maps every time.
     runs: of each system on each task; measures: names of MEASURES, the columns.
-    pictured: settings of which pictures are drawn; all if empty.
-    experiment: a function of a module, run for every row; a single plan if None.
     note: what is a reconstruction, and what differs from the paper; Markdown, shown under the table.
     """
 
@@ -154,11 +139,9 @@ class Study:
     published: tuple[Published, ...] = ()
     claims: tuple[Claim, ...] = ()
     note: str = ""
-    pictured: tuple[str, ...] = ()
-    experiment: Experiment | None = None
 
     def __post_init__(self) -> None:
-        """Refuse names that do not exist, so that a wrong table is noticed before it is run."""
+        """Refuse unknown names, so that a wrong table is noticed before it is run."""
         labels = [system.label for system in self.systems]
         if len(set(labels)) != len(labels):
             raise ConfigError(f"study {self.name}: two systems have one label; labels must differ")

@@ -1,10 +1,9 @@
-"""What paper 002 compares: the fusion of ant colony and improved potential field on 30 x 30 cells, and its walker."""
+"""The comparisons of paper 002: ant colony fused with an improved potential field on 30 x 30 cells, and its walker."""
 
 from __future__ import annotations
 
 from train.tables.maps import clutter
 from train.tables.papers import paper001
-from train.tables.papers.moving_obstacle import MOVING_OBSTACLE
 from train.tables.papers.paper001 import BESIDE, IN_FRONT, LIGHT, WAREHOUSE, walker_claim, walker_settings
 from train.tables.study import Claim, Setting, Study, System
 from warehouse_env.maps.grid_map import Cell
@@ -106,7 +105,5 @@ STUDIES = (
         note="The paper prints no figures of the walker; the maps and the gain of 0.3 within 2 cells are ours. At that "
         "gain no shelf keeps a walker from a goal beside it; strong is a gain of 20 within 4 cells. A walk is the same "
         "in every run, and its length is that of the way as walked, detours included.",
-        pictured=(IN_FRONT, LIGHT),
     ),
-    MOVING_OBSTACLE,
 )  # fmt: skip

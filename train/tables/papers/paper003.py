@@ -177,6 +177,5 @@ STUDIES = (
         ),
         note=f"Not in the paper: {_MAPS} maps each, made like the complex one from seeds of their own, since one map "
         "says little. A sample is a map.",
-        pictured=(LIGHT,),
     ),
 )  # fmt: skip
