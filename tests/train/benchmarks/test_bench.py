@@ -14,6 +14,7 @@ from train.cli import main
 from train.commands.bench import What, ratios, tables
 from train.learning.recipes import by_recipe
 from train.reporting.rows import read_rows
+from warehouse_env.planning import PLANNERS
 
 SMALL: dict[str, Any] = {
     "layouts": ("open",), "robots": (2,), "rows": 8, "planner": "astar", "rollout": 4, "hidden": (20,), "threads": 1,
@@ -70,7 +71,9 @@ def test_a_decisions_parts_by_hand(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("what", ["pettingzoo", "policy", "plan"])
-def test_parts_measure(what: str) -> None:
+def test_parts_measure(what: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    few = {name: PLANNERS[name] for name in ("astar", "astar_turns", "pf_aco")}
+    monkeypatch.setattr("warehouse_env.planning.PLANNERS", few)
     for row in PARTS[what](TINY):
         assert row.get("agent_steps_per_s", 1) > 0
         assert row.get("ms", 1) > 0

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import math
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -12,7 +11,7 @@ import numpy as np
 import pytest
 
 from train.benchmarks import reference, release
-from train.benchmarks.fixed_work import InC, InNumba, compiler, floor
+from train.benchmarks.fixed_work import InC, InNumba, compiler
 from train.benchmarks.reference import Size, Timed, in_turns, reference_table
 from train.benchmarks.release import ROOT
 from train.cli import main
@@ -21,31 +20,6 @@ from train.reporting.rows import Row, read_rows, write_rows
 from warehouse_env.errors import WarehouseError
 
 needs_compiler = pytest.mark.skipif(compiler() is None, reason="there is no C compiler")
-MIDDLE = 0.3  # [m] from the front axle back to the body's middle
-
-
-def placed(tmp_path: Path, *poses: tuple[float, float, float]) -> InC:
-    """Return one world with robots at these poses, after one step without commands."""
-    work = InC(1, len(poses), tmp_path)
-    work.commands[:] = 0
-    for k, name in enumerate(("x", "y", "heading")):
-        work.robots[name] = [[pose[k] for pose in poses]]
-    work(0)
-    return work
-
-
-@needs_compiler
-def test_what_a_robot_sees_by_hand(tmp_path: Path) -> None:
-    # The first looks east along the aisle y = 2 to 4 and 6 to 8 has no shelf before x = 12; the second stands ahead.
-    work = placed(tmp_path, (6.3, 2.5, 0.0), (9.3, 2.5, math.pi / 2))
-    seen = work.seen[0, 0]
-    assert seen[0] == pytest.approx(3.3 - 0.3, abs=1e-5)  # its middle is at (9.3, 2.2), half as wide as 0.6 m
-    assert seen[24] == pytest.approx(2.5 - 1.0)  # south: the rim
-    assert seen[16] == pytest.approx(6.0 - 1.0)  # west: the rim
-    assert seen[8] == pytest.approx(4.0 - 2.5 if floor()[4, 6] else 6.0)  # north
-    ahead, across, cosine, sine = seen[32:36]
-    assert (ahead, across) == pytest.approx((9.3 - 6.0, -MIDDLE), abs=1e-5)
-    assert (cosine, sine) == pytest.approx((0.0, 1.0), abs=1e-6)
 
 
 @pytest.mark.parametrize("kind", [pytest.param("C", marks=needs_compiler), "kernel"])

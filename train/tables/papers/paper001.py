@@ -72,12 +72,12 @@ def _blocks(rng: np.random.Generator) -> np.ndarray[tuple[int, int], np.dtype[np
 
 
 def settings() -> tuple[Setting, ...]:
-    """Return both readings of "obstacles placed at random, free to occupied cells as 6 to 4", corner to corner."""
+    """Return both readings of "obstacles placed at random, free to occupied cells as 6 to 4", from corner to corner."""
     return clutter(SIZE, SHARE, MAPS), Setting(IN_BLOCKS, tuple(block_task(seed) for seed in range(MAPS)))
 
 
 def _claims() -> tuple[Claim, ...]:
-    """Return the four percentages against the traditional colony, dying ants and others, then what stands open."""
+    """Return the four percentages against several traditional colonies, then the parts, then what cannot be told."""
     rows = []
     for other, which in (
         (TRADITIONAL, "the traditional colony, whose ants die at dead ends"),
@@ -107,14 +107,14 @@ STRONG = {"repulsion_gain": 20.0, "repulsion_reach": 4.0}
 
 
 def walker_settings() -> tuple[Setting, ...]:
-    """Return what a walker along the force meets: shelves behind the goal, across its way, scattered, in rows."""
+    """Return maps for a walker along the force: shelves behind the goal, across its path, scattered, in rows."""
     beside, between = [], []
     for column in range(2, 18):
         behind = np.zeros((SIZE, SIZE), dtype=np.bool_)
         behind[0, column] = True
         beside.append(TableTask(GridMap(behind, name=f"{BESIDE} {column}"), (18, column), (1, column)))
         wall = np.zeros((SIZE, SIZE), dtype=np.bool_)
-        half = 1 + column % 6  # of the wall's width, so that the ways round differ
+        half = 1 + column % 6  # of the wall's width, so that the detours differ
         wall[10, max(0, column - half) : column + half + 1] = True
         between.append(TableTask(GridMap(wall, name=f"{IN_FRONT} {column}"), (18, column), (1, column)))
     grid = make_layout("narrow")
@@ -129,7 +129,7 @@ def walker_settings() -> tuple[Setting, ...]:
 
 
 def walker_claim(text: str, ours: str, other: str, *settings: str) -> Claim:
-    """Return that one walker finds its goal more often than another in some settings."""
+    """Return the claim that one walker finds its goal more often than another in some settings."""
     return Claim(text, ours, other, "found_share", settings=settings)
 
 
@@ -139,15 +139,15 @@ STUDIES = (
         name="001_table_1", paper=PAPER, title="Table 1 of paper 001: 20 x 20 cells, four tenths of them occupied",
         settings=settings, systems=SYSTEMS, runs=_RUNS, measures=MEASURES, published=published(_COLUMNS, _TABLE_1),
         claims=_claims(),
-        note="The paper shows its one map as a picture only and says: 20 x 20 cells, free to occupied as 6 to 4, "
-        f"obstacles at random. So there are two reconstructions of it, {MAPS} maps each, from corner to corner: single "
-        "cells, of which one draw in eighteen leaves a way, and rectangles, since the paper's path has 6 turns only. "
-        "Its lengths are those of lattice paths (12, 14 and 14 straight and 18, 19 and 21 diagonal steps); beside ours "
-        "they tell of another map. A sample is a map. The paper's time is that of Python.",
+        note="The paper prints its one map as a picture and says: 20 x 20 cells, free to occupied as 6 to 4, obstacles "
+        f"at random. There are two reconstructions of {MAPS} maps each, from corner to corner: single cells (one draw "
+        "in eighteen leaves a path), and rectangles, since the paper's path has only 6 turns. Its lengths are those of "
+        "grid paths (12, 14 and 14 straight and 18, 19 and 21 diagonal steps) on a map that differs from ours. A "
+        "sample is a map. The paper's times are those of Python.",
     ),
     Study(
         name="001_walkers", paper=PAPER,
-        title="Section 2.1 of paper 001: the repulsion that lets a walker reach its goal", settings=walker_settings,
+        title="Section 2.1 of paper 001: repulsion that lets a walker reach its goal", settings=walker_settings,
         systems=(
             System(CLASSICAL, "apf"),
             System(REPAIRED, "apf_improved", {"intermediate_point": False}),
@@ -165,8 +165,8 @@ STUDIES = (
                 "Beyond the claim: it makes other goals reachable, too", REPAIRED, CLASSICAL, LIGHT, WAREHOUSE
             ),
         ),
-        note="The paper has no table of the field alone; the maps are ours. Strong: gain 20 within 4 cells, at which "
-        "the push of one shelf cell behind the goal exceeds the pull on the cell before it; with the gain 1 of the "
-        "others no single shelf can do so. A walk is the same in every run.",
+        note="The paper has no table of the field alone; the maps are ours. Strong: gain 20 within 4 cells, so that "
+        "one shelf cell behind the goal repels more than the goal attracts on the cell before it; with gain 1 no "
+        "single shelf does. A walk is the same in every run.",
     ),
 )  # fmt: skip

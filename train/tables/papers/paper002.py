@@ -19,7 +19,7 @@ START: Cell = (0, 0)  # ditu.qishi = [1, 1]
 GOAL: Cell = (29, 27)  # ditu.mubiao = [30, 28]
 _RUNS = 6
 
-# What the paper prints: 100 ants, beta 3, rho 0.5, Q 1; its alpha of 1.5 is that of the fusion.
+# The paper prints 100 ants, beta 3, rho 0.5, Q 1; its alpha of 1.5 belongs to the fusion.
 _PRINTED = {"ants": 100, "exponent": 3, "evaporation": 0.5, "strength": 1.0}
 _FIELD = {"repulsion_gain": 0.3, "repulsion_reach": 2.0}
 _DISTANCE = {"exponent": 1.0, "intermediate_point": False}
@@ -40,12 +40,12 @@ SYSTEMS = (
 
 
 def settings() -> tuple[Setting, ...]:
-    """Return floors of 30 x 30 cells with random clutter, start and goal those of the paper."""
+    """Return floors of 30 x 30 cells with random clutter, and the paper's start and goal."""
     return tuple(clutter(SIZE, share, MAPS, START, GOAL) for share in SHARES)
 
 
 def _claims() -> tuple[Claim, ...]:
-    """Return the four claims of the abstract, against the colony as the paper writes it and against fairer ones."""
+    """Return the four claims of the abstract, against the paper's traditional colony and against fairer ones."""
     return tuple(
         Claim(f"The fusion has {what} than a traditional colony {which}", ours, other, measure)
         for ours, other, which in (
@@ -72,10 +72,10 @@ STUDIES = (
             Claim("The potential field in the heuristic shortens paths", SHIPPED, NO_FIELD, "mean"),
             Claim("The intermediate point in the field shortens paths", WITH_POINT, SHIPPED, "mean"),
         ),
-        note="The copy of the paper that we have names these measures and says that the fusion is better in each, but "
-        "its figures are lost, as is the picture of its map. What it prints is the size, start and goal; the floors "
-        f"here are random clutter of 20% and 30%, {MAPS} maps each, and the shares are ours. A sample is a map. "
-        "Its alpha of 1.5 is used in the fusion alone; the fusion without field is a traditional colony with it.",
+        note="Our copy of the paper names these measures and says that the fusion is better in each, but its figures "
+        "and the picture of its map are lost. It prints the size, start and goal; the floors here are random clutter "
+        f"of 20% and 30% (our choice), {MAPS} maps each. A sample is a map. Only the fusion uses the paper's alpha of "
+        "1.5; the fusion without field is a traditional colony with it.",
     ),
     Study(
         name="002_walkers", paper=PAPER, title="Paper 002: the walker along the force and its two repairs",
@@ -104,6 +104,6 @@ STUDIES = (
         ),
         note="The paper prints no figures of the walker; the maps and the gain of 0.3 within 2 cells are ours. At that "
         "gain no shelf keeps a walker from a goal beside it; strong is a gain of 20 within 4 cells. A walk is the same "
-        "in every run, and its length is that of the way as walked, detours included.",
+        "in every run; its length includes detours.",
     ),
 )  # fmt: skip

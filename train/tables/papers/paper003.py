@@ -46,10 +46,10 @@ _U = "\n".join([_OPEN] * 5 + [_BAR] * 2 + [_BACK] * 6 + [_BAR] * 2 + [_OPEN] * 5
 
 
 def scattered_task(size: int, share: float, largest: int, seed: int) -> TableTask:
-    """Return a square floor with rectangles of 1 to `largest` cells a side at random, with a way from corner to corner.
+    """Return a square floor with random rectangles of 1 to `largest` cells a side, and a path from corner to corner.
 
-    share: part of the cells that is covered at least. Rectangles that would close the way or touch the 2 x 2 cells at
-    start (upper left) or goal (lower right) are left out. Equal arguments give equal maps.
+    share: of the cells that is covered at least. No rectangle closes the path or touches the 2 x 2 cells at start
+    (upper left) or goal (lower right). Equal arguments give equal maps.
     """
     rng = np.random.default_rng(seed)
     occupied = np.zeros((size, size), dtype=np.bool_)
@@ -68,7 +68,7 @@ def scattered_task(size: int, share: float, largest: int, seed: int) -> TableTas
 
 
 def settings() -> tuple[Setting, ...]:
-    """Return the four maps: two single obstacles that open towards the start, light and heavy clutter."""
+    """Return the four maps: two single obstacles that open towards the start, light clutter, heavy clutter."""
     return (
         Setting(E_SHAPED, (TableTask(drawn_map(_E, E_SHAPED), (12, 2), (8, 18)),)),
         Setting(CONCAVE, (TableTask(drawn_map(_U, CONCAVE), (10, 2), (9, 18)),)),
@@ -82,14 +82,14 @@ _MAPS = 12
 
 
 def more_settings() -> tuple[Setting, ...]:
-    """Return more maps like the complex one, and as many with a fifth covered, where wide ways mislead the network."""
+    """Return more maps like the complex one, and as many with a fifth covered: open space misleads the network."""
     return tuple(
         Setting(name, tuple(scattered_task(50, share, 5, 1 + seed) for seed in range(_MAPS)))
         for name, share in ((HEAVY, 0.3), (LIGHT, 0.2))
     )
 
 
-# Shares of optimal runs that the text gives, of 10 runs; table 5's lengths and deviations are lost.
+# Shares of optimal runs in the text, of 10 runs; the lengths and deviations of table 5 are lost.
 _SHARES = {
     ("this paper", OURS): (1.0, 1.0, 0.5, 0.5),
     ("classical ACS", ACS): (None, None, 0.2, 0.2),
@@ -150,14 +150,14 @@ STUDIES = (
             ),
         ),
         claims=_claims(),
-        note="All four maps are reconstructions: the paper shows them as pictures only, and its starts and goals, "
-        "equations, parameters and the figures of its tables are lost in the text; what is left are shares of optimal "
-        "runs, of 10. The obstacles of E and U shape open towards the start; the clutter is rectangles from a seed, a "
-        "fifth of 20 x 20 and three tenths of 50 x 50 cells. `shaa_acs (paper)` is the paper's system as far as the "
-        "text tells; the lines below it mend one thing each. The shipped network is, in effect, the field of true "
-        "distances to the goal: one greedy ant finds the optimum on it, so the colony adds nothing to the length. "
-        "`pso` and `afsa` search way-points that a greedy walker joins; the paper does not print its coding, and this "
-        "one is stronger than the paper's swarms seem to be. An interval is over runs on one map.",
+        note="All four maps are reconstructions: the paper prints them as pictures, and its starts, goals, equations, "
+        "parameters and figures are lost in the text, except for shares of optimal runs, of 10. The E- and U-shaped "
+        "obstacles open towards the start; the clutter is rectangles from a seed, on a fifth of 20 x 20 and three "
+        "tenths of 50 x 50 cells. `shaa_acs (paper)` is the paper's system as far as the text defines it; each line "
+        "below it changes one thing. The shipped network is in effect the field of true distances to the goal: one "
+        "greedy ant finds the optimum on it, so the colony does not shorten the path. `pso` and `afsa` search "
+        "way-points that a greedy walker joins; the paper does not print its coding, and ours is stronger than the "
+        "paper's swarms seem to be. An interval is over runs on one map.",
     ),
     Study(
         name="003_more_maps", paper=PAPER,
@@ -175,7 +175,6 @@ STUDIES = (
             Claim("The paper's system is nearer to the optimum than PSO", OURS, PSO, "gap"),
             Claim("The paper's system is nearer to the optimum than AFSA", OURS, AFSA, "gap"),
         ),
-        note=f"Not in the paper: {_MAPS} maps each, made like the complex one from seeds of their own, since one map "
-        "says little. A sample is a map.",
+        note=f"Not in the paper: {_MAPS} more maps of each kind, since one map says little. A sample is a map.",
     ),
 )  # fmt: skip
