@@ -46,9 +46,9 @@ class Command(NamedTuple):
 _COMMANDS = {
     "demo": ("commands.demo:Demo", "compare the shipped policies in three minutes: table, pictures, video"),
     "plan": ("commands.plan:PlanCommand", "compare planners on the tasks of a map"),
-    "tables papers": ("tables.runner:Papers", "make the papers' tables again, ours beside theirs, with verdicts"),
-    "tables planners": ("tables.runner:Planners", "plan pairs of cells of five floors by every planner"),
-    "tables floors": ("tables.floors:Floors", "drive policies and the rule on many floors, some drawn at random"),
+    "tables papers": ("tables.runner:PapersTable", "make the papers' tables again, ours beside theirs, with verdicts"),
+    "tables planners": ("tables.runner:PlannersTable", "plan pairs of cells of five floors by every planner"),
+    "tables floors": ("tables.floors:FloorsTable", "drive policies and the rule on many floors, some drawn at random"),
     "layouts": ("commands.layouts:Layouts", "list, draw, check and convert maps"),
     "places": ("commands.places:PlacesCommand", "propose pick faces and stations of a hall, draw and number them"),
     "policies": ("commands.parts:Policies", "list the policies"),

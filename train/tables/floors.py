@@ -43,7 +43,7 @@ HEADER = (
 
 
 @dataclass(frozen=True)
-class Floors(TableOptions):
+class FloorsTable(TableOptions):
     """Drive policies and the rule with 16 to 128 robots on named floors, benchmark maps and 20 floors drawn at random,
     and with 256 to 1,024 on large floors.
     """

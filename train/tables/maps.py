@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from train.tables.study import Setting, TableTask
+from train.tables.study import TableSetting, TableTask
 from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import Cell, GridMap
 
@@ -36,10 +36,10 @@ def clutter_task(size: int, share: float, seed: int, start: Cell | None = None, 
     raise ConfigError(f"share={share} of {size} x {size} cells left no way in {_TRIES} draws; lower it")
 
 
-def clutter(size: int, share: float, maps: int, start: Cell | None = None, goal: Cell | None = None) -> Setting:
+def clutter(size: int, share: float, maps: int, start: Cell | None = None, goal: Cell | None = None) -> TableSetting:
     """Return a setting of several random floors of one kind, named "20x20 35%"; arguments as clutter_task."""
     tasks = tuple(clutter_task(size, share, seed, start, goal) for seed in range(maps))
-    return Setting(f"{size}x{size} {100 * share:g}%", tasks)
+    return TableSetting(f"{size}x{size} {100 * share:g}%", tasks)
 
 
 def draw_rectangle(rng: np.random.Generator, size: int, least: int, most: int) -> tuple[slice, slice]:

@@ -23,7 +23,7 @@ _RESAMPLES = 400  # of the runs of one map, where a figure needs them all togeth
 ROUNDING = 1e-9  # relative difference that counts as none
 
 
-class Measure(NamedTuple):
+class TableMeasure(NamedTuple):
     """A figure of a table.
 
     samples: from the rows of one task to its samples; runs without a path give none, except to shares.
@@ -76,35 +76,35 @@ def _share(happened: Callable[[Row], bool]) -> Samples:
     return lambda rows: [float(happened(row)) for row in rows]
 
 
-MEASURES: dict[str, Measure] = {
-    "best": Measure("best length", _over("length", min), single=True),
-    "best_of_10": Measure("best of 10 runs", _of_best_of_ten("length"), digits=6),
-    "best_of_10_turns": Measure("its turns", _of_best_of_ten("turns"), digits=3),
-    "best_of_10_converged_at": Measure("it converged at", _of_best_of_ten("converged_at"), digits=3),
-    "mean": Measure("mean length", _each("length")),
-    "worst": Measure("longest", _over("length", max), single=True),
-    "sd": Measure("st. dev.", _over("length", _deviation), "less", digits=3, single=True),
-    "gap": Measure("over the optimum [%]", _each("gap"), factor=100.0, digits=3),
-    "optimal_share": Measure("optimal [%]", _share(is_optimal), "more", 100.0, 3),
-    "found_share": Measure("found [%]", _share(lambda row: bool(row["success"])), "more", 100.0, 3),
-    "turns": Measure("turns", _each("turns"), digits=3),
-    "turn_angle": Measure("turned [degrees]", _each("turn_angle"), digits=4),
-    "converged_at": Measure("converged at", _each("converged_at"), digits=3),
-    "converged_first": Measure("earliest", _over("converged_at", min), digits=3, single=True),
-    "converged_last": Measure("latest", _over("converged_at", max), digits=3, single=True),
-    "converged_sd": Measure("st. dev. of it", _over("converged_at", _deviation), digits=3, single=True),
-    "ms": Measure("median ms", _over("cpu_ms", statistics.median), digits=3, single=True, clock=True),
-    "line_length": Measure("smoothed length", _each("line_length")),
-    "best_line_length": Measure("best smoothed length", _over("line_length", min), single=True),
-    "worst_line_length": Measure("longest smoothed", _over("line_length", max), single=True),
-    "line_sd": Measure("st. dev., smoothed", _over("line_length", _deviation), digits=3, single=True),
-    "clearance": Measure("clearance [cells]", _each("clearance"), "more", digits=3),
-    "optimum": Measure("optimum", _each("optimal_length"), "neither", digits=6),
-    "min_turns": Measure("fewest turns", _each("min_turns"), "neither", digits=3),
+MEASURES: dict[str, TableMeasure] = {
+    "best": TableMeasure("best length", _over("length", min), single=True),
+    "best_of_10": TableMeasure("best of 10 runs", _of_best_of_ten("length"), digits=6),
+    "best_of_10_turns": TableMeasure("its turns", _of_best_of_ten("turns"), digits=3),
+    "best_of_10_converged_at": TableMeasure("it converged at", _of_best_of_ten("converged_at"), digits=3),
+    "mean": TableMeasure("mean length", _each("length")),
+    "worst": TableMeasure("longest", _over("length", max), single=True),
+    "sd": TableMeasure("st. dev.", _over("length", _deviation), "less", digits=3, single=True),
+    "gap": TableMeasure("over the optimum [%]", _each("gap"), factor=100.0, digits=3),
+    "optimal_share": TableMeasure("optimal [%]", _share(is_optimal), "more", 100.0, 3),
+    "found_share": TableMeasure("found [%]", _share(lambda row: bool(row["success"])), "more", 100.0, 3),
+    "turns": TableMeasure("turns", _each("turns"), digits=3),
+    "turn_angle": TableMeasure("turned [degrees]", _each("turn_angle"), digits=4),
+    "converged_at": TableMeasure("converged at", _each("converged_at"), digits=3),
+    "converged_first": TableMeasure("earliest", _over("converged_at", min), digits=3, single=True),
+    "converged_last": TableMeasure("latest", _over("converged_at", max), digits=3, single=True),
+    "converged_sd": TableMeasure("st. dev. of it", _over("converged_at", _deviation), digits=3, single=True),
+    "ms": TableMeasure("median ms", _over("cpu_ms", statistics.median), digits=3, single=True, clock=True),
+    "line_length": TableMeasure("smoothed length", _each("line_length")),
+    "best_line_length": TableMeasure("best smoothed length", _over("line_length", min), single=True),
+    "worst_line_length": TableMeasure("longest smoothed", _over("line_length", max), single=True),
+    "line_sd": TableMeasure("st. dev., smoothed", _over("line_length", _deviation), digits=3, single=True),
+    "clearance": TableMeasure("clearance [cells]", _each("clearance"), "more", digits=3),
+    "optimum": TableMeasure("optimum", _each("optimal_length"), "neither", digits=6),
+    "min_turns": TableMeasure("fewest turns", _each("min_turns"), "neither", digits=3),
 }
 
 
-class Figures:
+class TableFigures:
     """All figures of one study, by its name, read from rows."""
 
     def __init__(self, study: str, rows: Sequence[Row]) -> None:

@@ -7,7 +7,7 @@ import zlib
 
 import numpy as np
 
-from train.tables.study import Setting, Study, System, TableTask
+from train.tables.study import TableSetting, TableStudy, TableSystem, TableTask
 from warehouse_env.maps.generators import blocks, random_floor
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import make_layout
@@ -34,7 +34,7 @@ def _clutter(share: float, name: str) -> GridMap:
     return dataclasses.replace(random_floor(46, 46, share=share, seed=0), name=name)
 
 
-def settings() -> tuple[Setting, ...]:
+def settings() -> tuple[TableSetting, ...]:
     """Return the floors, each with pairs of distinct cells drawn evenly from its largest region."""
     floors = (make_layout("paper46"), make_layout("narrow"), _clutter(0.20, "clutter20"), _clutter(0.35, "clutter35"))
     made = []
@@ -42,17 +42,17 @@ def settings() -> tuple[Setting, ...]:
         rng = np.random.default_rng([0, zlib.crc32(grid.name.encode())])
         pairs = [grid.free_cells[rng.choice(len(grid.free_cells), 2, replace=False)].tolist() for _ in range(PAIRS)]
         tasks = (TableTask(grid, (start[0], start[1]), (goal[0], goal[1])) for start, goal in pairs)
-        made.append(Setting(grid.name, tuple(tasks)))
+        made.append(TableSetting(grid.name, tuple(tasks)))
     return tuple(made)
 
 
 STUDIES = (
-    Study(
+    TableStudy(
         name="planners",
         paper="All planners at their defaults",
         title="Every planner on the same pairs of cells",
         settings=settings,
-        systems=tuple(System(name, name) for name in PLANNERS),
+        systems=tuple(TableSystem(name, name) for name in PLANNERS),
         runs=10,
         measures=("found_share", "gap", "optimal_share", "turns", "min_turns", "clearance", "ms"),
         note="Gap, turns and clearance are those of the runs that found a path. A sample is a pair of cells.",

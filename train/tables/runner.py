@@ -18,14 +18,14 @@ from train.evaluation.jobs import Job, Result, Tick, of_all_runs
 from train.evaluation.planning_runs import make_task, plan_once
 from train.reporting.report import Table, number, with_interval
 from train.reporting.rows import Row
-from train.tables.measures import MEASURES, Figures
+from train.tables.measures import MEASURES, TableFigures
 from train.tables.options import TableOptions
-from train.tables.study import Published, Setting, Study, System, TableTask, Verdict
+from train.tables.study import ClaimVerdict, Published, TableSetting, TableStudy, TableSystem, TableTask
 from train.tables.verdicts import RULE, judge, verdict_counts
 from warehouse_env.errors import unknown_name
 
 PAPERS = {number: f"train.tables.papers.paper{number}" for number in ("000", "001", "002", "003", "004")}
-PLANNERS = "train.tables.planners"
+PLANNERS_STUDY = "train.tables.planners"
 INTERVALS = (
     "Means with 95% intervals: Student's t over runs where a setting is one map, over maps where it has several; "
     "Wilson's score for shares on one map. n: runs of each system, times maps. Lengths in cells; times are medians of "
@@ -34,13 +34,13 @@ INTERVALS = (
 
 
 @cache
-def studies_of(module: str) -> dict[str, Study]:
+def studies_of(module: str) -> dict[str, TableStudy]:
     """Return the studies of a module by name."""
     return {study.name: study for study in importlib.import_module(module).STUDIES}
 
 
 @cache
-def settings_of(module: str, study: str) -> dict[str, Setting]:
+def settings_of(module: str, study: str) -> dict[str, TableSetting]:
     """Return the settings of a study by name, built once in a process."""
     return {setting.name: setting for setting in studies_of(module)[study].settings()}
 
@@ -54,7 +54,7 @@ def planning_code() -> str:
 
 
 @dataclass(frozen=True)
-class Block(Job):
+class PlanBlock(Job):
     """All runs of one system on one task of a setting, in names and numbers only."""
 
     module: str
@@ -68,7 +68,7 @@ class Block(Job):
     titled = "{study} · {system}"
     times = ("ms", "cpu_ms")
 
-    def subject(self) -> tuple[TableTask, System]:
+    def subject(self) -> tuple[TableTask, TableSystem]:
         """Return the task and the system."""
         systems = {system.label: system for system in studies_of(self.module)[self.study].systems}
         return settings_of(self.module, self.study)[self.setting].tasks[self.number], systems[self.system]
@@ -84,7 +84,7 @@ class Block(Job):
             "code": planning_code(),
         }  # fmt: skip
 
-    def left(self, rows: Sequence[Row]) -> tuple[Sequence[Row], Block | None]:
+    def left(self, rows: Sequence[Row]) -> tuple[Sequence[Row], PlanBlock | None]:
         """Return the rows of all runs, if none is missing."""
         whole = of_all_runs(rows, self.runs)
         return (whole, None) if whole else ([], self)
@@ -108,14 +108,14 @@ class Studies(TableOptions):
 
     title: ClassVar[str]
 
-    def chosen(self) -> list[tuple[str, Study]]:
+    def chosen(self) -> list[tuple[str, TableStudy]]:
         """Return (module, study) of what is asked for."""
         raise NotImplementedError
 
-    def blocks(self, module: str, study: Study) -> list[Block]:
+    def blocks(self, module: str, study: TableStudy) -> list[PlanBlock]:
         """Return the jobs of a study, in the order of its table."""
         return [
-            Block(module, study.name, setting.name, number, system.label, self.runs or study.runs, self.seed)
+            PlanBlock(module, study.name, setting.name, number, system.label, self.runs or study.runs, self.seed)
             for setting in settings_of(module, study.name).values()
             for system in study.systems
             for number in range(len(setting.tasks))
@@ -128,9 +128,9 @@ class Studies(TableOptions):
         names = {study.name for _, study in chosen}
         jobs = [block for module, study in chosen for block in self.blocks(module, study)]
         rows = self.rows_of(jobs, lambda row: row.get("study") in names)
-        text, tables, verdicts = f"{INTERVALS}\n\n", list[Table](), list[Verdict]()
+        text, tables, verdicts = f"{INTERVALS}\n\n", list[Table](), list[ClaimVerdict]()
         for _, study in chosen:
-            figures = Figures(study.name, rows)
+            figures = TableFigures(study.name, rows)
             tables.append(study_table(study, figures))
             if study.claims:
                 own = [judge(figures, claim) for claim in study.claims]
@@ -144,7 +144,7 @@ class Studies(TableOptions):
 
 
 @dataclass(frozen=True)
-class Papers(Studies):
+class PapersTable(Studies):
     """Make the tables of the papers: our figures beside theirs, and a verdict on every claim.
 
     The page shows the tables that are asked for; the rows of others stay in the file.
@@ -157,7 +157,7 @@ class Papers(Studies):
     tables: tuple[str, ...] = ()
     """Single tables by name, as 000_table_1."""
 
-    def chosen(self) -> list[tuple[str, Study]]:
+    def chosen(self) -> list[tuple[str, TableStudy]]:
         """Return the named papers and tables; WarehouseError for a wrong name."""
         every = {name: (key, module) for key, module in PAPERS.items() for name in studies_of(module)}
         for what, names, known in (("paper", self.papers, PAPERS), ("table", self.tables, every)):
@@ -173,7 +173,7 @@ class Papers(Studies):
 
 
 @dataclass(frozen=True)
-class Planners(Studies):
+class PlannersTable(Studies):
     """Plan the same pairs of cells on five floors by every planner: length, turns, clearance, failures and time."""
 
     name: ClassVar[str] = "planners"
@@ -182,16 +182,16 @@ class Planners(Studies):
     pairs: int = 200
     """Pairs of cells on each floor, 200 at most."""
 
-    def chosen(self) -> list[tuple[str, Study]]:
+    def chosen(self) -> list[tuple[str, TableStudy]]:
         """Return the one study."""
-        return [(PLANNERS, study) for study in studies_of(PLANNERS).values()]
+        return [(PLANNERS_STUDY, study) for study in studies_of(PLANNERS_STUDY).values()]
 
-    def blocks(self, module: str, study: Study) -> list[Block]:
+    def blocks(self, module: str, study: TableStudy) -> list[PlanBlock]:
         """Return the jobs on the first pairs."""
         return [block for block in super().blocks(module, study) if block.number < self.pairs]
 
 
-def study_table(study: Study, figures: Figures) -> Table:
+def study_table(study: TableStudy, figures: TableFigures) -> Table:
     """Return a study's table: for each setting our systems, each with the printed lines that stand beside it."""
     lines: list[tuple[str, ...]] = []
     for setting in figures.settings:

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final, Literal, NamedTuple
 
-from train.tables.measures import MEASURES, Figures
+from train.tables.measures import MEASURES, TableFigures
 from warehouse_env.errors import ConfigError, unknown_name
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.planning import Planner, make_planner
@@ -30,7 +30,7 @@ class TableTask(NamedTuple):
     goal: Cell
 
 
-class Setting(NamedTuple):
+class TableSetting(NamedTuple):
     """A group of lines of the table: one map, or several random ones of one kind.
 
     With one task a sample is a run. With several a sample is the mean of a map's runs, so intervals are over maps.
@@ -41,7 +41,7 @@ class Setting(NamedTuple):
 
 
 @dataclass(frozen=True)
-class System:
+class TableSystem:
     """A planner with its parameters, as one line of the table; `label` is unique in a study, e.g. "pf_aco (paper)"."""
 
     label: str
@@ -79,7 +79,7 @@ def published(
     )
 
 
-class Verdict(NamedTuple):
+class ClaimVerdict(NamedTuple):
     """The verdict on a claim, and the figures behind it.
 
     by_clock: it rests on times, so another machine may judge otherwise; such verdicts are shown but not counted.
@@ -90,7 +90,7 @@ class Verdict(NamedTuple):
     by_clock: bool = False
 
     @classmethod
-    def graded(cls, holds: Sequence[bool], why: str) -> Verdict:
+    def graded(cls, holds: Sequence[bool], why: str) -> ClaimVerdict:
         """Return the verdict on a claim that holds in some places: in all, in part, nowhere; open if there are none."""
         if not holds:
             return cls(OPEN, "nothing was run for it")
@@ -117,11 +117,11 @@ class Claim:
     measure: str = ""
     by: float | None = None
     settings: tuple[str, ...] = ()
-    check: Callable[[Figures], Verdict] | None = None
+    check: Callable[[TableFigures], ClaimVerdict] | None = None
 
 
 @dataclass(frozen=True)
-class Study:
+class TableStudy:
     """One table: what is run for it, what the paper prints, what it claims.
 
     settings: a function, so that maps are built only where they are needed; it must give the same maps every time.
@@ -132,8 +132,8 @@ class Study:
     name: str
     paper: str
     title: str
-    settings: Callable[[], tuple[Setting, ...]]
-    systems: tuple[System, ...]
+    settings: Callable[[], tuple[TableSetting, ...]]
+    systems: tuple[TableSystem, ...]
     runs: int
     measures: tuple[str, ...]
     published: tuple[Published, ...] = ()

@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 from train.reporting.report import number
 from train.reporting.rows import Interval
-from train.tables.measures import MEASURES, ROUNDING, Figures
-from train.tables.study import FAILS, HOLDS, IN_PART, OPEN, Claim, Published, Verdict
+from train.tables.measures import MEASURES, ROUNDING, TableFigures
+from train.tables.study import FAILS, HOLDS, IN_PART, OPEN, Claim, ClaimVerdict, Published
 
 _PRINT_ROUNDING = 1e-5  # relative: the papers print four decimals
 
@@ -24,7 +24,7 @@ RULE = (
 )
 
 
-class Judged(NamedTuple):
+class SettingVerdict(NamedTuple):
     """One setting's part of a verdict: whether the difference has the claimed sign, and the claimed size."""
 
     known: bool
@@ -33,7 +33,7 @@ class Judged(NamedTuple):
     text: str
 
 
-def judge(figures: Figures, claim: Claim) -> Verdict:
+def judge(figures: TableFigures, claim: Claim) -> ClaimVerdict:
     """Return the verdict on a claim by RULE, with the figures of each setting."""
     if claim.check is not None:
         return claim.check(figures)
@@ -41,13 +41,13 @@ def judge(figures: Figures, claim: Claim) -> Verdict:
     judged = [one for one in (_judge(figures, claim, setting) for setting in settings) if one is not None]
     why, by_clock = "; ".join(one.text for one in judged), MEASURES[claim.measure].clock
     if not any(one.known for one in judged):
-        return Verdict(OPEN, why or "nothing was run for it", by_clock)
+        return ClaimVerdict(OPEN, why or "nothing was run for it", by_clock)
     if all(one.clear and one.reaches for one in judged):
-        return Verdict(HOLDS, why, by_clock)
-    return Verdict(IN_PART if any(one.clear for one in judged) else FAILS, why, by_clock)
+        return ClaimVerdict(HOLDS, why, by_clock)
+    return ClaimVerdict(IN_PART if any(one.clear for one in judged) else FAILS, why, by_clock)
 
 
-def _judge(figures: Figures, claim: Claim, setting: str) -> Judged | None:
+def _judge(figures: TableFigures, claim: Claim, setting: str) -> SettingVerdict | None:
     if not figures.tasks(setting, claim.ours) or not figures.tasks(setting, claim.other):
         return None
     relative = figures.relative(setting, claim.ours, claim.other, claim.measure)
@@ -66,10 +66,10 @@ def _judge(figures: Figures, claim: Claim, setting: str) -> Judged | None:
     ]
     unit = " points" if claim.measure.endswith("_share") else "%"
     text = f"{setting}: {shown[0]} against {shown[1]}, {percent(relative, unit)}"
-    return Judged(math.isfinite(relative.mean), clear, reaches, text)
+    return SettingVerdict(math.isfinite(relative.mean), clear, reaches, text)
 
 
-def reaches_print(figures: Figures, published: Sequence[Published], ours: str) -> Verdict:
+def reaches_print(figures: TableFigures, published: Sequence[Published], ours: str) -> ClaimVerdict:
     """Judge whether our figures reach every printed one beside `ours`, except times; name those that do not."""
     worse, reached = [], []
     for printed in published:
@@ -83,7 +83,7 @@ def reaches_print(figures: Figures, published: Sequence[Published], ours: str) -
             shown = [number(measure.factor * value, measure.digits) for value in (figure.mean, printed.value)]
             worse.append(f"{printed.setting}, {measure.heading}: {shown[0]} against {shown[1]} in print")
     why = f"{sum(reached)} of {len(reached)} figures reached" + ("; not: " + "; ".join(worse) if worse else "")
-    return Verdict.graded(reached, why)
+    return ClaimVerdict.graded(reached, why)
 
 
 def percent(relative: Interval, unit: str = "%") -> str:
@@ -96,7 +96,7 @@ def percent(relative: Interval, unit: str = "%") -> str:
     return f"{mean} [{100 * relative.low:+.1f}, {100 * relative.high:+.1f}]"
 
 
-def verdict_counts(verdicts: Sequence[Verdict]) -> str:
+def verdict_counts(verdicts: Sequence[ClaimVerdict]) -> str:
     """Say how many claims hold, hold in part and do not; those that depend on the clock are counted apart."""
     counts = Counter(verdict.word for verdict in verdicts if not verdict.by_clock)
     whole, part, none = (counts[word] for word in (HOLDS, IN_PART, FAILS))

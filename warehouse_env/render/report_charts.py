@@ -39,7 +39,7 @@ class Pair(NamedTuple):
     high: float
 
 
-class Load(NamedTuple):
+class FloorLoad(NamedTuple):
     """The throughput of a floor with a number of robots: goals per hour of all, with the 95% interval."""
 
     robots: int
@@ -151,7 +151,7 @@ def differences(panels: Mapping[str, Sequence[Pair]], label: str, unit: str = ""
 
 
 def throughput(
-    loads: Sequence[Load], alone: float, most: Load, knee: tuple[float, float, float] | None, label: str,
+    loads: Sequence[FloorLoad], alone: float, most: FloorLoad, knee: tuple[float, float, float] | None, label: str,
     what: str = "goals",
 ) -> str:  # fmt: skip
     """Draw the goals per hour of a whole floor over its robots; alone: those of a single robot.
@@ -185,6 +185,6 @@ def throughput(
         return svg(figure, label)
 
 
-def _dot(ax: Axes, load: Load, colour: RGB, marker: str, size: float) -> None:
+def _dot(ax: Axes, load: FloorLoad, colour: RGB, marker: str, size: float) -> None:
     reach = np.nan_to_num([[load.mean - max(load.low, 0.0)], [load.high - load.mean]]).clip(0)
     ax.errorbar([load.robots], [load.mean], reach, fmt=marker, ms=size, color=hexed(colour), elinewidth=1.4, capsize=3)

@@ -9,11 +9,11 @@ import pytest
 
 from tests.train.tables.toy import STUDY
 from train.tables import runner
-from train.tables.study import Study
+from train.tables.study import TableStudy
 
 
 @pytest.fixture
-def toy(monkeypatch: pytest.MonkeyPatch) -> Study:
+def toy(monkeypatch: pytest.MonkeyPatch) -> TableStudy:
     """Make the toy study the only one of the catalogue."""
     runner.studies_of.cache_clear()
     runner.settings_of.cache_clear()

@@ -13,8 +13,8 @@ from train.cli import main
 from train.evaluation.jobs import Result, Tick
 from train.reporting.rows import read_rows
 from train.tables import planners, runner
-from train.tables.runner import Block
-from train.tables.study import Study
+from train.tables.runner import PlanBlock
+from train.tables.study import TableStudy
 
 
 def tables(folder: Path, *options: str) -> int:
@@ -22,16 +22,16 @@ def tables(folder: Path, *options: str) -> int:
 
 
 @pytest.fixture
-def counted(monkeypatch: pytest.MonkeyPatch) -> list[Block]:
+def counted(monkeypatch: pytest.MonkeyPatch) -> list[PlanBlock]:
     """The blocks that were run, in their order."""
-    done: list[Block] = []
-    run = Block.run
+    done: list[PlanBlock] = []
+    run = PlanBlock.run
 
-    def counts(block: Block, tick: Tick) -> Result:
+    def counts(block: PlanBlock, tick: Tick) -> Result:
         done.append(block)
         return run(block, tick)
 
-    monkeypatch.setattr(Block, "run", counts)
+    monkeypatch.setattr(PlanBlock, "run", counts)
     return done
 
 
@@ -57,17 +57,17 @@ def test_rows_tables_and_verdicts(tmp_path: Path, capsys: pytest.CaptureFixture[
 
 @pytest.mark.usefixtures("toy")
 def test_goes_on_where_it_stopped(
-    tmp_path: Path, counted: list[Block], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, counted: list[PlanBlock], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    run = Block.run
+    run = PlanBlock.run
 
-    def stopped(block: Block, tick: Tick) -> Result:
+    def stopped(block: PlanBlock, tick: Tick) -> Result:
         if len(counted) == 2:
             raise KeyboardInterrupt
         return run(block, tick)
 
     with monkeypatch.context() as patch:
-        patch.setattr(Block, "run", stopped)
+        patch.setattr(PlanBlock, "run", stopped)
         assert tables(tmp_path) == 130
     assert "6 rows are kept" in capsys.readouterr().err
     path = tmp_path / "rows.jsonl"
@@ -84,7 +84,7 @@ def test_goes_on_where_it_stopped(
 
 
 @pytest.mark.usefixtures("toy")
-def test_rows_of_other_code_maps_parameters_or_seeds_are_not_reused(tmp_path: Path, counted: list[Block]) -> None:
+def test_rows_of_other_code_maps_parameters_or_seeds_are_not_reused(tmp_path: Path, counted: list[PlanBlock]) -> None:
     assert tables(tmp_path, "--runs", "2") == 0
     path = tmp_path / "rows.jsonl"
     for name in ("code", "version", "map", "parameters"):
@@ -99,7 +99,7 @@ def test_rows_of_other_code_maps_parameters_or_seeds_are_not_reused(tmp_path: Pa
 
 
 def test_tables_that_are_not_asked_for_keep_their_rows(
-    tmp_path: Path, toy: Study, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, toy: TableStudy, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     both = (toy, dataclasses.replace(toy, name="toy_2", title="Another toy"))
     monkeypatch.setattr(sys.modules["toy_paper"], "STUDIES", both)

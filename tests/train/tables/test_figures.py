@@ -10,14 +10,14 @@ from typing import Any
 import pytest
 
 from tests.train.tables.toy import STUDY, row
-from train.tables.measures import MEASURES, Figures
-from train.tables.study import FAILS, HOLDS, Claim, Published, System, Verdict
+from train.tables.measures import MEASURES, TableFigures
+from train.tables.study import FAILS, HOLDS, Claim, ClaimVerdict, Published, TableSystem
 from train.tables.verdicts import judge, percent, reaches_print, verdict_counts
 from warehouse_env.errors import ConfigError, WarehouseError
 
 
-def figures(*rows: dict[str, Any]) -> Figures:
-    return Figures(STUDY.name, rows)
+def figures(*rows: dict[str, Any]) -> TableFigures:
+    return TableFigures(STUDY.name, rows)
 
 
 def runs(system: str, lengths: list[float | None], setting: str = "open", number: int = 0) -> list[dict[str, Any]]:
@@ -125,7 +125,7 @@ def test_maps_are_compared_in_pairs() -> None:
 def test_claims_on_milliseconds_are_marked_and_counted_apart() -> None:
     claims = (claim(), claim(measure="ms"))
 
-    def judged(ms: float) -> list[Verdict]:
+    def judged(ms: float) -> list[ClaimVerdict]:
         known = figures(row("open", "ants", 9.0, cpu_ms=ms), row("open", "dijkstra", 10.0, cpu_ms=2.0))
         return [judge(known, one) for one in claims]
 
@@ -162,7 +162,7 @@ def test_percent() -> None:
 @pytest.mark.parametrize(
     "wrong",
     [
-        {"systems": (System("a", "astar"), System("a", "dijkstra"))},
+        {"systems": (TableSystem("a", "astar"), TableSystem("a", "dijkstra"))},
         {"measures": ("lenght",)},
         {"published": (Published("open", "theirs", "mean", 1.0, "nobody"),)},
         {"claims": (Claim("x", "ants", "nobody", "mean"),)},
@@ -175,4 +175,4 @@ def test_a_study_with_a_wrong_name_is_refused(wrong: dict[str, Any]) -> None:
 
 def test_a_system_with_a_wrong_parameter_is_refused() -> None:
     with pytest.raises(ConfigError):
-        System("ants", "pf_aco", {"ant": 3}).make()
+        TableSystem("ants", "pf_aco", {"ant": 3}).make()

@@ -10,7 +10,7 @@ import pytest
 from train.cli import main
 from train.reporting.rows import Row, read_rows
 from train.tables import floors
-from train.tables.floors import DRAWN, LARGE, Floors, floors_tables
+from train.tables.floors import DRAWN, LARGE, FloorsTable, floors_tables
 from train.tables.planners import movingai_warehouse
 from warehouse_env.maps.movingai import read_map
 
@@ -51,7 +51,7 @@ def test_the_table_by_hand() -> None:
 
 
 def test_every_floor_has_the_same_seeds_for_the_rule_and_the_policies(tmp_path: Path) -> None:
-    made = list(Floors(out=tmp_path, policy=("ppo", "brake")).experiments(tmp_path))
+    made = list(FloorsTable(out=tmp_path, policy=("ppo", "brake")).experiments(tmp_path))
     seeds: dict[tuple[str, int], set[tuple[int, ...]]] = {}
     for one in made:
         seeds.setdefault((one.place, one.config.num_agents), set()).add(tuple(one.seeds))

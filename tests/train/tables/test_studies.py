@@ -11,26 +11,36 @@ import pytest
 
 from tests.train.tables.toy import row
 from train.tables.maps import clutter_task, drawn_map
-from train.tables.measures import Figures
+from train.tables.measures import TableFigures
 from train.tables.papers import paper001, paper002, paper003, paper004
-from train.tables.runner import PAPERS, PLANNERS, Papers, settings_of, studies_of
-from train.tables.study import FAILS, HOLDS, IN_PART, OPEN, Setting, Study, System, TableTask, Verdict
+from train.tables.runner import PAPERS, PLANNERS_STUDY, PapersTable, settings_of, studies_of
+from train.tables.study import (
+    FAILS,
+    HOLDS,
+    IN_PART,
+    OPEN,
+    ClaimVerdict,
+    TableSetting,
+    TableStudy,
+    TableSystem,
+    TableTask,
+)
 from train.tables.verdicts import judge
 from warehouse_env.errors import ConfigError
 
-EVERY = [(module, study) for module in (*PAPERS.values(), PLANNERS) for study in studies_of(module).values()]
+EVERY = [(module, study) for module in (*PAPERS.values(), PLANNERS_STUDY) for study in studies_of(module).values()]
 
 
 def shortest(task: TableTask) -> float:
     return float(task.grid.distance_to(task.goal)[task.start])
 
 
-def settings(paper: str, study: str) -> dict[str, Setting]:
+def settings(paper: str, study: str) -> dict[str, TableSetting]:
     return settings_of(PAPERS[paper], study)
 
 
 @pytest.mark.parametrize(("module", "study"), EVERY, ids=[study.name for _, study in EVERY])
-def test_study(module: str, study: Study) -> None:
+def test_study(module: str, study: TableStudy) -> None:
     built = study.settings()
     names = [setting.name for setting in built]
     assert len(set(names)) == len(names)
@@ -44,19 +54,19 @@ def test_study(module: str, study: Study) -> None:
             assert math.isfinite(shortest(task))
     for system in study.systems:
         assert system.make().name == system.planner
-    empty = [judge(Figures(study.name, []), claim).word for claim in study.claims]
+    empty = [judge(TableFigures(study.name, []), claim).word for claim in study.claims]
     assert set(empty) <= {OPEN}
 
 
 def test_choosing() -> None:
     names = [study.name for _, study in EVERY]
     assert len(set(names)) == len(names)
-    assert {module for module, _ in Papers(papers=("000",)).chosen()} == {PAPERS["000"]}
-    both = Papers(papers=("003",), tables=("000_table_2",)).chosen()
+    assert {module for module, _ in PapersTable(papers=("000",)).chosen()} == {PAPERS["000"]}
+    both = PapersTable(papers=("003",), tables=("000_table_2",)).chosen()
     assert [study.name for _, study in both] == ["000_table_2", "003_table_5", "003_more_maps"]
 
 
-def verdicts_at(speeds: Sequence[float], module: str, study: Study) -> list[Verdict]:
+def verdicts_at(speeds: Sequence[float], module: str, study: TableStudy) -> list[ClaimVerdict]:
     """The verdicts on made-up runs of a study, where each system takes its own milliseconds."""
     rng = np.random.default_rng(0)
     rows = [
@@ -68,7 +78,7 @@ def verdicts_at(speeds: Sequence[float], module: str, study: Study) -> list[Verd
         for number in range(2)
         for run in range(3)
     ]  # fmt: skip
-    return [judge(Figures(study.name, rows), claim) for claim in study.claims]
+    return [judge(TableFigures(study.name, rows), claim) for claim in study.claims]
 
 
 def test_only_verdicts_that_are_not_counted_differ_between_machines() -> None:
@@ -138,9 +148,9 @@ def test_paper_004_has_floors_of_the_printed_lengths() -> None:
 
 
 def test_paper_004_judges_optima_and_printed_figures() -> None:
-    def figures(gaps: list[float], converged: int = 1) -> Figures:
+    def figures(gaps: list[float], converged: int = 1) -> TableFigures:
         about = {"study": "t", "setting": paper004.BLOCKS_20, "system": paper004.OURS, "success": True}
-        return Figures(
+        return TableFigures(
             "t",
             [about | {"number": k // 2, "run": k % 2, "gap": gap, "converged_at": converged}
              for k, gap in enumerate(gaps)],
@@ -182,7 +192,7 @@ def test_colonies_have_the_printed_constants() -> None:
     ],
 )  # fmt: skip
 def test_walkers_arrive_where_their_repair_helps(
-    systems: tuple[System, ...], setting: str, number: int, arrive: list[str]
+    systems: tuple[TableSystem, ...], setting: str, number: int, arrive: list[str]
 ) -> None:
     grid, start, goal = settings("001", "001_walkers")[setting].tasks[number]
     rng = np.random.default_rng(0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 
-from train.tables.study import Claim, Published, Setting, Study, System, TableTask, published
+from train.tables.study import Claim, Published, TableSetting, TableStudy, TableSystem, TableTask, published
 from train.tables.verdicts import reaches_print
 from warehouse_env.maps.grid_map import Cell
 from warehouse_env.maps.layouts import NAMED_TASKS, make_layout
@@ -18,13 +18,13 @@ _RUNS = 100  # ten times the paper's ten, so that "the best of ten" has an inter
 
 _PAPER = {"local_search": False, "patience": None}  # nothing of ours added
 SYSTEMS = (
-    System(PAPER_MODE, "pf_aco", _PAPER),
-    System(SHIPPED, "pf_aco"),
-    System(NO_GRADIENT, "pf_aco", {**_PAPER, "initial_boost": 1.0}),
-    System(GOAL, "aco"),
-    System(NEXT, "aco", {"heuristic": "next_cell", "dead_end": "die"}),
-    System("astar_turns", "astar_turns"),
-    System("dijkstra", "dijkstra"),
+    TableSystem(PAPER_MODE, "pf_aco", _PAPER),
+    TableSystem(SHIPPED, "pf_aco"),
+    TableSystem(NO_GRADIENT, "pf_aco", {**_PAPER, "initial_boost": 1.0}),
+    TableSystem(GOAL, "aco"),
+    TableSystem(NEXT, "aco", {"heuristic": "next_cell", "dead_end": "die"}),
+    TableSystem("astar_turns", "astar_turns"),
+    TableSystem("dijkstra", "dijkstra"),
 )
 MEASURES = (
     "best_of_10", "best_of_10_turns", "best_of_10_converged_at", "mean", "turns", "converged_at", "optimal_share",
@@ -79,24 +79,24 @@ def _claims(printed: tuple[Published, ...], length: float, turned: float, conver
     return (*rows, Claim(reach, check=partial(reaches_print, published=printed, ours=PAPER_MODE)))
 
 
-def _settings(*tasks: str | tuple[Cell, Cell]) -> tuple[Setting, ...]:
+def _settings(*tasks: str | tuple[Cell, Cell]) -> tuple[TableSetting, ...]:
     """Return "path 1", "path 2" and so on: named tasks of paper46, or a start and a goal there."""
     grid, named = make_layout("paper46"), NAMED_TASKS["paper46"]
     ends = [(named[task].start, named[task].goal) if isinstance(task, str) else task for task in tasks]
-    return tuple(Setting(f"path {k}", (TableTask(grid, *one),)) for k, one in enumerate(ends, start=1))
+    return tuple(TableSetting(f"path {k}", (TableTask(grid, *one),)) for k, one in enumerate(ends, start=1))
 
 
-def in_zone() -> tuple[Setting, ...]:
+def in_zone() -> tuple[TableSetting, ...]:
     """Return the four tasks within a zone, in the order of table 1."""
     return _settings("in_zone_2", "in_zone_1", "in_zone_3", _PATH_4)
 
 
-def cross_zone() -> tuple[Setting, ...]:
+def cross_zone() -> tuple[TableSetting, ...]:
     """Return the two tasks across zones, in the order of table 2."""
     return _settings("cross_zone_1", "cross_zone_2")
 
 
-_table = partial(Study, paper=PAPER, systems=SYSTEMS, runs=_RUNS, measures=MEASURES)
+_table = partial(TableStudy, paper=PAPER, systems=SYSTEMS, runs=_RUNS, measures=MEASURES)
 STUDIES = (
     _table(
         name="000_table_1", title="Table 1 of paper 000: paths within a zone of the warehouse", settings=in_zone,

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from train.tables.maps import clutter, draw_rectangle
-from train.tables.study import OPEN, Claim, Setting, Study, System, TableTask, Verdict, published
+from train.tables.study import OPEN, Claim, ClaimVerdict, TableSetting, TableStudy, TableSystem, TableTask, published
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import make_layout
 
@@ -26,17 +26,17 @@ _TRIES = 1_000
 # The constants that the paper prints for all colonies: rho = 0.4 and Q = 10; its eq. 15 deposits rho * Q / L.
 _PRINTED = {"evaporation": 0.4, "strength": 4.0}
 SYSTEMS = (
-    System(OURS, "apf_aco", {"dead_end": "die"}),
-    System(SHIPPED, "apf_aco"),
-    System(TRADITIONAL, "aco", {"dead_end": "die", **_PRINTED}),
-    System(BACKTRACKING, "aco", _PRINTED),
-    System(SHARP, "aco", {"exponent": 7, **_PRINTED}),
-    System(NO_WOLVES, "apf_aco", {"wolf_pack": 0.0}),
-    System(NO_FIELD, "apf_aco", {"repulsion_gain": 0.0}),
-    System(CLASSICAL, "apf"),
-    System(REPAIRED, "apf_improved", {"intermediate_point": False}),
-    System("astar_turns", "astar_turns"),
-    System("dijkstra", "dijkstra"),
+    TableSystem(OURS, "apf_aco", {"dead_end": "die"}),
+    TableSystem(SHIPPED, "apf_aco"),
+    TableSystem(TRADITIONAL, "aco", {"dead_end": "die", **_PRINTED}),
+    TableSystem(BACKTRACKING, "aco", _PRINTED),
+    TableSystem(SHARP, "aco", {"exponent": 7, **_PRINTED}),
+    TableSystem(NO_WOLVES, "apf_aco", {"wolf_pack": 0.0}),
+    TableSystem(NO_FIELD, "apf_aco", {"repulsion_gain": 0.0}),
+    TableSystem(CLASSICAL, "apf"),
+    TableSystem(REPAIRED, "apf_improved", {"intermediate_point": False}),
+    TableSystem("astar_turns", "astar_turns"),
+    TableSystem("dijkstra", "dijkstra"),
 )
 MEASURES = ("best", "mean", "gap", "converged_at", "turns", "ms", "optimal_share", "found_share")
 
@@ -71,9 +71,9 @@ def _blocks(rng: np.random.Generator) -> np.ndarray[tuple[int, int], np.dtype[np
     return occupied
 
 
-def settings() -> tuple[Setting, ...]:
+def settings() -> tuple[TableSetting, ...]:
     """Return both readings of "obstacles placed at random, free to occupied cells as 6 to 4", from corner to corner."""
-    return clutter(SIZE, SHARE, MAPS), Setting(IN_BLOCKS, tuple(block_task(seed) for seed in range(MAPS)))
+    return clutter(SIZE, SHARE, MAPS), TableSetting(IN_BLOCKS, tuple(block_task(seed) for seed in range(MAPS)))
 
 
 def _claims() -> tuple[Claim, ...]:
@@ -97,7 +97,9 @@ def _claims() -> tuple[Claim, ...]:
         Claim("The improved repulsion in the heuristic shortens paths", SHIPPED, NO_FIELD, "mean"),
         Claim(
             "8% shorter, 19% fewer iterations, 12% less time, 33% fewer turns than the colony of reference [11]",
-            check=lambda _: Verdict(OPEN, "the paper does not print that colony's equations, so it is not rebuilt"),
+            check=lambda _: ClaimVerdict(
+                OPEN, "the paper does not print that colony's equations, so it is not rebuilt"
+            ),
         ),
     )
 
@@ -106,7 +108,7 @@ BESIDE, IN_FRONT, LIGHT, WAREHOUSE = "goal before a shelf", "shelf in between", 
 STRONG = {"repulsion_gain": 20.0, "repulsion_reach": 4.0}
 
 
-def walker_settings() -> tuple[Setting, ...]:
+def walker_settings() -> tuple[TableSetting, ...]:
     """Return maps for a walker along the force: shelves behind the goal, across its path, scattered, in rows."""
     beside, between = [], []
     for column in range(2, 18):
@@ -121,10 +123,10 @@ def walker_settings() -> tuple[Setting, ...]:
     pairs = np.random.default_rng(1).integers(0, len(grid.free_cells), (48, 2))
     cells = [(int(row), int(column)) for row, column in grid.free_cells]
     return (
-        Setting(BESIDE, tuple(beside)),
-        Setting(IN_FRONT, tuple(between)),
+        TableSetting(BESIDE, tuple(beside)),
+        TableSetting(IN_FRONT, tuple(between)),
         clutter(SIZE, 0.1, 48),
-        Setting(WAREHOUSE, tuple(TableTask(grid, cells[a], cells[b]) for a, b in pairs)),
+        TableSetting(WAREHOUSE, tuple(TableTask(grid, cells[a], cells[b]) for a, b in pairs)),
     )
 
 
@@ -135,7 +137,7 @@ def walker_claim(text: str, ours: str, other: str, *settings: str) -> Claim:
 
 WALKER_MEASURES = ("found_share", "gap", "turns", "clearance", "ms")
 STUDIES = (
-    Study(
+    TableStudy(
         name="001_table_1", paper=PAPER, title="Table 1 of paper 001: 20 x 20 cells, four tenths of them occupied",
         settings=settings, systems=SYSTEMS, runs=_RUNS, measures=MEASURES, published=published(_COLUMNS, _TABLE_1),
         claims=_claims(),
@@ -145,15 +147,15 @@ STUDIES = (
         "grid paths (12, 14 and 14 straight and 18, 19 and 21 diagonal steps) on a map that differs from ours. A "
         "sample is a map. The paper's times are those of Python.",
     ),
-    Study(
+    TableStudy(
         name="001_walkers", paper=PAPER,
         title="Section 2.1 of paper 001: repulsion that lets a walker reach its goal", settings=walker_settings,
         systems=(
-            System(CLASSICAL, "apf"),
-            System(REPAIRED, "apf_improved", {"intermediate_point": False}),
-            System(STRONG_CLASSICAL, "apf", STRONG),
-            System(STRONG_REPAIRED, "apf_improved", {"intermediate_point": False, **STRONG}),
-            System("dijkstra", "dijkstra"),
+            TableSystem(CLASSICAL, "apf"),
+            TableSystem(REPAIRED, "apf_improved", {"intermediate_point": False}),
+            TableSystem(STRONG_CLASSICAL, "apf", STRONG),
+            TableSystem(STRONG_REPAIRED, "apf_improved", {"intermediate_point": False, **STRONG}),
+            TableSystem("dijkstra", "dijkstra"),
         ),
         runs=1, measures=WALKER_MEASURES,
         claims=(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from train.tables.maps import clutter
 from train.tables.papers import paper001
 from train.tables.papers.paper001 import BESIDE, IN_FRONT, LIGHT, WAREHOUSE, walker_claim, walker_settings
-from train.tables.study import Claim, Setting, Study, System
+from train.tables.study import Claim, TableSetting, TableStudy, TableSystem
 from warehouse_env.maps.grid_map import Cell
 
 PAPER = "Paper 002 (about 2023), ant colony and improved artificial potential field for agricultural transport robots"
@@ -27,19 +27,19 @@ _POINT_ONLY, _DISTANCE_ONLY = "apf_improved, intermediate point only", "apf_impr
 STRONG_DISTANCE = f"{_DISTANCE_ONLY}, strong repulsion"
 
 SYSTEMS = (
-    System(OURS, "fusion_aco", {"dead_end": "die", "intermediate_point": True}),
-    System(SHIPPED, "fusion_aco"),
-    System(WITH_POINT, "fusion_aco", {"intermediate_point": True}),
-    System(NO_FIELD, "fusion_aco", {"field_weight": 0.0}),
-    System(TRADITIONAL, "aco", {"heuristic": "next_cell", "dead_end": "die", **_PRINTED}),
-    System(BACKTRACKING, "aco", {"heuristic": "next_cell", **_PRINTED}),
-    System(TO_GOAL, "aco", _PRINTED),
-    System(REPAIRED, "apf_improved", {"exponent": 1.0, **_FIELD}),
-    System("dijkstra", "dijkstra"),
+    TableSystem(OURS, "fusion_aco", {"dead_end": "die", "intermediate_point": True}),
+    TableSystem(SHIPPED, "fusion_aco"),
+    TableSystem(WITH_POINT, "fusion_aco", {"intermediate_point": True}),
+    TableSystem(NO_FIELD, "fusion_aco", {"field_weight": 0.0}),
+    TableSystem(TRADITIONAL, "aco", {"heuristic": "next_cell", "dead_end": "die", **_PRINTED}),
+    TableSystem(BACKTRACKING, "aco", {"heuristic": "next_cell", **_PRINTED}),
+    TableSystem(TO_GOAL, "aco", _PRINTED),
+    TableSystem(REPAIRED, "apf_improved", {"exponent": 1.0, **_FIELD}),
+    TableSystem("dijkstra", "dijkstra"),
 )
 
 
-def settings() -> tuple[Setting, ...]:
+def settings() -> tuple[TableSetting, ...]:
     """Return floors of 30 x 30 cells with random clutter, and the paper's start and goal."""
     return tuple(clutter(SIZE, share, MAPS, START, GOAL) for share in SHARES)
 
@@ -63,7 +63,7 @@ def _claims() -> tuple[Claim, ...]:
 
 
 STUDIES = (
-    Study(
+    TableStudy(
         name="002_comparison", paper=PAPER, title="Paper 002: 30 x 30 cells from (1, 1) to (30, 28)", settings=settings,
         systems=SYSTEMS, runs=_RUNS,
         measures=("worst", "best", "ms", "converged_at", "mean", "gap", "turns", "optimal_share", "found_share"),
@@ -77,17 +77,17 @@ STUDIES = (
         f"of 20% and 30% (our choice), {MAPS} maps each. A sample is a map. Only the fusion uses the paper's alpha of "
         "1.5; the fusion without field is a traditional colony with it.",
     ),
-    Study(
+    TableStudy(
         name="002_walkers", paper=PAPER, title="Paper 002: the walker along the force and its two repairs",
         settings=walker_settings,
         systems=(
-            System(CLASSICAL, "apf", _FIELD),
-            System(_DISTANCE_ONLY, "apf_improved", {**_DISTANCE, **_FIELD}),
-            System(_POINT_ONLY, "apf_improved", {"relative_distance": False, **_FIELD}),
-            System(REPAIRED, "apf_improved", {"exponent": 1.0, **_FIELD}),
-            System(paper001.STRONG_CLASSICAL, "apf", paper001.STRONG),
-            System(STRONG_DISTANCE, "apf_improved", {**_DISTANCE, **paper001.STRONG}),
-            System("dijkstra", "dijkstra"),
+            TableSystem(CLASSICAL, "apf", _FIELD),
+            TableSystem(_DISTANCE_ONLY, "apf_improved", {**_DISTANCE, **_FIELD}),
+            TableSystem(_POINT_ONLY, "apf_improved", {"relative_distance": False, **_FIELD}),
+            TableSystem(REPAIRED, "apf_improved", {"exponent": 1.0, **_FIELD}),
+            TableSystem(paper001.STRONG_CLASSICAL, "apf", paper001.STRONG),
+            TableSystem(STRONG_DISTANCE, "apf_improved", {**_DISTANCE, **paper001.STRONG}),
+            TableSystem("dijkstra", "dijkstra"),
         ),
         runs=1, measures=paper001.WALKER_MEASURES,
         claims=(

@@ -10,8 +10,18 @@ import numpy as np
 from train.reporting.report import number
 from train.tables.maps import clutter, clutter_task, draw_rectangle
 from train.tables.measures import MEASURES as KINDS
-from train.tables.measures import Figures
-from train.tables.study import OPEN, Claim, Published, Setting, Study, System, TableTask, Verdict, published
+from train.tables.measures import TableFigures
+from train.tables.study import (
+    OPEN,
+    Claim,
+    ClaimVerdict,
+    Published,
+    TableSetting,
+    TableStudy,
+    TableSystem,
+    TableTask,
+    published,
+)
 from warehouse_env.maps.grid_map import GridMap
 
 PAPER = "Gu, Duan, Su & Yuan (2020), improved ant colony (in Chinese), 10.3963/j.issn.2095-3844.2020.04.019"
@@ -30,16 +40,16 @@ _SCATTERED = {20: 0.12, 30: 0.14}  # share of scattered cells
 # the traditional one, which converges at 25.6 in its table 2.
 _TRADITIONAL = {"ants": 20, "iterations": 60, "strength": 100.0}
 SYSTEMS = (
-    System(PRINTED, "iaco", {"schedule": "printed", "evaporation": 5.0, "norms": "printed", "dead_end": "die"}),
-    System(OURS, "iaco"),
-    System(PLAIN, "iaco", {"smoothing": False}),
-    System(NO_GREED, "iaco", {"greed_first": 0.0, "greed_middle": 0.0, "greed_last": 0.0}),
-    System(STEADY, "iaco", {"decay": 0.0}),
-    System(TRADITIONAL, "aco", {"heuristic": "next_cell", "dead_end": "die", **_TRADITIONAL}),
-    System(BACKTRACKING, "aco", {"heuristic": "next_cell", **_TRADITIONAL}),
-    System(SHARP, "aco", {"exponent": 7, "evaporation": 0.5, **_TRADITIONAL, "iterations": 20}),
-    System("theta_star", "theta_star"),
-    System("dijkstra", "dijkstra"),
+    TableSystem(PRINTED, "iaco", {"schedule": "printed", "evaporation": 5.0, "norms": "printed", "dead_end": "die"}),
+    TableSystem(OURS, "iaco"),
+    TableSystem(PLAIN, "iaco", {"smoothing": False}),
+    TableSystem(NO_GREED, "iaco", {"greed_first": 0.0, "greed_middle": 0.0, "greed_last": 0.0}),
+    TableSystem(STEADY, "iaco", {"decay": 0.0}),
+    TableSystem(TRADITIONAL, "aco", {"heuristic": "next_cell", "dead_end": "die", **_TRADITIONAL}),
+    TableSystem(BACKTRACKING, "aco", {"heuristic": "next_cell", **_TRADITIONAL}),
+    TableSystem(SHARP, "aco", {"exponent": 7, "evaporation": 0.5, **_TRADITIONAL, "iterations": 20}),
+    TableSystem("theta_star", "theta_star"),
+    TableSystem("dijkstra", "dijkstra"),
 )
 
 # Table 1. Setting: figures of the reference's colony, and of the paper's own. Length: best, longest, mean;
@@ -79,7 +89,7 @@ def _blocks(size: int, rng: np.random.Generator) -> GridMap:
     return GridMap(occupied, name=f"blocks {size}x{size}")
 
 
-def reconstructed(setting: str) -> Setting:
+def reconstructed(setting: str) -> TableSetting:
     """Return random maps of the kind of a line of table 1, whose shortest path has the length in OPTIMA."""
     size, found = 20 if setting.startswith("20") else 30, []
     goal = (size - 1, size - 1)
@@ -91,16 +101,16 @@ def reconstructed(setting: str) -> Setting:
         if abs(float(task.grid.distance_to(goal)[0, 0]) - OPTIMA[setting]) < 1e-6:
             found.append(task)
         if len(found) == MAPS:
-            return Setting(setting, tuple(found))
+            return TableSetting(setting, tuple(found))
     raise AssertionError("enough draws have the length")  # pragma: no cover
 
 
-def literature() -> tuple[Setting, ...]:
+def literature() -> tuple[TableSetting, ...]:
     """Return the four settings of table 1."""
     return tuple(reconstructed(setting) for setting in _TABLE_1)
 
 
-def shares() -> tuple[Setting, ...]:
+def shares() -> tuple[TableSetting, ...]:
     """Return the five environments of tables 2 and 3, several random floors each."""
     return tuple(clutter(size, share, MAPS) for size, share in SHARES.values())
 
@@ -123,18 +133,18 @@ def _published(table: tuple[tuple[float, ...], ...], mean: str, spread: str) -> 
     return published((mean, spread), lines)
 
 
-def below_print(figures: Figures, setting: str, measure: str, printed: float, by: float) -> Verdict:
+def below_print(figures: TableFigures, setting: str, measure: str, printed: float, by: float) -> ClaimVerdict:
     """Judge whether our figure is below a printed one of another paper by the claimed relative size."""
     figure = figures.figure(setting, OURS, measure)
     if not math.isfinite(figure.mean):
-        return Verdict(OPEN, "nothing was run for it")
+        return ClaimVerdict(OPEN, "nothing was run for it")
     low, high = (value if math.isfinite(value) else figure.mean for value in (figure.low, figure.high))
     why = f"{setting}, {KINDS[measure].heading}: {number(figure.mean, 4)} against {number(printed, 4)} in print"
     below = high < printed
-    return Verdict.graded([below, below and low / printed - 1 <= by], why)
+    return ClaimVerdict.graded([below, below and low / printed - 1 <= by], why)
 
 
-def finds_optimum(figures: Figures, ours: str) -> Verdict:
+def finds_optimum(figures: TableFigures, ours: str) -> ClaimVerdict:
     """Judge whether the best of the runs is the optimum, on all maps of all settings."""
     counts = []
     for setting in figures.settings:
@@ -142,7 +152,7 @@ def finds_optimum(figures: Figures, ours: str) -> Verdict:
         best = [min((row["gap"] for row in rows if row["success"]), default=1.0) for rows in runs]
         counts.append((setting, sum(gap < 1e-9 for gap in best), len(best)))
     why = "; ".join(f"{setting}: on {reached} of {maps} maps" for setting, reached, maps in counts)
-    return Verdict.graded([reached == maps for _, reached, maps in counts if maps], why)
+    return ClaimVerdict.graded([reached == maps for _, reached, maps in counts if maps], why)
 
 
 def _claims_1() -> tuple[Claim, ...]:
@@ -200,7 +210,7 @@ _BASELINE = (
     "with c = 5 (at most 1) and eq. 13 with unsquared norms. All use eq. 5's choice instead of eq. 8's uniform one."
 )
 
-_table = partial(Study, paper=PAPER, systems=SYSTEMS, runs=_RUNS)
+_table = partial(TableStudy, paper=PAPER, systems=SYSTEMS, runs=_RUNS)
 STUDIES = (
     _table(
         name="004_table_1", title="Table 1 of paper 004: floors of other papers", settings=literature,
