@@ -106,15 +106,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "train.central",
         "train.evaluation",
     ),
-    "train.tables.learning": (
-        *BELOW_TRAIN,
-        "train.books",
-        "train.reporting",
-        "train.evaluation",
-        "train.learning",
-        "train.tables",
-    ),
-    "train.tables": (*BELOW_TRAIN, "train.books", "train.reporting", "train.evaluation", "train.tables"),
+    "train.tables": (*BELOW_TRAIN, "train.reporting", "train.evaluation", "train.tables"),
     "train": (*BELOW_TRAIN, "train"),
 }
 
@@ -248,7 +240,7 @@ def test_every_import_is_allowed() -> None:
         ("warehouse_env.planning.ants.aco", "from warehouse_env import Simulator"),
         ("warehouse_env.simulation.physics.contact", "from warehouse_env.simulation.driver.tracking import follow"),
         ("warehouse_env.simulation.driver.tracking", "from warehouse_env.simulation.traffic import shield"),
-        ("warehouse_env.simulation.traffic.field", "from warehouse_env.simulation.tasks.dispatch import Dispatcher"),
+        ("warehouse_env.simulation.traffic.shield", "from warehouse_env.simulation.tasks.dispatch import Dispatcher"),
         ("warehouse_env.simulation.tasks.dispatch", "from warehouse_env.simulation.simulator import Simulator"),
         ("warehouse_env.simulation.step", "from warehouse_env.envs.parallel import parallel_env"),
         ("warehouse_env.simulation.step", "def f():\n    import torch"),

@@ -26,7 +26,6 @@ from train.fleet.check import check_log
 from train.fleet.driven import load_episode
 from train.fleet.listen import hear_log
 from train.fleet.secure import secure_context
-from train.leaderboard.entry import SHIPPED, read_entry
 from train.learning import checkpoint
 from train.learning.curves import read_run
 from train.reporting.comparison import read_runs
@@ -128,7 +127,6 @@ READERS: dict[str, Reader] = {
     "whole.jsonl": Reader(whole_rows, lambda: rows([{"a": 1}]), WarehouseError),
     "run.jsonl": of_text(with_other_rows, rows(targets.EVALUATED), WarehouseError),
     "progress.jsonl": of_text(of_training, rows(targets.PROGRESS), WarehouseError),
-    "entry.json": of_text(read_entry, next(SHIPPED.glob("*.json")).read_bytes(), WarehouseError),
     "instance.yaml": of_text(lambda path: repr(read_instance(path, "i")), targets.CLMAPF),
     "solution.yaml": of_text(lambda path: repr(read_solution(path)), targets.CLMAPF_SOLUTION),
     "log.jsonl": of_text(lambda path: check_log(path).messages, LOG, WarehouseError),
@@ -239,7 +237,7 @@ MAY_READ = {
     "warehouse_env.render.page_text": "ships with the package",
     "train.reporting.page": "ships with the package",
     "train.fleet.check": "ships with the package",
-    "train.tables.code": "sources of this package",
+    "train.tables.runner": "sources of this package",
     "warehouse_env.render.video": "what it has just written",
     "train.learning.away": "what the training beside it has just written",
     "train.reporting.rows": "counts what its own output replaces",

@@ -46,17 +46,9 @@ class Command(NamedTuple):
 _COMMANDS = {
     "demo": ("commands.demo:Demo", "compare the shipped policies in three minutes: table, pictures, video"),
     "plan": ("commands.plan:PlanCommand", "compare planners on the tasks of a map"),
-    "tables papers": ("tables.command:Papers", "make the papers' tables again, ours beside theirs, with verdicts"),
-    "tables benchmark": ("tables.benchmark.command:Benchmark", "plan pairs of cells of five floors by every planner"),
-    "tables traffic": (
-        "tables.traffic.command:Traffic",
-        "hold several robots' routes against each other, and drive them",
-    ),
-    "tables learning": ("tables.learning.command:Learning", "train seeds of each algorithm and say what learning adds"),
-    "tables floors": (
-        "tables.floors.command:Floors",
-        "drive policies and the rule on many floors, some drawn at random",
-    ),
+    "tables papers": ("tables.runner:PapersTable", "make the papers' tables again, ours beside theirs, with verdicts"),
+    "tables planners": ("tables.runner:PlannersTable", "plan pairs of cells of five floors by every planner"),
+    "tables floors": ("tables.floors:FloorsTable", "drive policies and the rule on many floors, some drawn at random"),
     "layouts": ("commands.layouts:Layouts", "list, draw, check and convert maps"),
     "places": ("commands.places:PlacesCommand", "propose pick faces and stations of a hall, draw and number them"),
     "policies": ("commands.parts:Policies", "list the policies"),
@@ -69,7 +61,7 @@ _COMMANDS = {
     "compare": ("commands.compare:Compare", "hold runs of evaluate against each other, in pairs"),
     "benchmark": (
         "commands.benchmark:Benchmark",
-        "drive a policy through the fixed set that all drive, and show the board",
+        "drive policies through the fixed set that all drive, beside the shipped ones",
     ),
     "clmapf": ("commands.clmapf:Clmapf", "plan car-like robots' routes on a public benchmark, and check any solution"),
     "advise": ("commands.advise:Advise", "say how many robots a floor bears, where they wait, what a change brings"),

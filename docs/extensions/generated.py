@@ -18,8 +18,8 @@ from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
 from train.cli import COMMANDS, main
-from train.leaderboard.board import board
-from train.leaderboard.entry import SHIPPED, read_entry
+from train.evaluation.fixed_set import SHIPPED, benchmark_tables
+from train.reporting.rows import read_rows
 from warehouse_env.field_notes import default_of, field_notes
 
 COLUMNS = "88"  # characters of a line of help, which fit a window of 1024 pixels
@@ -124,11 +124,11 @@ class Commands(SphinxDirective):
 
 
 class Board(SphinxDirective):
-    """The tables of the benchmark's shipped entries."""
+    """The benchmark's tables of the shipped policies."""
 
     def run(self) -> list[nodes.Node]:
         """Return a table for each track."""
-        tables = board([read_entry(path) for path in sorted(SHIPPED.glob("*.json"))])
+        tables = benchmark_tables(read_rows(SHIPPED))
         parts = [f"**{one.title}**\n\n{table(one.header, list(one.cells))}\n" for one in tables]
         return self.parse_text_to_nodes("\n".join([*parts, tables[0].note]))
 

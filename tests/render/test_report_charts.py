@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.render.charts import Bar
 from warehouse_env.render.heat_maps import Panel, heat_maps
-from warehouse_env.render.report_charts import Load, Pair, detours, differences, over_robots, throughput
+from warehouse_env.render.report_charts import Bar, FloorLoad, Pair, detours, differences, over_robots, throughput
 
 pytest.importorskip("matplotlib")
 
@@ -45,7 +44,7 @@ def test_drawings_are_the_same_every_time() -> None:
 
 def test_detours_and_throughput() -> None:
     assert "greedy" in read(detours({"greedy": np.array([1.0, 1.1, 1.2])}, "label"))
-    loads = [Load(8, 800.0, 700.0, 900.0, False), Load(16, 900.0, math.nan, math.nan, True)]
+    loads = [FloorLoad(8, 800.0, 700.0, 900.0, False), FloorLoad(16, 900.0, math.nan, math.nan, True)]
     drawn = read(throughput(loads, 100.0, loads[0], (6.0, 5.0, math.inf), "label"))
     assert {"drives", "jams", "most goals, 8 robots", "a further one brings half, from 6"} <= set(drawn)
     assert "a further one" not in " ".join(read(throughput(loads, 100.0, loads[0], None, "label")))

@@ -59,7 +59,7 @@ def test_every_command_has_help_with_the_common_options(capsys: pytest.CaptureFi
         drawn = name not in ("policies", "planners", "benchmark", "places")  # which draw nothing
         assert ("--seed" in shown) == drawn
         assert "{None,True,False}" not in shown
-        assert ("--json" in shown) == (name != "benchmark")  # which writes one file of JSON, under --out
+        assert ("--json" in shown) == (name != "benchmark")  # which writes its rows under --out
 
 
 def test_help_without_a_command_and_version(capsys: pytest.CaptureFixture[str]) -> None:

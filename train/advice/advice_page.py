@@ -53,8 +53,8 @@ def _throughput(advice: Advice) -> Shown:
     capacity = advice.capacity
     noun = advice.plan.aim.noun
     label = f"{noun.capitalize()} per hour of all robots together over their number"
-    found = [report_charts.Load(load.robots, *load.goals[:3], load.jammed) for load in capacity.loads]
-    named = report_charts.Load(capacity.goals.robots, *capacity.goals.goals[:3], False)
+    found = [report_charts.FloorLoad(load.robots, *load.goals[:3], load.jammed) for load in capacity.loads]
+    named = report_charts.FloorLoad(capacity.goals.robots, *capacity.goals.goals[:3], False)
     caption = (
         f"{label}, in the second half of the episodes: means with 95% intervals. The large dot is the answer, in "
         "episodes of its own. The dashed line is what they would reach if each were alone on the floor."

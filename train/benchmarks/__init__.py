@@ -1,1 +1,1 @@
-"""What is measured for speed: the simulator, the environments, the trainers, the planners, the ants against C."""
+"""The measurements of `warehouse bench`: speeds on this machine, and the step beside fixed work."""

@@ -1,13 +1,16 @@
-"""Fixed work of the step's kind: what the step is held against, so that its weight is seen on any machine.
+"""Fixed work like that of the step, with which the step is compared on any machine.
 
-In C (engine_step.c) where there is a compiler, else as a kernel (fixed_kernel.py). Either is the same work in every
-version of this package: neither calls anything of it, and their floor, starts and commands are made here.
+It is C (engine_step.c) where there is a compiler, else a kernel (fixed_kernel.py). Both are the same in every version
+of this package: they call nothing of it, and their floor, starts and commands are made here.
 """
 
 from __future__ import annotations
 
 import ctypes
 import math
+import os
+import shutil
+import subprocess
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -16,8 +19,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from train.benchmarks.native import address, load
+from warehouse_env.errors import WarehouseError
 
+# Kernels do not fuse a product and a sum into one rounding, so C must not either.
+FLAGS = ("-O3", "-march=native", "-ffp-contract=off", "-shared", "-fPIC")
 SOURCE = Path(__file__).parent / "engine_step.c"
 SIDE, RAYS, POINTS = 46, 32, 64  # as in engine_step.c: cells of the floor's side, rays, way-points of a route
 SEEN = RAYS + 6 * 6 + 2 * 5 + 2
@@ -29,7 +34,7 @@ Step = Callable[[int], object]  # does step k
 
 
 class Start(NamedTuple):
-    """Where robots stand in B worlds of N, their routes, and the commands they are given."""
+    """Poses of N robots in B worlds, their routes, and their commands."""
 
     pose: NDArray[np.float32]  # [B, N, 3], x, y [m] of the front axle, heading [rad]
     way: NDArray[np.float32]  # [B, N, POINTS, 2] [m]
@@ -37,7 +42,7 @@ class Start(NamedTuple):
 
 
 def floor() -> NDArray[np.uint8]:
-    """Return uint8[SIDE, SIDE]: shelves of 2 x 4 m between aisles, and a rim all round."""
+    """Return uint8[SIDE, SIDE]: shelves of 2 x 4 m between aisles, and a rim around them."""
     cell = np.arange(SIDE)
     inside = (cell >= 4) & (cell < 42)
     shelf = np.outer(inside & (cell % 4 < 2), inside & (cell % 8 >= 4))
@@ -46,7 +51,7 @@ def floor() -> NDArray[np.uint8]:
 
 
 def start(worlds: int, robots: int) -> Start:
-    """Return robots on free cells, along the aisles, each with a winding route of a metre between points."""
+    """Return robots on free cells along the aisles, each with a winding route whose points are 1 m apart."""
     rng = np.random.default_rng(0)
     free = np.argwhere(floor() == 0)
     row, column = np.stack([free[rng.permutation(len(free))[:robots]] for _ in range(worlds)]).transpose(2, 0, 1)
@@ -55,7 +60,7 @@ def start(worlds: int, robots: int) -> Start:
     turns = heading[..., None] + 0.4 * (rng.random((worlds, robots, POINTS)) - 0.5).cumsum(axis=-1)
     way = pose[..., None, :2] + np.stack([np.cos(turns), np.sin(turns)], axis=-1).cumsum(axis=-2)
     commands = 2.4 * rng.random((POOL, worlds, robots, 2)) - 1.2
-    commands[..., 0] += 0.1  # rather ahead than back
+    commands[..., 0] += 0.1  # mostly ahead
     return Start(pose, way.astype(np.float32), np.clip(commands, -1, 1).astype(np.float32))
 
 
@@ -65,18 +70,41 @@ def lidar() -> NDArray[np.float32]:
     return np.stack([np.cos(angle), np.sin(angle)]).astype(np.float32)
 
 
+def compiler() -> str | None:
+    """Return the C compiler, $CC or cc, if there is one."""
+    return shutil.which(os.environ.get("CC") or "cc")
+
+
+def load(source: Path, folder: Path) -> ctypes.CDLL:
+    """Compile a C file into the folder and load it; WarehouseError without a compiler or if it fails."""
+    command = compiler()
+    if command is None:
+        raise WarehouseError("no C compiler: install one, or name it in the environment variable CC")
+    library = folder / f"{source.stem}.so"
+    done = subprocess.run([command, *FLAGS, "-o", library, source, "-lm"], capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise WarehouseError(f"{command} could not compile {source.name}: {done.stderr.strip().splitlines()[-1:]}")
+    return ctypes.CDLL(str(library))
+
+
+def address(array: NDArray[np.generic]) -> ctypes.c_void_p:
+    """Return the address of a contiguous array."""
+    assert array.flags.c_contiguous
+    return ctypes.c_void_p(array.ctypes.data)
+
+
 class InC:
-    """The work in C; `robots` and `seen` are what the last step left."""
+    """The work in C; `robots` and `seen` hold the state after the last step."""
 
     def __init__(self, worlds: int, robots: int, folder: Path) -> None:
         """Compile into the folder; WarehouseError without a compiler."""
         begin = start(worlds, robots)
         self.robots = np.zeros((worlds, robots), ROBOT)
         for name, values in zip(("x", "y", "heading"), np.moveaxis(begin.pose, -1, 0), strict=True):
-            self.robots["motion"][name] = values
+            self.robots[name] = values
         self.seen = np.zeros((worlds, robots, SEEN), np.float32)
         self.way, self.commands = begin.way, begin.commands
-        self._given = (floor(), lidar(), self.robots.copy())  # kept alive: C only knows where they are
+        self._given = (floor(), lidar(), self.robots.copy())  # kept alive, since C holds only their addresses
         shelf, rays, before = (address(array) for array in self._given)
         native = load(SOURCE, folder).step
         native.restype = None
@@ -89,7 +117,7 @@ class InC:
 
 
 class InNumba:
-    """The work as a kernel; `seen` is what the last step left."""
+    """The work as a kernel; `seen` holds the rays of the last step."""
 
     def __init__(self, worlds: int, robots: int) -> None:
         """Compile, or load, the kernel."""

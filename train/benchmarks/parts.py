@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import math
 import statistics
 import subprocess
@@ -10,7 +9,6 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,16 +18,13 @@ from train.reporting.rows import Row
 from warehouse_env.config import EnvConfig
 from warehouse_env.threads import MOST_THREADS, set_num_threads
 
-_PLANNER = "astar"  # its routes are there at once; ants would be measured under "plan"
+_PLANNER = "astar"  # fast to plan; ants are measured by the part `plan`
 _POLICY = "ppo"
-_POOL = 32  # random actions are drawn before the clock starts, and then cycled
-_SIMULATED = 100  # seconds that robots drive under the field for each second of the budget
-_TRAINED = 5  # seconds of each training for each second of the budget
-_ALONE = 300  # seconds that each robot alone drives for each second of the budget
-_PAIRS = 3334  # of poses for each second of the budget
-_TURNS = 3  # chunks of the step and its reference for each second of the budget
-_CHUNKS = 9  # the rate of a row is the median over these
-_START_SEEDS = 16  # large batches repeat so many starts, for laying 30,000 routes is not what is measured
+_POOL = 32  # random actions, drawn before the clock starts and then cycled
+_TRAINED = 5  # seconds of each training per second of the budget
+_TURNS = 3  # chunks of the step and its reference per second of the budget
+_CHUNKS = 9  # a rate is the median over these
+_START_SEEDS = 16  # large batches repeat these starts: planning 30,000 routes is not what is measured
 _SQUARE_PER_ROBOTS = {32: 46, 256: 130, 1024: 260}  # robots -> side of the floor [cells], at one density
 
 
@@ -40,10 +35,8 @@ class Budget:
     seconds: float  # for each row
     largest: int  # robots in a single world
     threads: tuple[int, ...]
-    action_repeat: int  # of the simulator rows
     seed: int
-    maps: tuple[Path, ...] = ()  # of MovingAI, beside the layouts, for `alone`
-    each_reference: bool = False  # hold the step against every reference, not the best one only
+    each_reference: bool = False  # compare the step with every reference, not the best one only
 
 
 def _draws(space: Any, seed: int, *shape: int) -> NDArray[np.int64]:
@@ -88,14 +81,14 @@ def _speed(measured: Rate, envs: int, agents: int, threads: int) -> Row:
 
 
 def simulator(budget: Budget) -> Iterator[Row]:
-    """Batches of worlds on paper46 with each number of threads, and single worlds at one density with one thread."""
+    """Step batches of worlds on paper46 with each number of threads, and single worlds of one density with one."""
     from warehouse_env.maps.layouts import make_layout
     from warehouse_env.simulation.simulator import Simulator
 
     for worlds, robots in ((64, 16), (1024, 32), (1, 32), (1, 256), (1, 1024)):
         if worlds == 1 and robots > budget.largest:
             continue
-        config = EnvConfig(num_agents=robots, planner=_PLANNER, action_repeat=budget.action_repeat)
+        config = EnvConfig(num_agents=robots, planner=_PLANNER, action_repeat=1)
         side = _SQUARE_PER_ROBOTS[robots] if worlds == 1 else 0
         grid = make_layout("blocks", rows=side, columns=side) if worlds == 1 else None
         sim = Simulator(config.replace(max_steps=sys.maxsize), worlds, grid=grid)
@@ -106,12 +99,12 @@ def simulator(budget: Budget) -> Iterator[Row]:
                 continue
             set_num_threads(threads)
             measured = rate(lambda k, sim=sim, pool=pool: sim.step(pool[k % _POOL]), budget.seconds)  # type: ignore[misc]
-            yield {**_speed(measured, worlds, robots, threads), "action_repeat": budget.action_repeat}
+            yield _speed(measured, worlds, robots, threads)
     set_num_threads(MOST_THREADS)
 
 
 def reference(budget: Budget) -> Iterator[Row]:
-    """The step beside fixed work in C, or in a kernel where there is no compiler, in turns."""
+    """Compare the step with fixed work in C, or in a kernel where there is no compiler, in turns."""
     from train.benchmarks.reference import reference as hold
 
     set_num_threads(1)
@@ -120,7 +113,7 @@ def reference(budget: Budget) -> Iterator[Row]:
 
 
 def pettingzoo(budget: Budget) -> Iterator[Row]:
-    """One parallel PettingZoo environment with 8 robots: dicts in, dicts out."""
+    """Step one parallel PettingZoo environment with 8 robots."""
     from warehouse_env import parallel_env
 
     set_num_threads(1)
@@ -132,7 +125,7 @@ def pettingzoo(budget: Budget) -> Iterator[Row]:
 
 
 def vec_env(budget: Budget) -> Iterator[Row]:
-    """The VecEnv of stable-baselines3 with 64 worlds of 16 robots."""
+    """Step the VecEnv of stable-baselines3 with 64 worlds of 16 robots."""
     from warehouse_env import vec_env as make
 
     set_num_threads(1)
@@ -144,9 +137,9 @@ def vec_env(budget: Budget) -> Iterator[Row]:
 
 
 def policy(budget: Budget) -> Iterator[Row]:
-    """A learned policy drives 64 robots in each world: the steps alone, the decisions alone, and both in turn.
+    """Drive 64 robots a world with a learned policy: the steps alone, the decisions alone, and both in turn.
 
-    Where the two get into each other's way, as a BLAS's threads and the step's can, the parts are less than the whole.
+    Where the two hinder each other, as threads of a BLAS and of the step can, the parts are less than the whole.
     """
     from agents import make_policy, policy_config
     from warehouse_env.simulation.simulator import Simulator
@@ -171,14 +164,14 @@ def policy(budget: Budget) -> Iterator[Row]:
 
 
 def training(budget: Budget) -> Iterator[Row]:
-    """The trainers at their defaults, in turns: agent-steps/s, and the shares of simulator, policy and update."""
+    """Run the trainers in turns: agent-steps/s, and the shares of simulator, policy and update."""
     from train.benchmarks.trainers import training as train
 
     yield from train(_TRAINED * budget.seconds, budget.seed)
 
 
 def plan(budget: Budget) -> Iterator[Row]:
-    """Every planner on the named tasks of paper46: median milliseconds of a plan."""
+    """Run every planner on the named tasks of paper46: median milliseconds of a plan."""
     from warehouse_env.maps.layouts import NAMED_TASKS, make_layout
     from warehouse_env.planning import PLANNERS, make_planner
 
@@ -195,42 +188,6 @@ def plan(budget: Budget) -> Iterator[Row]:
         yield {"planner": name, "ms": 1000 * statistics.median(seconds), "on": layout, "plans": len(seconds)}
 
 
-def _elsewhere(name: str, per_second: float = 1.0) -> Callable[[Budget], Iterator[Row]]:
-    """Return the part that the function of a name measures, in the module of that name, with one thread.
-
-    per_second: seconds that it is given for each second of the budget.
-    """
-
-    def part(budget: Budget) -> Iterator[Row]:
-        set_num_threads(1)
-        measure = getattr(importlib.import_module(f"train.benchmarks.{name}"), name)
-        yield from measure(per_second * budget.seconds, budget.seed)
-
-    return part
-
-
-def jobs(budget: Budget) -> Iterator[Row]:
-    """Episodes/s of this process, of several, and of a Ray cluster of this machine."""
-    from train.benchmarks.jobs import jobs as drive
-
-    yield from drive(budget.seconds, budget.seed)
-
-
-def alone(budget: Budget) -> Iterator[Row]:
-    """A robot alone on every floor: goals, the longest time that it is in one place, and shelf contacts."""
-    from train.benchmarks.alone import alone as drive
-
-    set_num_threads(1)
-    yield from drive(_ALONE * budget.seconds, budget.seed, budget.maps)
-
-
-def poses(budget: Budget) -> Iterator[Row]:
-    """A robot alone from random poses to random poses on every layout: who arrives, how exactly, and how soon."""
-    from train.benchmarks.poses import poses as drive
-
-    yield from drive(round(_PAIRS * budget.seconds), budget.seed)
-
-
 _FIRST_STEP = (
     "from warehouse_env import parallel_env; env = parallel_env(num_agents=8, planner='astar'); env.reset(seed=0); "
     "env.step({agent: 0 for agent in env.agents})"
@@ -238,7 +195,7 @@ _FIRST_STEP = (
 
 
 def start(budget: Budget) -> Iterator[Row]:
-    """Seconds of a fresh interpreter until `import warehouse_env`, and until the first step of an environment."""
+    """Time a fresh interpreter up to `import warehouse_env`, and up to the first step of an environment [s]."""
     repeats = 3 if budget.seconds < 1 else 5
     importing = "import warehouse_env"
     for step, code in ((importing, importing), ("first step of an environment", _FIRST_STEP)):
@@ -251,11 +208,5 @@ def start(budget: Budget) -> Iterator[Row]:
 
 
 PARTS: dict[str, Callable[[Budget], Iterator[Row]]] = {
-    **{part.__name__: part for part in (simulator, reference, pettingzoo, vec_env, policy, training, plan)},
-    "looks": _elsewhere("looks"),
-    "field": _elsewhere("field", _SIMULATED),
-    "alone": alone,
-    "poses": poses,
-    "jobs": jobs,
-    "start": start,
+    part.__name__: part for part in (simulator, reference, pettingzoo, vec_env, policy, training, plan, start)
 }

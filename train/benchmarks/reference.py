@@ -1,7 +1,7 @@
-"""The step's weight: our step beside a reference of fixed work in the same process, in turns, by processor time.
+"""Measure our step beside a reference of fixed work in the same process, in turns, by processor time.
 
-Every chunk is a fixed number of steps from the same start, so that a slow machine simulates what a fast one does, and
-a ratio is that of neighbouring chunks, so that a machine whose speed swings tells the same.
+Every chunk is a fixed number of steps from the same start, so slow and fast machines simulate the same. A ratio is that
+of neighbouring chunks, so it does not depend on a machine whose speed varies.
 """
 
 from __future__ import annotations
@@ -19,8 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents import make_policy, policy_config
-from train.benchmarks.fixed_work import InC, InNumba, Step, floor
-from train.benchmarks.native import compiler
+from train.benchmarks.fixed_work import InC, InNumba, Step, compiler, floor
 from train.reporting.report import Table, number
 from train.reporting.rows import Row
 from warehouse_env.config import EnvConfig, SensorSpec
@@ -29,9 +28,9 @@ from warehouse_env.maps.layouts import make_layout
 from warehouse_env.simulation.simulator import Simulator
 
 IN_C, KERNEL = "C", "the kernel"  # names of the references
-SEEDS = 16  # large batches repeat so many starts
-POOL = 16  # commands drawn before the clock starts, and then cycled
-POLICY = "greedy"  # whose decisions are measured: the field, right of way and live routes
+SEEDS = 16  # large batches repeat these starts
+POOL = 16  # commands, drawn before the clock starts and then cycled
+POLICY = "greedy"  # its decisions are measured, with shield, right of way and live routes
 DECISIONS = {32: 60, 128: 15, 512: 2}  # robots of a single world -> decisions in a chunk
 DENSITY = 32 / 46**2  # [robots a cell] of these worlds
 WARM = 10  # decisions before the clock starts
@@ -39,7 +38,7 @@ BESIDE = (64, 16)  # the reference's worlds x robots beside single worlds
 
 
 class Size(NamedTuple):
-    """Worlds x robots, how many steps are in a chunk of each, and how many come before the clock starts."""
+    """Worlds x robots, the steps in a chunk of each kind, and the steps before the clock starts."""
 
     worlds: int
     robots: int
@@ -53,23 +52,23 @@ SIZES = (Size(64, 16, 60, 100, 30, 20), Size(1024, 32, 2, 3, 1, 5))
 
 
 class Timed(NamedTuple):
-    """Something that steps `rows` robots in a call, called `steps` times in a chunk."""
+    """A function that steps `rows` robots, called `steps` times in a chunk."""
 
     call: Step
     rows: int
     steps: int
 
     def warmed(self, steps: int) -> Timed:
-        """Return this after so many steps; the clock's steps go on where these end."""
+        """Return this after some steps; the timed steps continue where these end."""
         for k in range(steps):
             self.call(k)
         return self._replace(call=lambda k, call=self.call: call(k + steps))  # type: ignore[misc]
 
 
 def reference(chunks: int, seed: int, each: bool = False) -> Iterator[Row]:
-    """Yield a row for each configuration and size: how fast a step is over the reference, with quartiles.
+    """Yield a row for each configuration and size: the speed of a step over that of the reference, with quartiles.
 
-    The reference is C where there is a compiler, else a kernel; `each`: both, in rows of their own.
+    The reference is C where there is a compiler, else a kernel; `each`: both, in separate rows.
     """
     with tempfile.TemporaryDirectory() as folder:
         for size in SIZES:
@@ -93,7 +92,7 @@ def _references(worlds: int, robots: int, steps: int, folder: Path, each: bool) 
 
 
 def _configurations(size: Size, seed: int) -> Iterator[tuple[str, Timed]]:
-    """Yield the configurations by name, one after the other, since 1,024 worlds take memory."""
+    """Yield the configurations by name, one at a time, since 1,024 worlds need memory."""
     rng = np.random.default_rng(seed)
     shape = (POOL, size.worlds, size.robots)
     raw = _simulator(size, seed, action_type="raw", substeps=1)
@@ -134,7 +133,7 @@ def _decision(robots: int, decisions: int, seed: int) -> Timed:
 
 
 def _rows(named: Row, ours: Timed, references: dict[str, Timed], chunks: int) -> Iterator[Row]:
-    """Yield a row for each reference: the ratio of its time to ours, which is that of our speed to its speed."""
+    """Yield a row for each reference: its time over ours, which is our speed over its speed."""
     spent = in_turns([ours, *references.values()], chunks)
     for name, theirs in zip(references, spent[1:], strict=True):
         low, ratio, high = statistics.quantiles([b / a for a, b in zip(spent[0], theirs, strict=True)], n=4)
@@ -145,7 +144,7 @@ def _rows(named: Row, ours: Timed, references: dict[str, Timed], chunks: int) ->
 
 
 def in_turns(timed: Sequence[Timed], chunks: int) -> list[list[float]]:
-    """Return, for each, the processor time [us] of a robot's step in each chunk, all in turns."""
+    """Return for each its processor time [us] of a robot's step in each chunk, measured in turns."""
     spent: list[list[float]] = [[] for _ in timed]
     for chunk in range(chunks):
         for one, times in zip(timed, spent, strict=True):
@@ -157,7 +156,7 @@ def in_turns(timed: Sequence[Timed], chunks: int) -> list[list[float]]:
 
 
 def reference_table(rows: Sequence[Row]) -> Table:
-    """Return the table of `reference`'s rows: a line each configuration and size, two columns each reference."""
+    """Return the table of `reference`'s rows: a line for each configuration and size, two columns a reference."""
     kinds = list(dict.fromkeys(row["reference"] for row in rows))
     columns = [name for kind in kinds for name in (f"over {kind}", "quartiles")]
     lines: dict[tuple[str, str], dict[str, Row]] = {}

@@ -1,6 +1,4 @@
-"""The ratios written down with the last release, which of today's have fallen too far below them, and where ratios
-come from: the commit and the day.
-"""
+"""Compare ratios of the step with those of the last release, and name the commit and day of new ones."""
 
 from __future__ import annotations
 
@@ -16,17 +14,17 @@ from warehouse_env.errors import WarehouseError
 ROOT = Path(__file__).parents[2]
 RELEASE = Path(__file__).parent / "release.jsonl"
 RENEW = "warehouse bench --only reference --write-release"
-_LEFT = 2 / 3  # of a release's ratio: a third may be lost, more than machines and minutes differ by
+_LEFT = 2 / 3  # of a release's ratio: losing a third is more than machines and minutes differ by
 _NAMES = ("run", "envs", "agents", "reference")
 
 
 def write_release(rows: Sequence[Row], path: Path = RELEASE) -> None:
-    """Write down the rows of `reference` as those of the release."""
+    """Keep the rows of `reference` as those of the release."""
     write_rows(path, select(rows, what="reference"))
 
 
 def judge(rows: Sequence[Row], path: Path = RELEASE) -> None:
-    """Raise WarehouseError where a ratio of `reference` is a third below the release's, or none is written down."""
+    """Raise WarehouseError if a ratio of `reference` is a third below the release's, or the release has none."""
     ratios, written = select(rows, what="reference"), read_rows(path)
     unknown = [_name(row) for row in ratios if not _same(written, row)]
     if unknown:
@@ -54,12 +52,12 @@ def _name(row: Row) -> str:
 
 
 def origin() -> Row:
-    """Return the commit of the source, or the version of the package where there is no git; and today's date."""
+    """Return the commit of the source, or the package's version without git, and today's date."""
     return {"commit": commit(ROOT) or __version__, "date": datetime.date.today().isoformat()}
 
 
 def commit(root: Path) -> str | None:
-    """Return the commit that a working copy stands on, with "-dirty" where files differ; None if it is none."""
+    """Return the commit of a working copy, with "-dirty" where files differ; None without git."""
     if not (root / ".git").exists():
         return None
     try:

@@ -1,4 +1,4 @@
-"""The trainers by their recipe `bare`, in turns: agent-steps/s of the whole loop, and where the time goes."""
+"""Measure the trainers with their recipe `bare`, in turns: agent-steps/s of the whole loop, and shares of its time."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from train.reporting.rows import Row
 TRAINERS = {  # name -> module, trainer, config
     "reinforce": ("train.reinforce", "Reinforce", configs.ReinforceConfig),
     "threaded_ppo": ("train.threaded_ppo", "ThreadedPpo", configs.ThreadedPPOConfig),
-    "ppo": ("train.ppo", "Ppo", configs.PPOConfig),  # by stable-baselines3: what the others are held against
+    "ppo": ("train.ppo", "Ppo", configs.PPOConfig),  # of stable-baselines3: the others are compared with it
 }
 _TURNS = 5
-_WARM_UP = 3  # updates before the clock starts: kernels are loaded, and the worlds have begun to fill up
+_WARM_UP = 3  # updates before the clock starts, which load kernels
 
 
 class _Measured(NamedTuple):

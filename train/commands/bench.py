@@ -1,8 +1,7 @@
-"""`warehouse bench`: how fast everything is on this machine -> rows, tables, and ratios within the same run."""
+"""`warehouse bench`: measure speeds on this machine, as rows, tables, and ratios within the same run."""
 
 from __future__ import annotations
 
-import importlib
 import os
 import platform
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -20,43 +19,37 @@ if TYPE_CHECKING:
     from train.benchmarks.parts import Budget
 
 What = Literal[
-    "simulator", "reference", "pettingzoo", "vec_env", "policy", "training", "plan",
-    "looks", "field", "alone", "poses", "jobs", "start",
+    "simulator", "reference", "pettingzoo", "vec_env", "policy", "training", "plan", "start",
 ]  # fmt: skip
 
-_SMALL = 32  # robots of the single world that larger ones are held against
+_SMALL = 32  # robots of the single world that larger ones are compared with
 
 
 @dataclass(frozen=True)
 class Bench(Checked):
-    """Measure agent-steps/s of the simulator, the environments, a policy's drive and the trainers, the step beside
-    fixed work, plans/s, contacts under the protective field, whether a robot alone always arrives, and at any pose,
-    episodes by who drives them, and the time to start."""
+    """Measure agent-steps/s of the simulator, the environments, a policy and the trainers, the step beside fixed work,
+    plans/s and the time to start."""
 
     only: tuple[What, ...] = ()
     """What to measure (everything if left out)."""
     quick: bool = False
-    """Measure a fifth as long, and no world of more than 256 robots: for a first impression."""
+    """Measure a fifth as long, and no world of more than 256 robots."""
     threads: tuple[int, ...] = (1, 2)
     """Numbers of threads for batches of worlds."""
     seconds: float = 3.0
     """Time for each measurement, after its warm-up [s]."""
-    action_repeat: int = 1
-    """Physics steps of 0.1 s in one step of the simulator (an environment's default is 2)."""
     seed: int = 0
     """Seed of the worlds and of the random actions."""
-    maps: tuple[Path, ...] = ()
-    """MovingAI maps on which a robot drives alone, beside the layouts."""
     json: Path | None = None
     """Write the rows to this file as JSON lines."""
     append: bool = False
-    """Keep the rows that the file holds already."""
+    """Keep the rows that the file already holds."""
     rows: Path | None = None
     """Measure nothing: print the tables of the rows in this file, as Markdown."""
     check: bool = False
-    """Fail if a ratio of the step to its reference is a third below the one written down with the release."""
+    """Fail if a ratio of the step to its reference is a third below that of the release."""
     write_release: bool = False
-    """Write down the ratios of the step to each reference as those of the release."""
+    """Keep the ratios of the step to each reference as those of the release."""
 
     def run(self) -> None:
         """Measure and print; a row is written as soon as it is measured."""
@@ -83,17 +76,16 @@ class Bench(Checked):
         """Return how long and how large to measure; ConfigError where that cannot be done."""
         from train.benchmarks.parts import Budget
 
-        if not 0 < self.seconds < 3600 or self.seed < 0 or min(self.threads, default=0) < 1 or self.action_repeat < 1:
+        if not 0 < self.seconds < 3600 or self.seed < 0 or min(self.threads, default=0) < 1:
             raise ConfigError(
                 f"--seconds {self.seconds} must lie between 0 and 3600, --seed {self.seed} be at least 0, "
-                f"--threads {' '.join(map(str, self.threads))} and --action-repeat {self.action_repeat} at least 1"
+                f"and --threads {' '.join(map(str, self.threads))} at least 1"
             )
         if (self.check or self.write_release) and self.only and "reference" not in self.only:
             raise ConfigError("--check and --write-release need the part `reference`: name it in --only as well")
         return Budget(
             seconds=self.seconds / 5 if self.quick else self.seconds, largest=256 if self.quick else 1024,
-            threads=self.threads, action_repeat=self.action_repeat, seed=self.seed, maps=self.maps,
-            each_reference=self.write_release,
+            threads=self.threads, seed=self.seed, each_reference=self.write_release,
         )  # fmt: skip
 
 
@@ -124,42 +116,24 @@ def tables(rows: Sequence[Row]) -> list[Table]:
     """Return the tables of speeds, plans and starting times, as far as they were measured."""
     speeds = [row for row in rows if "agent_steps_per_s" in row]
     made = [_speeds(speeds)] if speeds else []
-    for what, make in TABLES.items():
+    if own := select(rows, what="reference"):
+        from train.benchmarks.reference import reference_table
+
+        made.append(reference_table(own))
+    for what, make in (("plan", _plans), ("start", _starts)):
         if own := select(rows, what=what):
-            made += make(own)
+            made.append(make(own))
     return made
 
 
-def _elsewhere(module: str, name: str) -> Callable[[list[Row]], list[Table]]:
-    """Return the function of a module of train.benchmarks that makes the table, or the tables, of its rows."""
-
-    def make(rows: list[Row]) -> list[Table]:
-        found: Table | list[Table] = getattr(importlib.import_module(f"train.benchmarks.{module}"), name)(rows)
-        return [found] if isinstance(found, Table) else found
-
-    return make
-
-
-def _plans(rows: Sequence[Row]) -> list[Table]:
+def _plans(rows: Sequence[Row]) -> Table:
     cells = tuple((row["planner"], number(row["ms"], 2), number(1000 / row["ms"], 3), row["on"]) for row in rows)
-    return [Table("Plans, one core", ("planner", "median ms", "plans/s", "on"), cells)]
+    return Table("Plans, one core", ("planner", "median ms", "plans/s", "on"), cells)
 
 
-def _starts(rows: Sequence[Row]) -> list[Table]:
+def _starts(rows: Sequence[Row]) -> Table:
     cells = tuple((row["step"], number(row["seconds"], 2)) for row in rows)
-    return [Table("A fresh process, compile cache warm", ("until", "seconds"), cells)]
-
-
-TABLES: dict[str, Callable[[list[Row]], list[Table]]] = {
-    "reference": _elsewhere("reference", "reference_table"),
-    "plan": _plans,
-    "looks": _elsewhere("looks", "looks_table"),
-    "field": _elsewhere("field", "field_tables"),
-    "alone": _elsewhere("alone", "alone_table"),
-    "poses": _elsewhere("poses", "poses_table"),
-    "jobs": _elsewhere("jobs", "jobs_table"),
-    "start": _starts,
-}
+    return Table("A fresh process, compile cache warm", ("until", "seconds"), cells)
 
 
 def _speeds(rows: Sequence[Row]) -> Table:
@@ -174,9 +148,7 @@ def _speeds(rows: Sequence[Row]) -> Table:
             _thousands(row["env_steps_per_s"]) if "env_steps_per_s" in row else "",
             ", ".join(f"{name} {100 * share:.0f}%" for name, share in row.get("shares", {}).items()),
         ))  # fmt: skip
-    steps = {row["action_repeat"] for row in rows if "action_repeat" in row}
-    note = [f"One simulator step here: {count} physics step(s) of 0.1 s and one observation." for count in steps]
-    return Table("Speed", header, tuple(cells), "\n".join(note + ratios(rows)))
+    return Table("Speed", header, tuple(cells), "\n".join(["A simulator step here is 0.1 s.", *ratios(rows)]))
 
 
 def ratios(rows: Sequence[Row]) -> list[str]:

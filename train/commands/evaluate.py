@@ -162,7 +162,7 @@ class Evaluate(Episodes):
     """Drive policies through held-out episodes on layouts or maps; print means with 95% intervals."""
 
     pictures: bool = True
-    """Draw the trajectories of one episode of each policy, and the bar chart of collisions."""
+    """Draw the trajectories of one episode of each policy, and a chart of collisions and goals."""
     report: Path | None = None
     """Folder for a page to read and share: what the figures show in words, charts, heat maps, the worst as replays."""
 

@@ -14,22 +14,23 @@ from train.evaluation.rollout import Trace
 from train.reporting.report import counted, grouped, number, short_names
 from train.reporting.rows import Row, mean_interval
 from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.render import charts
+from warehouse_env.render import charts, report_charts
+from warehouse_env.render.report_charts import Bar
 
 _MOST_TASKS = 10  # of which pictures are drawn; a scenario file may hold thousands
+MEASURES = {report_charts.COLLISIONS: "collisions_per_km", "goals per robot-hour": "goals_per_robot_hour"}
 
 
 def evaluation_pictures(rows: Sequence[Row], traces: Sequence[Trace], folder: Path) -> list[Path]:
-    """Write a bar chart for each floor, task mode and planner, and the trajectories of each trace; return the files."""
+    """Write a chart for each floor, task mode and planner, and the trajectories of each trace; return the files."""
     files = []
     groups = grouped(rows, ("layout", "tasks", "planner"))
     short = short_names({str(row["policy"]) for row in rows})
     for (layout, tasks, planner), group in groups.items():
         which = () if len(groups) == 1 else map(file_name, map(str, (layout, tasks, planner)))
         files.append(folder / f"{'_'.join(('collisions', *which))}.png")
-        title = f"{Path(str(layout)).stem}, {tasks}, routes by {planner}"
-        collisions, goals = (bars(group, name, short) for name in ("collisions_per_km", "goals_per_robot_hour"))
-        charts.collision_bars(collisions, goals, files[-1], title)
+        measures = {title: bars(group, name, short) for title, name in MEASURES.items()}
+        report_charts.draw_over_robots({Path(str(layout)).stem: measures}, files[-1])
     for trace in traces:
         one = trace.experiment
         parts = (one.place, str(one.config.num_agents), one.policy)
@@ -43,10 +44,10 @@ def evaluation_pictures(rows: Sequence[Row], traces: Sequence[Trace], folder: Pa
     return files
 
 
-def bars(rows: Sequence[Row], measure: str, short: Mapping[str, str]) -> list[charts.Bar]:
-    """Return a bar for each policy and number of robots; short: the names that are shown."""
+def bars(rows: Sequence[Row], measure: str, short: Mapping[str, str]) -> list[Bar]:
+    """Return the mean of a measure for each policy and number of robots; short: the names that are shown."""
     return [
-        charts.Bar(short[str(policy)], int(str(robots)), *mean_interval(row[measure] for row in group)[:3])
+        Bar(short[str(policy)], int(str(robots)), *mean_interval(row[measure] for row in group)[:3])
         for (policy, robots), group in grouped(rows, ("policy", "robots")).items()
     ]
 

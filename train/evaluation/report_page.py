@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from train.evaluation.pictures import bars
+from train.evaluation.pictures import MEASURES, bars
 from train.evaluation.places import KEY, PAGE, Floor, floor_of_notes
 from train.evaluation.recorded import worst_episodes, write_replays
 from train.evaluation.rollout import Experiment
@@ -14,9 +14,8 @@ from train.reporting.page import Page, Part, Shown, made_by
 from train.reporting.report import counted, evaluation_table, grouped, make_progress, number, short_names
 from train.reporting.rows import Row, select, values_of, write_rows
 from warehouse_env.maps.loading import load_floor
-from warehouse_env.render.charts import Bar
 from warehouse_env.render.heat_maps import Panel, heat_maps
-from warehouse_env.render.report_charts import COLLISIONS, detours, over_robots
+from warehouse_env.render.report_charts import Bar, detours, over_robots
 
 ROWS = "rows.jsonl"
 WORST = 5  # episodes shown as replays
@@ -71,8 +70,7 @@ def _floors(rows: Sequence[Row], notes: Sequence[Row]) -> dict[str, Floor]:
 def _over_robots(rows: Sequence[Row], short: Mapping[str, str]) -> Shown:
     label = "Collisions per robot-km and goals per robot-hour over the number of robots"
     caption = f"{label}: means over episodes with 95% intervals. Fewer collisions and more goals are better."
-    measures = {COLLISIONS: "collisions_per_km", "goals per robot-hour": "goals_per_robot_hour"}
-    return Shown(over_robots(_measured(rows, measures, short), label), caption)
+    return Shown(over_robots(_measured(rows, MEASURES, short), label), caption)
 
 
 def _orders_over_robots(rows: Sequence[Row], short: Mapping[str, str]) -> list[Shown]:

@@ -1,1 +1,1 @@
-"""The comparison tables of the papers, from fixed seeds: `warehouse tables`."""
+"""The tables of `warehouse tables`, from fixed seeds: the papers', all planners, policies on many floors."""

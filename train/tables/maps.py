@@ -1,4 +1,4 @@
-"""Maps that tables of several papers share: random clutter of a given share, each from a seed of its own."""
+"""Maps that several papers' tables share: random clutter of a given share, rectangles, drawings."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ import math
 
 import numpy as np
 
-from train.tables.study import Setting, TableTask
+from train.tables.study import TableSetting, TableTask
 from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import Cell, GridMap
 
-_TRIES = 10_000  # draws for one setting; a share at which so few leave a way is refused
+_TRIES = 10_000  # draws for one setting
 
 
 def clutter_task(size: int, share: float, seed: int, start: Cell | None = None, goal: Cell | None = None) -> TableTask:
-    """Return a square floor with shelves on a share of its cells, drawn at random, and a way from start to goal.
+    """Return a square floor with shelves on a share of its cells, drawn at random, and a path from start to goal.
 
-    size: cells of a side; share: of all cells, 0 to below 1; start and goal: the corners at the upper left and the
-    lower right if left out. Equal arguments give equal maps. ConfigError where no draw leaves a way.
+    size: cells of a side; share: of all cells, 0 to below 1; start and goal: the upper left and lower right corners if
+    left out. Equal arguments give equal maps. ConfigError where no draw leaves a path.
     """
     start = start if start is not None else (0, 0)
     goal = goal if goal is not None else (size - 1, size - 1)
@@ -36,10 +36,10 @@ def clutter_task(size: int, share: float, seed: int, start: Cell | None = None, 
     raise ConfigError(f"share={share} of {size} x {size} cells left no way in {_TRIES} draws; lower it")
 
 
-def clutter(size: int, share: float, maps: int, start: Cell | None = None, goal: Cell | None = None) -> Setting:
+def clutter(size: int, share: float, maps: int, start: Cell | None = None, goal: Cell | None = None) -> TableSetting:
     """Return a setting of several random floors of one kind, named "20x20 35%"; arguments as clutter_task."""
     tasks = tuple(clutter_task(size, share, seed, start, goal) for seed in range(maps))
-    return Setting(f"{size}x{size} {100 * share:g}%", tasks)
+    return TableSetting(f"{size}x{size} {100 * share:g}%", tasks)
 
 
 def draw_rectangle(rng: np.random.Generator, size: int, least: int, most: int) -> tuple[slice, slice]:

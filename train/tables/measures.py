@@ -1,7 +1,7 @@
-"""What a table says about the runs of one planner on one task: measures, and their figures with intervals.
+"""The measures of a table, and their figures with intervals.
 
-A measure turns the rows of one task into independent samples. One sample a run where each run has its own value
-(length, turns, milliseconds); one sample in all where the runs have it together (best, worst, standard deviation).
+A measure turns the rows of one task into independent samples: one a run where each run has its own value (length,
+turns), or one in all where the runs have it together (best, worst, standard deviation).
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ from train.reporting.report import grouped
 from train.reporting.rows import Interval, Row, mean_interval, t_quantile, wilson_interval
 
 Samples = Callable[[Sequence[Row]], list[float]]
-_TEN = 10  # runs of which paper 000 gives the best
+_TEN = 10  # runs of which paper 000 prints the best
+_RESAMPLES = 400  # of the runs of one map, where a figure needs them all together (a best, a standard deviation)
+ROUNDING = 1e-9  # relative difference that counts as none
 
 
-class Measure(NamedTuple):
+class TableMeasure(NamedTuple):
     """A figure of a table.
 
-    samples: from the rows of one task to its samples; runs without a path give none, except to the shares.
-    better: which direction is good; "neither" for what only describes (a standard deviation, the optimum).
-    factor: what the samples are multiplied by to be shown, 100 where they are shares.
-    single: True where a task gives one sample, so that one map alone has no interval.
-    clock: True for times: their figures, and the verdicts on them, differ from machine to machine.
+    samples: from the rows of one task to its samples; runs without a path give none, except to shares.
+    better: the good direction; "neither" for what only describes. factor: of the shown figure, 100 for shares.
+    single: a task gives one sample, so one map alone has no interval. clock: a time, which differs between machines.
     """
 
     heading: str
@@ -55,11 +55,11 @@ def _over(field: str, reduce: Callable[[list[float]], float]) -> Samples:
     return samples
 
 
-def _of_best(field: str, runs: int | None = None) -> Samples:
-    """One sample each so many consecutive runs, or of all: the field of their shortest path, with the fewest turns."""
+def _of_best_of_ten(field: str) -> Samples:
+    """One sample for each ten runs, or of all if there are fewer: the field of their shortest path of fewest turns."""
 
     def samples(rows: Sequence[Row]) -> list[float]:
-        size = runs if runs and len(rows) >= runs else max(len(rows), 1)
+        size = _TEN if len(rows) >= _TEN else max(len(rows), 1)
         groups = (rows[first : first + size] for first in range(0, len(rows) - size + 1, size))
         found = ([row for row in group if row["length"] is not None] for group in groups)
         best = [min(group, key=lambda row: (round(row["length"], 9), row["turns"])) for group in found if group]
@@ -76,47 +76,35 @@ def _share(happened: Callable[[Row], bool]) -> Samples:
     return lambda rows: [float(happened(row)) for row in rows]
 
 
-MEASURES: dict[str, Measure] = {
-    "best": Measure("best length", _over("length", min), single=True),
-    "best_of_10": Measure("best of 10 runs", _of_best("length", _TEN), digits=6),
-    "best_of_10_turns": Measure("its turns", _of_best("turns", _TEN), digits=3),
-    "best_of_10_converged_at": Measure("it converged at", _of_best("converged_at", _TEN), digits=3),
-    "mean": Measure("mean length", _each("length")),
-    "worst": Measure("longest", _over("length", max), single=True),
-    "sd": Measure("st. dev.", _over("length", _deviation), "less", digits=3, single=True),
-    "gap": Measure("over the optimum [%]", _each("gap"), factor=100.0, digits=3),
-    "optimal_share": Measure("optimal [%]", _share(is_optimal), "more", 100.0, 3),
-    "found_share": Measure("found [%]", _share(lambda row: bool(row["success"])), "more", 100.0, 3),
-    "turns": Measure("turns", _each("turns"), digits=3),
-    "best_turns": Measure("turns of the best", _of_best("turns"), digits=3, single=True),
-    "turn_angle": Measure("turned [degrees]", _each("turn_angle"), digits=4),
-    "converged_at": Measure("converged at", _each("converged_at"), digits=3),
-    "best_converged_at": Measure("best converged at", _of_best("converged_at"), digits=3, single=True),
-    "converged_first": Measure("earliest", _over("converged_at", min), digits=3, single=True),
-    "converged_last": Measure("latest", _over("converged_at", max), digits=3, single=True),
-    "converged_sd": Measure("st. dev. of it", _over("converged_at", _deviation), digits=3, single=True),
-    "iterations": Measure("iterations", _each("iterations"), digits=3),
-    "ms": Measure("median ms", _over("cpu_ms", statistics.median), digits=3, single=True, clock=True),
-    "line_length": Measure("smoothed length", _each("line_length")),
-    "best_line_length": Measure("best smoothed length", _over("line_length", min), single=True),
-    "worst_line_length": Measure("longest smoothed", _over("line_length", max), single=True),
-    "line_sd": Measure("st. dev., smoothed", _over("line_length", _deviation), digits=3, single=True),
-    "line_turns": Measure("turns, smoothed", _each("line_turns"), digits=3),
-    "clearance": Measure("clearance [cells]", _each("clearance"), "more", digits=3),
-    "last": Measure("last arrival [s]", _each("last")),
-    "contacts": Measure("contacts", _each("contacts"), digits=3),
-    "apart": Measure("least distance to it [cells]", _each("apart"), "more", digits=3),
-    "climb": Measure("climb [m]", _each("climb_m"), digits=3),
-    "optimum": Measure("optimum", _each("optimal_length"), "neither", digits=6),
-    "min_turns": Measure("fewest turns", _each("min_turns"), "neither", digits=3),
+MEASURES: dict[str, TableMeasure] = {
+    "best": TableMeasure("best length", _over("length", min), single=True),
+    "best_of_10": TableMeasure("best of 10 runs", _of_best_of_ten("length"), digits=6),
+    "best_of_10_turns": TableMeasure("its turns", _of_best_of_ten("turns"), digits=3),
+    "best_of_10_converged_at": TableMeasure("it converged at", _of_best_of_ten("converged_at"), digits=3),
+    "mean": TableMeasure("mean length", _each("length")),
+    "worst": TableMeasure("longest", _over("length", max), single=True),
+    "sd": TableMeasure("st. dev.", _over("length", _deviation), "less", digits=3, single=True),
+    "gap": TableMeasure("over the optimum [%]", _each("gap"), factor=100.0, digits=3),
+    "optimal_share": TableMeasure("optimal [%]", _share(is_optimal), "more", 100.0, 3),
+    "found_share": TableMeasure("found [%]", _share(lambda row: bool(row["success"])), "more", 100.0, 3),
+    "turns": TableMeasure("turns", _each("turns"), digits=3),
+    "turn_angle": TableMeasure("turned [degrees]", _each("turn_angle"), digits=4),
+    "converged_at": TableMeasure("converged at", _each("converged_at"), digits=3),
+    "converged_first": TableMeasure("earliest", _over("converged_at", min), digits=3, single=True),
+    "converged_last": TableMeasure("latest", _over("converged_at", max), digits=3, single=True),
+    "converged_sd": TableMeasure("st. dev. of it", _over("converged_at", _deviation), digits=3, single=True),
+    "ms": TableMeasure("median ms", _over("cpu_ms", statistics.median), digits=3, single=True, clock=True),
+    "line_length": TableMeasure("smoothed length", _each("line_length")),
+    "best_line_length": TableMeasure("best smoothed length", _over("line_length", min), single=True),
+    "worst_line_length": TableMeasure("longest smoothed", _over("line_length", max), single=True),
+    "line_sd": TableMeasure("st. dev., smoothed", _over("line_length", _deviation), digits=3, single=True),
+    "clearance": TableMeasure("clearance [cells]", _each("clearance"), "more", digits=3),
+    "optimum": TableMeasure("optimum", _each("optimal_length"), "neither", digits=6),
+    "min_turns": TableMeasure("fewest turns", _each("min_turns"), "neither", digits=3),
 }
 
 
-_RESAMPLES = 400  # of the runs of one map, where a figure needs them all together (a best, a standard deviation)
-ROUNDING = 1e-9  # relative difference that counts as none
-
-
-class Figures:
+class TableFigures:
     """All figures of one study, by its name, read from rows."""
 
     def __init__(self, study: str, rows: Sequence[Row]) -> None:
@@ -143,9 +131,9 @@ class Figures:
         return found.cut(1.0 if measure.endswith("_share") else math.inf)
 
     def difference(self, setting: str, ours: str, other: str, measure: str) -> Interval:
-        """Return ours - other with its 95% interval; NaN where one of them has no figure."""
+        """Return ours - other with its 95% interval; NaN where one has no figure. Maps are compared in pairs."""
         first, second = self.tasks(setting, ours), self.tasks(setting, other)
-        if len(first) > 1:  # on each map that gave both a figure
+        if len(first) > 1:
             samples = MEASURES[measure].samples
             return mean_interval(_mean(samples(a)) - _mean(samples(b)) for a, b in zip(first, second, strict=True))
         if not first or not second:
@@ -175,7 +163,7 @@ def _welch(first: Sequence[float], second: Sequence[float]) -> Interval:
         return mean_interval([])
     mean = _mean(first) - _mean(second)
     if count == 1:
-        # One of a kind, as an exact search's path, is compared as it is; one run of a random search cannot be.
+        # A single value, as of an exact search, is compared as it is; a single run of a random search is not.
         spread = max((float(np.ptp(sample)) for sample in (first, second)), default=0.0)
         return Interval(mean, mean, mean, 1) if spread == 0.0 else Interval(mean, math.nan, math.nan, 1)
     errors = [float(np.var(sample, ddof=1)) / len(sample) for sample in (first, second)]

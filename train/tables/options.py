@@ -1,17 +1,15 @@
-"""What every command of `warehouse tables` can be told, and how it writes its page."""
+"""The options that all commands of `warehouse tables` share, and how they run jobs and write their page."""
 
 from __future__ import annotations
 
 import os
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
-from train.evaluation.episodes import Episodes
 from train.evaluation.jobs import Job, Runner, go_on
-from train.evaluation.rollout import MOST, Experiment
+from train.evaluation.rollout import MOST
 from train.evaluation.workers import ShardOptions
 from train.reporting.report import Table
 from train.reporting.rows import Row, RowFile
@@ -22,8 +20,8 @@ GOES_ON = "the same command goes on from there"
 
 
 @dataclass(frozen=True)
-class StudyOptions(ShardOptions):
-    """What is the same for all; a subclass says what is run."""
+class TableOptions(ShardOptions):
+    """Options of every table; a subclass says what is run."""
 
     name: ClassVar[str] = ""  # of the folder in OUT
     usual_processes: ClassVar[int] = os.cpu_count() or 1
@@ -33,14 +31,14 @@ class StudyOptions(ShardOptions):
     fresh: bool = False
     """Run everything again, instead of keeping the rows that the file holds already."""
     json: Path | None = None
-    """File for the rows, as JSON lines (rows.jsonl in the study's folder if left out)."""
+    """File for the rows, as JSON lines (rows.jsonl in the table's folder if left out)."""
     out: Path = Path("results/tables")
-    """Folder for the rows, the tables and the pictures; each study but the papers' has its own in it."""
+    """Folder for the rows and the page; each command but `papers` has its own folder in it."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
         self._between(0, 2**62, "seed")
-        self._between(1, MOST, *(name for name in ("runs", "pairs", "trainings") if hasattr(self, name)))
+        self._between(1, MOST, *(name for name in ("runs", "pairs") if hasattr(self, name)))
 
     @property
     def folder(self) -> Path:
@@ -57,41 +55,28 @@ class StudyOptions(ShardOptions):
         return self.json or self.folder / "rows.jsonl"
 
     def check_writable(self) -> None:
-        """Raise WarehouseError if the page cannot be written: asked before a long run, not found out after it."""
+        """Raise WarehouseError if the page cannot be written; asked before a long run."""
         check_writable(self.folder / PAGE)
 
-    def drive(self, experiments: Sequence[Experiment]) -> list[Row]:
-        """Return the rows of experiments, in their order; those that the file holds are not driven again."""
-        with RowFile(self.rows_path, keep=not self.fresh) as file:
-            return self._do(file, file.old(), [Episodes(one) for one in experiments])
+    def rows_of(self, jobs: Sequence[Job], ours: Callable[[Row], bool] | None = None) -> list[Row]:
+        """Return the rows of jobs, in their order; jobs whose rows the file holds are not done again.
 
-    def rows_of(self, jobs: Sequence[Job], ours: Callable[[Row], bool]) -> list[Row]:
-        """Return the rows of jobs, in their order; those that the file holds are not done again.
-
-        ours: which rows of the file go where no job has them, for they were made by other code or from other seeds.
+        ours: which rows of the file are removed if no job has them, since other code or other seeds made them.
+        With --shard the command ends here: there is no table of a share.
         """
-        with RowFile(self.rows_path, keep=True) as file:
-            return self._do(file, go_on(file, jobs, ours, self.fresh), jobs, mixed=True)
-
-    def _do(self, file: RowFile, kept: Sequence[Row], jobs: Sequence[Job], mixed: bool = False) -> list[Row]:
-        """Do all jobs, or a share: with that the command ends, since there is no table of a share."""
         share = self.share
-        with Runner(file, kept, self.workers(), goes_on=GOES_ON, mixed=mixed) as run:
-            rows = run(jobs if share is None else share.jobs(jobs))
+        with RowFile(self.rows_path, keep=ours is not None or not self.fresh) as file:
+            kept = file.old() if ours is None else go_on(file, jobs, ours, self.fresh)
+            with Runner(file, kept, self.workers(), goes_on=GOES_ON, mixed=True) as run:
+                rows = run(jobs if share is None else share.jobs(jobs))
         if share is None:
             return rows
         then = f"{share.then(self._all_rows)} the same command without --shard makes the tables"
         print(f"wrote {len(rows):,} rows to {self.rows_path}; {then}")
         raise SystemExit(0)
 
-    def written(self, begin: float) -> str:
-        """Say what was written in the time since `begin`, as time.perf_counter counts."""
-        seconds = time.perf_counter() - begin
-        return f"wrote the tables to {self.folder} in {seconds:.0f} s, the rows to {self.rows_path}; begin with {PAGE}"
-
-    def write(self, title: str, tables: Sequence[Table], shown: str = "") -> None:
-        """Print the tables and write the page: the title, what is `shown`, in Markdown, and the tables."""
-        for table in tables:
-            table.print()
-        text = "\n".join(table.markdown() for table in tables)
-        write_text(self.folder / PAGE, f"# {title}\n\n{shown}{text}")
+    def write(self, title: str, tables: Sequence[Table], text: str = "") -> None:
+        """Write the page: the title, some Markdown, and the tables; say where it is."""
+        shown = "\n".join(table.markdown() for table in tables)
+        write_text(self.folder / PAGE, f"# {title}\n\n{text}{shown}")
+        print(f"wrote the tables to {self.folder / PAGE}, the rows to {self.rows_path}")

@@ -1,7 +1,7 @@
 """A table of a paper as data: the maps, the systems that are compared, the printed figures and the claims.
 
-A paper's module lists its `STUDIES`; everything else (running, resuming, tables, verdicts, pictures) is the same for
-all. Lengths are in cells, times in milliseconds, shares from 0 to 1.
+A module lists its `STUDIES`. Running, resuming, tables and verdicts are the same for all (`runner.py`). Lengths are in
+cells, times in milliseconds, shares from 0 to 1.
 """
 
 from __future__ import annotations
@@ -10,10 +10,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final, Literal, NamedTuple
 
-import numpy as np
-
-from train.reporting.rows import Row
-from train.tables.measures import MEASURES, Figures
+from train.tables.measures import MEASURES, TableFigures
 from warehouse_env.errors import ConfigError, unknown_name
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.planning import Planner, make_planner
@@ -26,19 +23,17 @@ OPEN: Final = "cannot be told"
 
 
 class TableTask(NamedTuple):
-    """A map with a start and a goal on it; others: start and goal of whatever else moves in a study's experiment."""
+    """A map with a start and a goal on it."""
 
     grid: GridMap
     start: Cell
     goal: Cell
-    others: tuple[tuple[Cell, Cell], ...] = ()
 
 
-@dataclass(frozen=True)
-class Setting:
-    """A group of lines of the paper's table: one map, or several random ones of one kind.
+class TableSetting(NamedTuple):
+    """A group of lines of the table: one map, or several random ones of one kind.
 
-    With one task a sample is a run; with several a sample is the mean of a map's runs, so intervals are over maps.
+    With one task a sample is a run. With several a sample is the mean of a map's runs, so intervals are over maps.
     """
 
     name: str
@@ -46,24 +41,16 @@ class Setting:
 
 
 @dataclass(frozen=True)
-class System:
-    """A planner with its parameters, as one line of the table; `label` is unique in a study, e.g. "pf_aco (paper)".
-
-    mode: what a study's experiment does with the planned paths, one of its own names; "" where it only plans.
-    """
+class TableSystem:
+    """A planner with its parameters, as one line of the table; `label` is unique in a study, e.g. "pf_aco (paper)"."""
 
     label: str
     planner: str
     parameters: Mapping[str, Any] = field(default_factory=dict)
-    mode: str = ""
 
     def make(self) -> Planner:
         """Build the planner; ConfigError for a wrong name or parameter."""
         return make_planner(self.planner, **self.parameters)
-
-
-Experiment = Callable[[TableTask, System, np.random.Generator], Row]
-"""What is run in place of a single plan -> the figures of a row: those of `plan_once` that the study's table shows."""
 
 
 class Published(NamedTuple):
@@ -83,7 +70,7 @@ class Published(NamedTuple):
 def published(
     measures: Sequence[str], lines: Iterable[tuple[str, str, str, Sequence[float | None]]]
 ) -> tuple[Published, ...]:
-    """Return the figures of printed lines (setting, system, ours, values), a value a measure, None where none is."""
+    """Return the figures of printed lines (setting, system, ours, values): a value a measure, None where none is."""
     return tuple(
         Published(setting, system, measure, value, ours)
         for setting, system, ours, values in lines
@@ -92,10 +79,10 @@ def published(
     )
 
 
-class Verdict(NamedTuple):
-    """What became of a claim, and the figures behind it.
+class ClaimVerdict(NamedTuple):
+    """The verdict on a claim, and the figures behind it.
 
-    by_clock: it rests on times, so another machine may judge otherwise; such verdicts are shown, but not counted.
+    by_clock: it rests on times, so another machine may judge otherwise; such verdicts are shown but not counted.
     """
 
     word: Word
@@ -103,7 +90,7 @@ class Verdict(NamedTuple):
     by_clock: bool = False
 
     @classmethod
-    def graded(cls, holds: Sequence[bool], why: str) -> Verdict:
+    def graded(cls, holds: Sequence[bool], why: str) -> ClaimVerdict:
         """Return the verdict on a claim that holds in some places: in all, in part, nowhere; open if there are none."""
         if not holds:
             return cls(OPEN, "nothing was run for it")
@@ -130,35 +117,31 @@ class Claim:
     measure: str = ""
     by: float | None = None
     settings: tuple[str, ...] = ()
-    check: Callable[[Figures], Verdict] | None = None
+    check: Callable[[TableFigures], ClaimVerdict] | None = None
 
 
 @dataclass(frozen=True)
-class Study:
-    """One table of one paper: what is run for it, what the paper prints, what it claims.
+class TableStudy:
+    """One table: what is run for it, what the paper prints, what it claims.
 
     settings: a function, so that maps are built only where they are needed; it must give the same maps every time.
     runs: of each system on each task; measures: names of MEASURES, the columns.
-    pictured: settings of which pictures are drawn; all if empty.
-    experiment: a function of a module, run for every row; a single plan if None.
     note: what is a reconstruction, and what differs from the paper; Markdown, shown under the table.
     """
 
     name: str
     paper: str
     title: str
-    settings: Callable[[], tuple[Setting, ...]]
-    systems: tuple[System, ...]
+    settings: Callable[[], tuple[TableSetting, ...]]
+    systems: tuple[TableSystem, ...]
     runs: int
     measures: tuple[str, ...]
     published: tuple[Published, ...] = ()
     claims: tuple[Claim, ...] = ()
     note: str = ""
-    pictured: tuple[str, ...] = ()
-    experiment: Experiment | None = None
 
     def __post_init__(self) -> None:
-        """Refuse names that do not exist, so that a wrong table is noticed before it is run."""
+        """Refuse unknown names, so that a wrong table is noticed before it is run."""
         labels = [system.label for system in self.systems]
         if len(set(labels)) != len(labels):
             raise ConfigError(f"study {self.name}: two systems have one label; labels must differ")

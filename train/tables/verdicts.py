@@ -1,4 +1,4 @@
-"""From the figures of a table to the verdicts on its claims."""
+"""Judge the claims of a table by its figures."""
 
 from __future__ import annotations
 
@@ -9,46 +9,45 @@ from typing import NamedTuple
 
 from train.reporting.report import number
 from train.reporting.rows import Interval
-from train.tables.measures import MEASURES, ROUNDING, Figures
-from train.tables.study import FAILS, HOLDS, IN_PART, OPEN, Claim, Published, Verdict
+from train.tables.measures import MEASURES, ROUNDING, TableFigures
+from train.tables.study import FAILS, HOLDS, IN_PART, OPEN, Claim, ClaimVerdict, Published
 
 _PRINT_ROUNDING = 1e-5  # relative: the papers print four decimals
 
 RULE = (
-    "How a claim is judged, setting by setting: the difference of the two systems' figures with its 95% interval "
-    "(Welch's t over runs where there is one map, paired by map where there are several, a bootstrap of the runs for "
-    "best, longest and standard deviation of one map). It **holds** if in every setting the difference has the claimed "
-    "sign, its interval is clear of zero and reaches the claimed size; it **holds in part** if in at least one setting "
-    "the sign is right and the interval clear of zero; otherwise it **does not hold**. Lengths and turns are those of "
-    "the runs that found a path. Verdicts on milliseconds rest on the clock of the machine that ran them and may "
-    "differ on another: they are marked and **not counted**, so that the totals are the same everywhere."
+    "A claim is judged in each setting by the difference of the two systems' figures with its 95% interval (Welch's t "
+    "over runs on one map, paired by map on several, a bootstrap of the runs for best, longest and standard deviation "
+    "of one map). It **holds** if in every setting the difference has the claimed sign, its interval excludes zero and "
+    "reaches the claimed size. It **holds in part** if in at least one setting the sign is right and the interval "
+    "excludes zero; otherwise it **does not hold**. Lengths and turns are those of runs that found a path. Verdicts on "
+    "milliseconds depend on the machine: they are marked and **not counted**, so the totals are the same everywhere."
 )
 
 
-class Judged(NamedTuple):
-    """One setting's part of a verdict: the relative difference, and whether it has the claimed sign and size."""
+class SettingVerdict(NamedTuple):
+    """One setting's part of a verdict: whether the difference has the claimed sign, and the claimed size."""
 
-    relative: Interval
+    known: bool
     clear: bool
     reaches: bool
     text: str
 
 
-def judge(figures: Figures, claim: Claim) -> Verdict:
-    """Return the verdict on a claim by RULE, with the figures of each setting behind it."""
+def judge(figures: TableFigures, claim: Claim) -> ClaimVerdict:
+    """Return the verdict on a claim by RULE, with the figures of each setting."""
     if claim.check is not None:
         return claim.check(figures)
     settings = claim.settings or figures.settings
     judged = [one for one in (_judge(figures, claim, setting) for setting in settings) if one is not None]
     why, by_clock = "; ".join(one.text for one in judged), MEASURES[claim.measure].clock
-    if not judged or all(not math.isfinite(one.relative.mean) for one in judged):
-        return Verdict(OPEN, why or "nothing was run for it", by_clock)
+    if not any(one.known for one in judged):
+        return ClaimVerdict(OPEN, why or "nothing was run for it", by_clock)
     if all(one.clear and one.reaches for one in judged):
-        return Verdict(HOLDS, why, by_clock)
-    return Verdict(IN_PART if any(one.clear for one in judged) else FAILS, why, by_clock)
+        return ClaimVerdict(HOLDS, why, by_clock)
+    return ClaimVerdict(IN_PART if any(one.clear for one in judged) else FAILS, why, by_clock)
 
 
-def _judge(figures: Figures, claim: Claim, setting: str) -> Judged | None:
+def _judge(figures: TableFigures, claim: Claim, setting: str) -> SettingVerdict | None:
     if not figures.tasks(setting, claim.ours) or not figures.tasks(setting, claim.other):
         return None
     relative = figures.relative(setting, claim.ours, claim.other, claim.measure)
@@ -67,11 +66,11 @@ def _judge(figures: Figures, claim: Claim, setting: str) -> Judged | None:
     ]
     unit = " points" if claim.measure.endswith("_share") else "%"
     text = f"{setting}: {shown[0]} against {shown[1]}, {percent(relative, unit)}"
-    return Judged(relative, clear, reaches, text)
+    return SettingVerdict(math.isfinite(relative.mean), clear, reaches, text)
 
 
-def reaches_print(figures: Figures, published: Sequence[Published], ours: str) -> Verdict:
-    """Return whether our figures are at or better than every printed one beside `ours`, but times; names the others."""
+def reaches_print(figures: TableFigures, published: Sequence[Published], ours: str) -> ClaimVerdict:
+    """Judge whether our figures reach every printed one beside `ours`, except times; name those that do not."""
     worse, reached = [], []
     for printed in published:
         figure = figures.figure(printed.setting, ours, printed.measure)
@@ -84,7 +83,7 @@ def reaches_print(figures: Figures, published: Sequence[Published], ours: str) -
             shown = [number(measure.factor * value, measure.digits) for value in (figure.mean, printed.value)]
             worse.append(f"{printed.setting}, {measure.heading}: {shown[0]} against {shown[1]} in print")
     why = f"{sum(reached)} of {len(reached)} figures reached" + ("; not: " + "; ".join(worse) if worse else "")
-    return Verdict.graded(reached, why)
+    return ClaimVerdict.graded(reached, why)
 
 
 def percent(relative: Interval, unit: str = "%") -> str:
@@ -97,12 +96,11 @@ def percent(relative: Interval, unit: str = "%") -> str:
     return f"{mean} [{100 * relative.low:+.1f}, {100 * relative.high:+.1f}]"
 
 
-def verdict_counts(verdicts: Sequence[Verdict]) -> str:
-    """Return how many claims hold, hold in part and do not, in a sentence; those that rest on the clock are apart."""
+def verdict_counts(verdicts: Sequence[ClaimVerdict]) -> str:
+    """Say how many claims hold, hold in part and do not; those that depend on the clock are counted apart."""
     counts = Counter(verdict.word for verdict in verdicts if not verdict.by_clock)
-    told = [counts[word] for word in (HOLDS, IN_PART, FAILS)]
-    counted = counts.total()
+    whole, part, none = (counts[word] for word in (HOLDS, IN_PART, FAILS))
     more = f"; {counts[OPEN]} cannot be told" if counts[OPEN] else ""
-    apart = len(verdicts) - counted
+    apart = len(verdicts) - counts.total()
     clock = f" Judged apart by this machine's clock, not counted: {apart}." if apart else ""
-    return f"Of {counted} claims {told[0]} hold, {told[1]} hold in part and {told[2]} do not hold{more}.{clock}"
+    return f"Of {counts.total()} claims {whole} hold, {part} hold in part and {none} do not hold{more}.{clock}"

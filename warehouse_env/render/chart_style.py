@@ -1,4 +1,4 @@
-"""What all charts share: fonts and inks, an empty figure, writing it whole, numbers for reading."""
+"""Parts that all charts share: fonts and inks, an empty figure, writing it as a file or as SVG, a scale."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import io
 import math
 import os
 import re
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 
 DPI = 150
 PICTURES = (".png", ".svg", ".pdf", ".jpg", ".jpeg", ".webp", ".tif", ".tiff")
-ROUNDING = 1e-9  # what means and intervals leave of 0: no figure of ours is as small
+ROUNDING = 1e-9  # smaller values are rounding errors of zero
 INK = "#2b3038"
 FAINT = "#5f6771"
 STYLE: dict[str, Any] = {
@@ -53,19 +54,19 @@ _NOT_DATED = {"Date": None, "Creator": None}
 
 
 def style() -> Any:
-    """Return matplotlib's context in which a chart is drawn."""
+    """Return the matplotlib context in which a chart is drawn."""
     return load("matplotlib").rc_context(STYLE)
 
 
 def empty_figure(width: float, height: float, dpi: int = DPI) -> Figure:
-    """Return a figure of width x height [inches] that needs no window."""
+    """Return a figure of width x height [inches] without a window."""
     figure: Figure = load("matplotlib.figure").Figure(figsize=(width, height), dpi=dpi, layout="constrained")
     load("matplotlib.backends.backend_agg").FigureCanvasAgg(figure)
     return figure
 
 
 def check_picture(path: str | os.PathLike[str]) -> None:
-    """Raise ConfigError for a picture whose suffix names no format that figures are written in."""
+    """Raise ConfigError for a picture with an unknown suffix."""
     if Path(path).suffix.lower() not in PICTURES:
         raise ConfigError(f"picture {path} must end in one of {', '.join(PICTURES)}")
 
@@ -78,10 +79,7 @@ def save(figure: Figure, path: str | os.PathLike[str]) -> None:
 
 
 def svg(figure: Figure, label: str) -> str:
-    """Return a figure as SVG for a page: it fills its place, and its inks are the page's (--ink, --faint, --rule).
-
-    label: what is read out in its stead.
-    """
+    """Return a figure as SVG for a page, in the page's inks (--ink, --faint, --rule); label: for screen readers."""
     text = io.StringIO()
     with load("matplotlib").rc_context({"svg.fonttype": "none", "svg.hashsalt": label}):
         figure.savefig(text, format="svg", transparent=True, bbox_inches="tight", pad_inches=0.05, metadata=_NOT_DATED)
@@ -106,15 +104,17 @@ def draw_discs(ax: Axes, grid: GridMap, colour: RGB, alpha: float = 1.0) -> None
         ax.add_patch(load("matplotlib.patches").Circle((x, y), radius, color=hexed(colour), alpha=alpha, lw=0))
 
 
-def figures(value: float) -> str:
-    """Three significant figures, without exponent; "no data" for nan."""
-    if not math.isfinite(value):
-        return "no data"
-    if value == 0:
-        return "0"
-    return f"{value:.{max(0, 2 - math.floor(math.log10(abs(value))))}f}"
-
-
-def fails(share: float) -> str:
-    """Say in two digits what share of runs [0, 1] found no path."""
-    return f"{100 * share:.2g}% fail" if share < 0.995 else "no path"
+def log_scale(ax: Axes, values: Iterable[float]) -> None:
+    """Make the y axis logarithmic down to the decade of the smallest positive value, and linear from there to zero."""
+    positive = [value for value in values if math.isfinite(value) and value > ROUNDING]
+    if not positive:
+        ax.set_ylim(0, 1)
+        return
+    lowest = math.floor(math.log10(min(positive)))
+    ax.set_yscale("symlog", linthresh=10.0**lowest, linscale=0.5)
+    ax.set_ylim(0, max(positive) * 2.2)
+    ticker = load("matplotlib.ticker")
+    decades = [10.0**power for power in range(lowest, math.ceil(math.log10(max(positive) * 2.2)) + 1)]
+    ax.yaxis.set_major_locator(ticker.FixedLocator([0.0, *decades]))
+    ax.yaxis.set_minor_locator(ticker.NullLocator())
+    ax.yaxis.set_major_formatter(ticker.FuncFormatter(lambda value, _: f"{value:g}"))

@@ -1,4 +1,4 @@
-"""Figures on the floor, for pages: where robots wait, touch and pass, and what is proposed to be changed there."""
+"""Heat maps of a floor for pages: where robots wait, touch and pass, and what is proposed to change there."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ if TYPE_CHECKING:
 _WIDE = 10.0  # [inches] of a picture
 _SHELF: RGB = (140, 148, 158)
 _HEAT = ((1.0, 0.86, 0.3, 0.0), (0.99, 0.70, 0.12, 0.75), (0.90, 0.36, 0.05, 0.95), (0.62, 0.05, 0.12, 1.0))
-_WHITE = "#fffffe"  # on both pages: "#ffffff" would become the paper of the page
-_POWER = 0.5  # power of the scale: what is a quarter of the most has half of its colour
+_WHITE = "#fffffe"  # stays white: `svg` replaces "#ffffff" by the page's paper
+_POWER = 0.5  # of the scale: a quarter of the maximum has half of its colour
 
 
 class Panel(NamedTuple):
-    """A floor with what is to be seen on it; all but the title may be left out.
+    """A floor and what is drawn on it.
 
     heat: float[H, W], no colour where it is 0. marks: float[K, 2] [m], crosses. numbers: places (x, y) [m], numbered
-    from 1. opened: bool[H, W], cells whose shelf is taken away. one_way: uint8[H, W], as in GridMap, its own if None.
+    from 1. opened: bool[H, W], cells whose shelf is removed. one_way: uint8[H, W], as in GridMap; the floor's if None.
     """
 
     title: str
@@ -41,7 +41,7 @@ class Panel(NamedTuple):
 
 
 def heat_maps(panels: Sequence[Panel], unit: str, label: str, across: int = 3, shared: bool = True) -> str:
-    """Draw panels beside each other, `across` in a row, with a colour bar in `unit` that they share or not."""
+    """Draw panels as SVG, `across` in a row, with one colour bar in `unit` if `shared`, else one each."""
     with style():
         across = 2 if len(panels) == 4 else min(across, len(panels))
         rows = -(-len(panels) // across)
@@ -70,7 +70,7 @@ def _most(panel: Panel) -> float:
 
 
 def _draw(ax: Axes, panel: Panel, most: float) -> Any:
-    """Draw a floor into axes; return what its colour bar is of, None where there is no heat."""
+    """Draw a floor into axes; return the image of its colour bar, None without heat."""
     grid, (rows, columns) = panel.grid, panel.grid.shape
     side = grid.cell_size
     place: dict[str, Any] = {"extent": (0, columns * side, 0, rows * side), "interpolation": "none"}
@@ -101,7 +101,7 @@ def _draw(ax: Axes, panel: Panel, most: float) -> Any:
 
 
 def _shelves(panel: Panel) -> NDArray[np.float64]:
-    """Return float64[H, W, 4]: shelves in grey, what is opened in green, the rest clear."""
+    """Return float64[H, W, 4]: shelves in grey, opened cells in green, the rest clear."""
     image = np.zeros((*panel.grid.shape, 4))
     image[panel.grid.walls] = (*(part / 255 for part in _SHELF), 0.6)
     if panel.opened is not None:
@@ -110,5 +110,5 @@ def _shelves(panel: Panel) -> NDArray[np.float64]:
 
 
 def _colours() -> Any:
-    """Return the scale from clear over yellow to dark red: it reads on light and on dark pages."""
+    """Return the scale from clear over yellow to dark red, for light and dark pages."""
     return load("matplotlib.colors").LinearSegmentedColormap.from_list("heat", _HEAT)

@@ -1,26 +1,25 @@
-"""Learning curves: how runs of training came on, over the steps that their robots did."""
+"""Learning curves: goals, collisions and entropy of training runs over agent-steps."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from warehouse_env.render.chart_style import ROUNDING, empty_figure, hexed, save, style
+from warehouse_env.render.chart_style import empty_figure, hexed, log_scale, save, style
 from warehouse_env.render.colours import name_colours
-from warehouse_env.render.extras import load
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import FigureBase
 
-_POINTS = 400  # at which the mean and the band of several runs are drawn
+_POINTS = 400  # of the mean and the band of several runs
 _MILLION = 1e6
 
-# What is drawn: the key of a row, the label, whether the axis is logarithmic.
+# The key of a row, the label, whether the axis is logarithmic.
 PANELS = (
     ("goals_per_robot_hour", "goals per robot-hour", False),
     ("collisions_per_km", "collisions per km", True),
@@ -29,7 +28,7 @@ PANELS = (
 
 
 class Curve(NamedTuple):
-    """One run: its algorithm, the agent-steps [T], growing, and for each key of PANELS the values [T], maybe nan."""
+    """One run: its algorithm, the growing agent-steps [T], and for each key of PANELS the values [T], maybe nan."""
 
     algorithm: str
     steps: NDArray[np.float64]
@@ -37,7 +36,7 @@ class Curve(NamedTuple):
 
 
 def learning_curves(curves: Sequence[Curve], path: str | os.PathLike[str]) -> None:
-    """Write the curves of all runs, a panel each of PANELS."""
+    """Write the curves of all runs, a panel for each of PANELS."""
     with style():
         figure = empty_figure(11.0, 3.6)
         draw_curves(figure, curves)
@@ -45,7 +44,7 @@ def learning_curves(curves: Sequence[Curve], path: str | os.PathLike[str]) -> No
 
 
 def draw_curves(figure: FigureBase, curves: Sequence[Curve]) -> None:
-    """Draw the panels beside each other: of each algorithm the line of its run, or the mean and the band of them."""
+    """Draw the panels side by side: for each algorithm the line of its run, or the mean and band of several runs."""
     algorithms = list(dict.fromkeys(curve.algorithm for curve in curves))
     colours = name_colours(algorithms)
     axes = figure.subplots(1, len(PANELS))
@@ -55,7 +54,7 @@ def draw_curves(figure: FigureBase, curves: Sequence[Curve]) -> None:
             text = name if len(own) == 1 else f"{name} ({len(own)} runs)"
             _draw(ax, own, key, hexed(colours[name]), text)
         if logarithmic:
-            _logarithmic(ax, curves, key)
+            log_scale(ax, [float(value) for curve in curves for value in curve.values[key]])
         else:
             ax.set_ylim(bottom=0)
         ax.set(xlabel="agent-steps [millions]", xlim=(0, None))
@@ -72,9 +71,9 @@ def _draw(ax: Axes, curves: Sequence[Curve], key: str, colour: str, text: str) -
 
 
 def spread(curves: Sequence[Curve], key: str) -> tuple[NDArray[np.float64], ...]:
-    """Return steps, lowest, mean and highest value of runs, each float64[T], where at least one has steps.
+    """Return steps, lowest, mean and highest value of runs, each float64[T].
 
-    One run is given as it is; of several each is interpolated between its rows and counts from its first to its last.
+    A single run is returned as it is. Of several, each is interpolated and counts from its first to its last row.
     """
     if len(curves) == 1:
         one = curves[0]
@@ -85,17 +84,3 @@ def spread(curves: Sequence[Curve], key: str) -> tuple[NDArray[np.float64], ...]
         np.ma.filled(line, np.nan) for line in (lines.min(axis=0), lines.mean(axis=0), lines.max(axis=0))
     )
     return steps, low, mean, high
-
-
-def _logarithmic(ax: Axes, curves: Sequence[Curve], key: str) -> None:
-    """Make the axis logarithmic; a value of 0 leads down to its lower end. Not so if all are 0."""
-    ticker: Any = load("matplotlib.ticker")
-    positive = [float(value) for curve in curves for value in curve.values[key] if value > ROUNDING]
-    if not positive:
-        ax.set_ylim(0, 1)
-        return
-    ax.set_yscale("log", nonpositive="clip")
-    ax.set_ylim(min(positive) / 1.2, max(positive) * 1.2)
-    ax.yaxis.set_major_locator(ticker.LogLocator(subs=(1.0, 2.0, 5.0)))
-    ax.yaxis.set_major_formatter(ticker.FuncFormatter(lambda value, _: f"{value:g}"))
-    ax.yaxis.set_minor_locator(ticker.NullLocator())

@@ -1,26 +1,37 @@
-"""Charts of the pages that reports are: SVG drawings in the inks of the page, for light and dark."""
+"""Charts of evaluations and reports: measures over robots, detours, differences, throughput."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from warehouse_env.render.chart_style import FAINT, INK, empty_figure, hexed, style, svg
-from warehouse_env.render.charts import Bar, collision_scale
+from warehouse_env.render.chart_style import FAINT, INK, empty_figure, hexed, log_scale, save, style, svg
 from warehouse_env.render.colours import BLUE, CONTACT, GREEN, GREY, RGB, name_colours
 from warehouse_env.render.extras import load as module
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
-_APART = 0.13  # of the place between two numbers of robots: how far policies stand from each other
+_APART = 0.13  # of the distance between two numbers of robots: how far policies are apart
+
+
+class Bar(NamedTuple):
+    """A mean with its 95% interval, for a policy at a number of robots; nan where there is no figure."""
+
+    policy: str
+    robots: int
+    mean: float
+    low: float
+    high: float
 
 
 class Pair(NamedTuple):
-    """What stands in one line of `differences`: a paired difference with its 95% interval."""
+    """A line of `differences`: a paired difference with its 95% interval."""
 
     name: str
     mean: float
@@ -28,8 +39,8 @@ class Pair(NamedTuple):
     high: float
 
 
-class Load(NamedTuple):
-    """What a floor does with a number of robots: goals per hour of all of them, with the 95% interval."""
+class FloorLoad(NamedTuple):
+    """The throughput of a floor with a number of robots: goals per hour of all, with the 95% interval."""
 
     robots: int
     mean: float
@@ -39,31 +50,42 @@ class Load(NamedTuple):
 
 
 COLLISIONS = "collisions per robot-km"
+Measures = Mapping[str, Mapping[str, Sequence[Bar]]]
+"""Floor -> title of a measure -> its figures."""
 
 
-def over_robots(floors: Mapping[str, Mapping[str, Sequence[Bar]]], label: str) -> str:
-    """Draw measures, two or more, by their title over the number of robots, a row of panels a floor."""
+def over_robots(floors: Measures, label: str) -> str:
+    """Draw measures over the number of robots as SVG, a row of panels a floor."""
     with style():
-        across = max(map(len, floors.values()))
-        figure = empty_figure(10.0, 3.1 * len(floors) + 0.4)
-        axes = figure.subplots(len(floors), across, squeeze=False)
-        figure.get_layout_engine().set(w_pad=0.12, h_pad=0.1)  # type: ignore[union-attr,call-arg]
-        for line, (floor, measures) in zip(axes, floors.items(), strict=True):
-            for ax, (title, bars) in zip(line, measures.items(), strict=True):
-                _dots(ax, bars)
-                if title == COLLISIONS:
-                    collision_scale(ax, [bar for bar in bars if np.isfinite(bar.mean)])
-                else:
-                    ax.margins(y=0.15)
-                    ax.set_ylim(bottom=0)
-                ax.set(title=f"{floor}: {title}", xlabel="robots")
-        handles, labels = axes[0, 0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside upper left", ncols=6)
-        return svg(figure, label)
+        return svg(_over_robots(floors), label)
+
+
+def draw_over_robots(floors: Measures, path: Path) -> None:
+    """Write the drawing of `over_robots` as a picture."""
+    with style():
+        save(_over_robots(floors), path)
+
+
+def _over_robots(floors: Measures) -> Figure:
+    figure = empty_figure(10.0, 3.1 * len(floors) + 0.4)
+    axes = figure.subplots(len(floors), max(map(len, floors.values())), squeeze=False)
+    figure.get_layout_engine().set(w_pad=0.12, h_pad=0.1)  # type: ignore[union-attr,call-arg]
+    for line, (floor, measures) in zip(axes, floors.items(), strict=True):
+        for ax, (title, bars) in zip(line, measures.items(), strict=True):
+            _dots(ax, bars)
+            if title == COLLISIONS:
+                log_scale(ax, [value for bar in bars for value in (bar.mean, bar.high)])
+            else:
+                ax.margins(y=0.15)
+                ax.set_ylim(bottom=0)
+            ax.set(title=f"{floor}: {title}", xlabel="robots")
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper left", ncols=6)
+    return figure
 
 
 def _dots(ax: Axes, bars: Sequence[Bar]) -> None:
-    """A dot with its interval for each policy and number of robots, the dots of a policy joined by a line."""
+    """Draw a dot with its interval for each policy and number of robots; a line joins the dots of a policy."""
     counts = sorted({bar.robots for bar in bars})
     policies = list(dict.fromkeys(bar.policy for bar in bars))
     for k, (policy, colour) in enumerate(name_colours(policies).items()):
@@ -82,7 +104,7 @@ def _dots(ax: Axes, bars: Sequence[Bar]) -> None:
 
 
 def detours(ratios: Mapping[str, NDArray[np.float64]], label: str) -> str:
-    """Draw for each policy which share of its trips was at most so many times as long as planned."""
+    """Draw for each policy the share of its trips by how many times longer than planned they were at most."""
     with style():
         figure = empty_figure(7.0, 3.4)
         ax = figure.add_subplot()
@@ -103,7 +125,7 @@ def detours(ratios: Mapping[str, NDArray[np.float64]], label: str) -> str:
 
 
 def differences(panels: Mapping[str, Sequence[Pair]], label: str, unit: str = "") -> str:
-    """Draw paired differences with their intervals, a panel each measure, a line each pair, around zero."""
+    """Draw paired differences with their intervals around zero: a panel a measure, a line a pair."""
     with style():
         names = list(dict.fromkeys(pair.name for pairs in panels.values() for pair in pairs))
         figure = empty_figure(10.0, 0.34 * len(names) + 0.9)
@@ -129,13 +151,13 @@ def differences(panels: Mapping[str, Sequence[Pair]], label: str, unit: str = ""
 
 
 def throughput(
-    loads: Sequence[Load], alone: float, most: Load, knee: tuple[float, float, float] | None, label: str,
+    loads: Sequence[FloorLoad], alone: float, most: FloorLoad, knee: tuple[float, float, float] | None, label: str,
     what: str = "goals",
 ) -> str:  # fmt: skip
-    """Draw the goals per hour of a whole floor over its robots; alone: those of one robot that nobody hinders.
+    """Draw the goals per hour of a whole floor over its robots; alone: those of a single robot.
 
-    most: the answer, drawn large. knee: robots from which a further one is hardly worth it, with its interval. what:
-    instead of goals.
+    most: the answer, drawn large. knee: number of robots at which another one brings half of `alone`, with its
+    interval. what: the name of what is counted, if not goals.
     """
     with style():
         figure = empty_figure(7.6, 3.6)
@@ -163,6 +185,6 @@ def throughput(
         return svg(figure, label)
 
 
-def _dot(ax: Axes, load: Load, colour: RGB, marker: str, size: float) -> None:
+def _dot(ax: Axes, load: FloorLoad, colour: RGB, marker: str, size: float) -> None:
     reach = np.nan_to_num([[load.mean - max(load.low, 0.0)], [load.high - load.mean]]).clip(0)
     ax.errorbar([load.robots], [load.mean], reach, fmt=marker, ms=size, color=hexed(colour), elinewidth=1.4, capsize=3)

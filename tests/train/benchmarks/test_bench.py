@@ -1,4 +1,4 @@
-"""The benchmark: rates by a clock that we hold, ratios by hand, and every part on a tiny budget."""
+"""The benchmark: rates by a fake clock, ratios by hand, and parts on a tiny budget."""
 
 from __future__ import annotations
 
@@ -8,13 +8,18 @@ from typing import Any, get_args
 
 import pytest
 
-from train.benchmarks import parts
+from train.benchmarks import parts, trainers
 from train.benchmarks.parts import PARTS, Budget, Rate, rate
 from train.cli import main
 from train.commands.bench import What, ratios, tables
+from train.learning.recipes import by_recipe
 from train.reporting.rows import read_rows
+from warehouse_env.planning import PLANNERS
 
-TINY = Budget(seconds=0.02, largest=32, threads=(1,), action_repeat=1, seed=0)
+SMALL: dict[str, Any] = {
+    "layouts": ("open",), "robots": (2,), "rows": 8, "planner": "astar", "rollout": 4, "hidden": (20,), "threads": 1,
+}  # fmt: skip
+TINY = Budget(seconds=0.02, largest=32, threads=(1,), seed=0)
 
 
 def test_rate_by_a_clock_in_hand(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -39,17 +44,17 @@ def test_ratios_by_hand() -> None:
         simulator_row(1, 1024, 1, 600.0),
     ]  # fmt: skip
     assert ratios(rows) == ["64x16, 2 threads over 1: 1.90", "1x1024 over 1x32: 0.75"]
-    (table,) = tables([{**row, "action_repeat": 1} for row in rows])
+    trained = [
+        {"what": f"train_{name}", "trainer": name, "envs": 1, "agents": "2", "agent_steps_per_s": speed}
+        for name, speed in (("reinforce", 300.0), ("ppo", 100.0))
+    ]
+    assert ratios(trained) == ["train_reinforce over train_ppo: 3.00"]
+    (table,) = tables(rows)
     assert table.cells[0][:5] == ("simulator", "64", "16", "1", "1,000")
 
 
 def test_every_part_can_be_asked_for() -> None:
     assert list(PARTS) == list(get_args(What))
-
-
-def test_single_worlds_keep_their_density() -> None:
-    for robots, side in parts._SQUARE_PER_ROBOTS.items():
-        assert side * side / robots == pytest.approx(46 * 46 / 32, rel=0.03)
 
 
 def test_a_decisions_parts_by_hand(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -66,10 +71,21 @@ def test_a_decisions_parts_by_hand(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("what", ["pettingzoo", "policy", "plan"])
-def test_parts_measure(what: str) -> None:
+def test_parts_measure(what: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    few = {name: PLANNERS[name] for name in ("astar", "astar_turns", "pf_aco")}
+    monkeypatch.setattr("warehouse_env.planning.PLANNERS", few)
     for row in PARTS[what](TINY):
         assert row.get("agent_steps_per_s", 1) > 0
         assert row.get("ms", 1) > 0
+
+
+def test_every_trainer_is_measured(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(trainers, "by_recipe", lambda kind, recipe, **given: by_recipe(kind, recipe, **given | SMALL))
+    rows = list(trainers.training(0.05, 3))
+    assert [row["what"] for row in rows] == ["train_reinforce", "train_threaded_ppo", "train_ppo"]
+    for row in rows:
+        assert row["low"] <= row["agent_steps_per_s"] <= row["high"]
+        assert sum(row["shares"].values()) == pytest.approx(1.0)
 
 
 def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

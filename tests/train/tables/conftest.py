@@ -8,17 +8,17 @@ import types
 import pytest
 
 from tests.train.tables.toy import STUDY
-from train.tables import command
-from train.tables.study import Study
+from train.tables import runner
+from train.tables.study import TableStudy
 
 
 @pytest.fixture
-def toy(monkeypatch: pytest.MonkeyPatch) -> Study:
+def toy(monkeypatch: pytest.MonkeyPatch) -> TableStudy:
     """Make the toy study the only one of the catalogue."""
-    command.studies_of.cache_clear()
-    command.settings_of.cache_clear()
+    runner.studies_of.cache_clear()
+    runner.settings_of.cache_clear()
     module = types.ModuleType("toy_paper")
     module.STUDIES = (STUDY,)  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "toy_paper", module)
-    monkeypatch.setattr(command, "MODULES", {"toy": "toy_paper"})
+    monkeypatch.setattr(runner, "PAPERS", {"toy": "toy_paper"})
     return STUDY

@@ -1,4 +1,4 @@
-"""Table 1 of paper 001, and what it says of the potential field: the fusion with an ant colony on 20 x 20 cells."""
+"""Table 1 of paper 001, and its claims on the potential field: the fusion with an ant colony on 20 x 20 cells."""
 
 from __future__ import annotations
 
@@ -7,8 +7,7 @@ import math
 import numpy as np
 
 from train.tables.maps import clutter, draw_rectangle
-from train.tables.papers.six_agvs import SIX_AGVS
-from train.tables.study import OPEN, Claim, Setting, Study, System, TableTask, Verdict, published
+from train.tables.study import OPEN, Claim, ClaimVerdict, TableSetting, TableStudy, TableSystem, TableTask, published
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import make_layout
 
@@ -27,17 +26,17 @@ _TRIES = 1_000
 # The constants that the paper prints for all colonies: rho = 0.4 and Q = 10; its eq. 15 deposits rho * Q / L.
 _PRINTED = {"evaporation": 0.4, "strength": 4.0}
 SYSTEMS = (
-    System(OURS, "apf_aco", {"dead_end": "die"}),
-    System(SHIPPED, "apf_aco"),
-    System(TRADITIONAL, "aco", {"dead_end": "die", **_PRINTED}),
-    System(BACKTRACKING, "aco", _PRINTED),
-    System(SHARP, "aco", {"exponent": 7, **_PRINTED}),
-    System(NO_WOLVES, "apf_aco", {"wolf_pack": 0.0}),
-    System(NO_FIELD, "apf_aco", {"repulsion_gain": 0.0}),
-    System(CLASSICAL, "apf"),
-    System(REPAIRED, "apf_improved", {"intermediate_point": False}),
-    System("astar_turns", "astar_turns"),
-    System("dijkstra", "dijkstra"),
+    TableSystem(OURS, "apf_aco", {"dead_end": "die"}),
+    TableSystem(SHIPPED, "apf_aco"),
+    TableSystem(TRADITIONAL, "aco", {"dead_end": "die", **_PRINTED}),
+    TableSystem(BACKTRACKING, "aco", _PRINTED),
+    TableSystem(SHARP, "aco", {"exponent": 7, **_PRINTED}),
+    TableSystem(NO_WOLVES, "apf_aco", {"wolf_pack": 0.0}),
+    TableSystem(NO_FIELD, "apf_aco", {"repulsion_gain": 0.0}),
+    TableSystem(CLASSICAL, "apf"),
+    TableSystem(REPAIRED, "apf_improved", {"intermediate_point": False}),
+    TableSystem("astar_turns", "astar_turns"),
+    TableSystem("dijkstra", "dijkstra"),
 )
 MEASURES = ("best", "mean", "gap", "converged_at", "turns", "ms", "optimal_share", "found_share")
 
@@ -72,13 +71,13 @@ def _blocks(rng: np.random.Generator) -> np.ndarray[tuple[int, int], np.dtype[np
     return occupied
 
 
-def settings() -> tuple[Setting, ...]:
-    """Return both readings of "obstacles placed at random, free to occupied cells as 6 to 4", corner to corner."""
-    return clutter(SIZE, SHARE, MAPS), Setting(IN_BLOCKS, tuple(block_task(seed) for seed in range(MAPS)))
+def settings() -> tuple[TableSetting, ...]:
+    """Return both readings of "obstacles placed at random, free to occupied cells as 6 to 4", from corner to corner."""
+    return clutter(SIZE, SHARE, MAPS), TableSetting(IN_BLOCKS, tuple(block_task(seed) for seed in range(MAPS)))
 
 
 def _claims() -> tuple[Claim, ...]:
-    """Return the four percentages against the traditional colony, dying ants and others, then what stands open."""
+    """Return the four percentages against several traditional colonies, then the parts, then what cannot be told."""
     rows = []
     for other, which in (
         (TRADITIONAL, "the traditional colony, whose ants die at dead ends"),
@@ -98,7 +97,9 @@ def _claims() -> tuple[Claim, ...]:
         Claim("The improved repulsion in the heuristic shortens paths", SHIPPED, NO_FIELD, "mean"),
         Claim(
             "8% shorter, 19% fewer iterations, 12% less time, 33% fewer turns than the colony of reference [11]",
-            check=lambda _: Verdict(OPEN, "the paper does not print that colony's equations, so it is not rebuilt"),
+            check=lambda _: ClaimVerdict(
+                OPEN, "the paper does not print that colony's equations, so it is not rebuilt"
+            ),
         ),
     )
 
@@ -107,54 +108,54 @@ BESIDE, IN_FRONT, LIGHT, WAREHOUSE = "goal before a shelf", "shelf in between", 
 STRONG = {"repulsion_gain": 20.0, "repulsion_reach": 4.0}
 
 
-def walker_settings() -> tuple[Setting, ...]:
-    """Return what a walker along the force meets: shelves behind the goal, across its way, scattered, in rows."""
+def walker_settings() -> tuple[TableSetting, ...]:
+    """Return maps for a walker along the force: shelves behind the goal, across its path, scattered, in rows."""
     beside, between = [], []
     for column in range(2, 18):
         behind = np.zeros((SIZE, SIZE), dtype=np.bool_)
         behind[0, column] = True
         beside.append(TableTask(GridMap(behind, name=f"{BESIDE} {column}"), (18, column), (1, column)))
         wall = np.zeros((SIZE, SIZE), dtype=np.bool_)
-        half = 1 + column % 6  # of the wall's width, so that the ways round differ
+        half = 1 + column % 6  # of the wall's width, so that the detours differ
         wall[10, max(0, column - half) : column + half + 1] = True
         between.append(TableTask(GridMap(wall, name=f"{IN_FRONT} {column}"), (18, column), (1, column)))
     grid = make_layout("narrow")
     pairs = np.random.default_rng(1).integers(0, len(grid.free_cells), (48, 2))
     cells = [(int(row), int(column)) for row, column in grid.free_cells]
     return (
-        Setting(BESIDE, tuple(beside)),
-        Setting(IN_FRONT, tuple(between)),
+        TableSetting(BESIDE, tuple(beside)),
+        TableSetting(IN_FRONT, tuple(between)),
         clutter(SIZE, 0.1, 48),
-        Setting(WAREHOUSE, tuple(TableTask(grid, cells[a], cells[b]) for a, b in pairs)),
+        TableSetting(WAREHOUSE, tuple(TableTask(grid, cells[a], cells[b]) for a, b in pairs)),
     )
 
 
 def walker_claim(text: str, ours: str, other: str, *settings: str) -> Claim:
-    """Return that one walker finds its goal more often than another in some settings."""
+    """Return the claim that one walker finds its goal more often than another in some settings."""
     return Claim(text, ours, other, "found_share", settings=settings)
 
 
 WALKER_MEASURES = ("found_share", "gap", "turns", "clearance", "ms")
 STUDIES = (
-    Study(
+    TableStudy(
         name="001_table_1", paper=PAPER, title="Table 1 of paper 001: 20 x 20 cells, four tenths of them occupied",
         settings=settings, systems=SYSTEMS, runs=_RUNS, measures=MEASURES, published=published(_COLUMNS, _TABLE_1),
         claims=_claims(),
-        note="The paper shows its one map as a picture only and says: 20 x 20 cells, free to occupied as 6 to 4, "
-        f"obstacles at random. So there are two reconstructions of it, {MAPS} maps each, from corner to corner: single "
-        "cells, of which one draw in eighteen leaves a way, and rectangles, since the paper's path has 6 turns only. "
-        "Its lengths are those of lattice paths (12, 14 and 14 straight and 18, 19 and 21 diagonal steps); beside ours "
-        "they tell of another map. A sample is a map. The paper's time is that of Python.",
+        note="The paper prints its one map as a picture and says: 20 x 20 cells, free to occupied as 6 to 4, obstacles "
+        f"at random. There are two reconstructions of {MAPS} maps each, from corner to corner: single cells (one draw "
+        "in eighteen leaves a path), and rectangles, since the paper's path has only 6 turns. Its lengths are those of "
+        "grid paths (12, 14 and 14 straight and 18, 19 and 21 diagonal steps) on a map that differs from ours. A "
+        "sample is a map. The paper's times are those of Python.",
     ),
-    Study(
+    TableStudy(
         name="001_walkers", paper=PAPER,
-        title="Section 2.1 of paper 001: the repulsion that lets a walker reach its goal", settings=walker_settings,
+        title="Section 2.1 of paper 001: repulsion that lets a walker reach its goal", settings=walker_settings,
         systems=(
-            System(CLASSICAL, "apf"),
-            System(REPAIRED, "apf_improved", {"intermediate_point": False}),
-            System(STRONG_CLASSICAL, "apf", STRONG),
-            System(STRONG_REPAIRED, "apf_improved", {"intermediate_point": False, **STRONG}),
-            System("dijkstra", "dijkstra"),
+            TableSystem(CLASSICAL, "apf"),
+            TableSystem(REPAIRED, "apf_improved", {"intermediate_point": False}),
+            TableSystem(STRONG_CLASSICAL, "apf", STRONG),
+            TableSystem(STRONG_REPAIRED, "apf_improved", {"intermediate_point": False, **STRONG}),
+            TableSystem("dijkstra", "dijkstra"),
         ),
         runs=1, measures=WALKER_MEASURES,
         claims=(
@@ -166,10 +167,8 @@ STUDIES = (
                 "Beyond the claim: it makes other goals reachable, too", REPAIRED, CLASSICAL, LIGHT, WAREHOUSE
             ),
         ),
-        note="The paper has no table of the field alone; the maps are ours. Strong: gain 20 within 4 cells, at which "
-        "the push of one shelf cell behind the goal exceeds the pull on the cell before it; with the gain 1 of the "
-        "others no single shelf can do so. A walk is the same in every run.",
-        pictured=(BESIDE, LIGHT),
+        note="The paper has no table of the field alone; the maps are ours. Strong: gain 20 within 4 cells, so that "
+        "one shelf cell behind the goal repels more than the goal attracts on the cell before it; with gain 1 no "
+        "single shelf does. A walk is the same in every run.",
     ),
-    SIX_AGVS,
 )  # fmt: skip

@@ -8,8 +8,8 @@ from functools import partial
 import numpy as np
 
 from train.tables.maps import draw_rectangle, drawn_map
-from train.tables.measures import Figures
-from train.tables.study import OPEN, Claim, Setting, Study, System, TableTask, Verdict, published
+from train.tables.measures import TableFigures
+from train.tables.study import OPEN, Claim, ClaimVerdict, TableSetting, TableStudy, TableSystem, TableTask, published
 from warehouse_env.maps.distance import label_regions
 from warehouse_env.maps.grid_map import GridMap
 
@@ -25,19 +25,19 @@ _INVERSE = {"weights": "inverse", "excitation": "sum"}
 _PAPER_ALONE, _SHIPPED_ALONE = "network of the paper, one greedy ant", "shipped network, one greedy ant"
 _ALONE = {"ants": 1, "iterations": 1, "greed": 1.0, "local_search": False}
 SYSTEMS = (
-    System(OURS, "shaa_acs", {**_INVERSE, "local_search": False}),
-    System("shaa_acs (paper) with local search", "shaa_acs", _INVERSE),
-    System("shaa_acs (paper), weights by length", "shaa_acs", {"excitation": "sum", "local_search": False}),
-    System("shaa_acs (paper), weights by length, A = 1000", "shaa_acs", {"excitation": "sum", "decay": 1000.0}),
-    System(_PAPER_ALONE, "shaa_acs", {**_INVERSE, **_ALONE}),
-    System(SHIPPED, "shaa_acs"),
-    System(_SHIPPED_ALONE, "shaa_acs", _ALONE),
-    System(ACS, "acs", {"heuristic": "next_cell"}),
-    System(GOAL_ACS, "acs"),
-    System(PSO, "pso"),
-    System(AFSA, "afsa"),
-    System("aco", "aco"),
-    System("dijkstra", "dijkstra"),
+    TableSystem(OURS, "shaa_acs", {**_INVERSE, "local_search": False}),
+    TableSystem("shaa_acs (paper) with local search", "shaa_acs", _INVERSE),
+    TableSystem("shaa_acs (paper), weights by length", "shaa_acs", {"excitation": "sum", "local_search": False}),
+    TableSystem("shaa_acs (paper), weights by length, A = 1000", "shaa_acs", {"excitation": "sum", "decay": 1000.0}),
+    TableSystem(_PAPER_ALONE, "shaa_acs", {**_INVERSE, **_ALONE}),
+    TableSystem(SHIPPED, "shaa_acs"),
+    TableSystem(_SHIPPED_ALONE, "shaa_acs", _ALONE),
+    TableSystem(ACS, "acs", {"heuristic": "next_cell"}),
+    TableSystem(GOAL_ACS, "acs"),
+    TableSystem(PSO, "pso"),
+    TableSystem(AFSA, "afsa"),
+    TableSystem("aco", "aco"),
+    TableSystem("dijkstra", "dijkstra"),
 )
 
 _OPEN, _BAR, _BACK = "." * 20, "......#########.....", ".............##....."
@@ -46,10 +46,10 @@ _U = "\n".join([_OPEN] * 5 + [_BAR] * 2 + [_BACK] * 6 + [_BAR] * 2 + [_OPEN] * 5
 
 
 def scattered_task(size: int, share: float, largest: int, seed: int) -> TableTask:
-    """Return a square floor with rectangles of 1 to `largest` cells a side at random, with a way from corner to corner.
+    """Return a square floor with random rectangles of 1 to `largest` cells a side, and a path from corner to corner.
 
-    share: part of the cells that is covered at least. Rectangles that would close the way or touch the 2 x 2 cells at
-    start (upper left) or goal (lower right) are left out. Equal arguments give equal maps.
+    share: of the cells that is covered at least. No rectangle closes the path or touches the 2 x 2 cells at start
+    (upper left) or goal (lower right). Equal arguments give equal maps.
     """
     rng = np.random.default_rng(seed)
     occupied = np.zeros((size, size), dtype=np.bool_)
@@ -67,13 +67,13 @@ def scattered_task(size: int, share: float, largest: int, seed: int) -> TableTas
     return TableTask(GridMap(occupied, name=f"scattered {size}x{size} no. {seed}"), (0, 0), goal)
 
 
-def settings() -> tuple[Setting, ...]:
-    """Return the four maps: two single obstacles that open towards the start, light and heavy clutter."""
+def settings() -> tuple[TableSetting, ...]:
+    """Return the four maps: two single obstacles that open towards the start, light clutter, heavy clutter."""
     return (
-        Setting(E_SHAPED, (TableTask(drawn_map(_E, E_SHAPED), (12, 2), (8, 18)),)),
-        Setting(CONCAVE, (TableTask(drawn_map(_U, CONCAVE), (10, 2), (9, 18)),)),
-        Setting(SIMPLE, (scattered_task(20, 0.2, 3, 0),)),
-        Setting(COMPLEX, (scattered_task(50, 0.3, 5, 0),)),
+        TableSetting(E_SHAPED, (TableTask(drawn_map(_E, E_SHAPED), (12, 2), (8, 18)),)),
+        TableSetting(CONCAVE, (TableTask(drawn_map(_U, CONCAVE), (10, 2), (9, 18)),)),
+        TableSetting(SIMPLE, (scattered_task(20, 0.2, 3, 0),)),
+        TableSetting(COMPLEX, (scattered_task(50, 0.3, 5, 0),)),
     )
 
 
@@ -81,15 +81,15 @@ HEAVY, LIGHT = "50x50 30%", "50x50 20%"
 _MAPS = 12
 
 
-def more_settings() -> tuple[Setting, ...]:
-    """Return more maps like the complex one, and as many with a fifth covered, where wide ways mislead the network."""
+def more_settings() -> tuple[TableSetting, ...]:
+    """Return more maps like the complex one, and as many with a fifth covered: open space misleads the network."""
     return tuple(
-        Setting(name, tuple(scattered_task(50, share, 5, 1 + seed) for seed in range(_MAPS)))
+        TableSetting(name, tuple(scattered_task(50, share, 5, 1 + seed) for seed in range(_MAPS)))
         for name, share in ((HEAVY, 0.3), (LIGHT, 0.2))
     )
 
 
-# Shares of optimal runs that the text gives, of 10 runs; table 5's lengths and deviations are lost.
+# Shares of optimal runs in the text, of 10 runs; the lengths and deviations of table 5 are lost.
 _SHARES = {
     ("this paper", OURS): (1.0, 1.0, 0.5, 0.5),
     ("classical ACS", ACS): (None, None, 0.2, 0.2),
@@ -98,12 +98,12 @@ _SHARES = {
 }
 
 
-def _always(figures: Figures, system: str, places: tuple[str, ...]) -> Verdict:
+def _always(figures: TableFigures, system: str, places: tuple[str, ...]) -> ClaimVerdict:
     shares = {place: figures.figure(place, system, "optimal_share").mean for place in places}
     if any(map(math.isnan, shares.values())):
-        return Verdict(OPEN, "not all of it was run")
+        return ClaimVerdict(OPEN, "not all of it was run")
     shown = ", ".join(f"{place} {100 * share:.0f}%" for place, share in shares.items())
-    return Verdict.graded([share == 1.0 for share in shares.values()], shown)
+    return ClaimVerdict.graded([share == 1.0 for share in shares.values()], shown)
 
 
 def _claims() -> tuple[Claim, ...]:
@@ -134,7 +134,7 @@ def _claims() -> tuple[Claim, ...]:
 
 
 STUDIES = (
-    Study(
+    TableStudy(
         name="003_table_5", paper=PAPER,
         title="Table 5 of paper 003: single obstacles that trap, light and heavy clutter", settings=settings,
         systems=SYSTEMS, runs=_RUNS,
@@ -150,16 +150,16 @@ STUDIES = (
             ),
         ),
         claims=_claims(),
-        note="All four maps are reconstructions: the paper shows them as pictures only, and its starts and goals, "
-        "equations, parameters and the figures of its tables are lost in the text; what is left are shares of optimal "
-        "runs, of 10. The obstacles of E and U shape open towards the start; the clutter is rectangles from a seed, a "
-        "fifth of 20 x 20 and three tenths of 50 x 50 cells. `shaa_acs (paper)` is the paper's system as far as the "
-        "text tells; the lines below it mend one thing each. The shipped network is, in effect, the field of true "
-        "distances to the goal: one greedy ant finds the optimum on it, so the colony adds nothing to the length. "
-        "`pso` and `afsa` search way-points that a greedy walker joins; the paper does not print its coding, and this "
-        "one is stronger than the paper's swarms seem to be. An interval is over runs on one map.",
+        note="All four maps are reconstructions: the paper prints them as pictures, and its starts, goals, equations, "
+        "parameters and figures are lost in the text, except for shares of optimal runs, of 10. The E- and U-shaped "
+        "obstacles open towards the start; the clutter is rectangles from a seed, on a fifth of 20 x 20 and three "
+        "tenths of 50 x 50 cells. `shaa_acs (paper)` is the paper's system as far as the text defines it; each line "
+        "below it changes one thing. The shipped network is in effect the field of true distances to the goal: one "
+        "greedy ant finds the optimum on it, so the colony does not shorten the path. `pso` and `afsa` search "
+        "way-points that a greedy walker joins; the paper does not print its coding, and ours is stronger than the "
+        "paper's swarms seem to be. An interval is over runs on one map.",
     ),
-    Study(
+    TableStudy(
         name="003_more_maps", paper=PAPER,
         title="Paper 003 on more maps: what each part of the system is worth on 50 x 50 cells", settings=more_settings,
         systems=SYSTEMS, runs=4, measures=("mean", "gap", "optimal_share", "turns", "converged_at", "ms"),
@@ -175,8 +175,6 @@ STUDIES = (
             Claim("The paper's system is nearer to the optimum than PSO", OURS, PSO, "gap"),
             Claim("The paper's system is nearer to the optimum than AFSA", OURS, AFSA, "gap"),
         ),
-        note=f"Not in the paper: {_MAPS} maps each, made like the complex one from seeds of their own, since one map "
-        "says little. A sample is a map.",
-        pictured=(LIGHT,),
+        note=f"Not in the paper: {_MAPS} more maps of each kind, since one map says little. A sample is a map.",
     ),
 )  # fmt: skip

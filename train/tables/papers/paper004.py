@@ -10,8 +10,18 @@ import numpy as np
 from train.reporting.report import number
 from train.tables.maps import clutter, clutter_task, draw_rectangle
 from train.tables.measures import MEASURES as KINDS
-from train.tables.measures import Figures
-from train.tables.study import OPEN, Claim, Published, Setting, Study, System, TableTask, Verdict, published
+from train.tables.measures import TableFigures
+from train.tables.study import (
+    OPEN,
+    Claim,
+    ClaimVerdict,
+    Published,
+    TableSetting,
+    TableStudy,
+    TableSystem,
+    TableTask,
+    published,
+)
 from warehouse_env.maps.grid_map import GridMap
 
 PAPER = "Gu, Duan, Su & Yuan (2020), improved ant colony (in Chinese), 10.3963/j.issn.2095-3844.2020.04.019"
@@ -26,24 +36,24 @@ _LARGEST_BLOCK = 5  # cells of a side
 _ATTEMPTS = {20: 20, 30: 36}  # blocks tried on a floor
 _SCATTERED = {20: 0.12, 30: 0.14}  # share of scattered cells
 
-# The paper names no constants of its traditional colony. Its own are m 20 and Q 100; 20 iterations are too few for the
-# traditional one, which converges at 25.6 in its table 2.
+# The paper prints no constants of its traditional colony. Its own are m 20 and Q 100; 20 iterations are too few for
+# the traditional one, which converges at 25.6 in its table 2.
 _TRADITIONAL = {"ants": 20, "iterations": 60, "strength": 100.0}
 SYSTEMS = (
-    System(PRINTED, "iaco", {"schedule": "printed", "evaporation": 5.0, "norms": "printed", "dead_end": "die"}),
-    System(OURS, "iaco"),
-    System(PLAIN, "iaco", {"smoothing": False}),
-    System(NO_GREED, "iaco", {"greed_first": 0.0, "greed_middle": 0.0, "greed_last": 0.0}),
-    System(STEADY, "iaco", {"decay": 0.0}),
-    System(TRADITIONAL, "aco", {"heuristic": "next_cell", "dead_end": "die", **_TRADITIONAL}),
-    System(BACKTRACKING, "aco", {"heuristic": "next_cell", **_TRADITIONAL}),
-    System(SHARP, "aco", {"exponent": 7, "evaporation": 0.5, **_TRADITIONAL, "iterations": 20}),
-    System("theta_star", "theta_star"),
-    System("dijkstra", "dijkstra"),
+    TableSystem(PRINTED, "iaco", {"schedule": "printed", "evaporation": 5.0, "norms": "printed", "dead_end": "die"}),
+    TableSystem(OURS, "iaco"),
+    TableSystem(PLAIN, "iaco", {"smoothing": False}),
+    TableSystem(NO_GREED, "iaco", {"greed_first": 0.0, "greed_middle": 0.0, "greed_last": 0.0}),
+    TableSystem(STEADY, "iaco", {"decay": 0.0}),
+    TableSystem(TRADITIONAL, "aco", {"heuristic": "next_cell", "dead_end": "die", **_TRADITIONAL}),
+    TableSystem(BACKTRACKING, "aco", {"heuristic": "next_cell", **_TRADITIONAL}),
+    TableSystem(SHARP, "aco", {"exponent": 7, "evaporation": 0.5, **_TRADITIONAL, "iterations": 20}),
+    TableSystem("theta_star", "theta_star"),
+    TableSystem("dijkstra", "dijkstra"),
 )
 
-# Table 1. Setting: (its optimum [cells], what is printed for the reference's colony, what for the paper's own);
-# length: best, longest, mean; convergence: first, last, mean, standard deviation.
+# Table 1. Setting: figures of the reference's colony, and of the paper's own. Length: best, longest, mean;
+# convergence: first, last, mean, standard deviation.
 BLOCKS_20, SCATTER_20 = "20x20, blocks [12]", "20x20, scattered [9]"
 SCATTER_30, BLOCKS_30 = "30x30, scattered [7]", "30x30, blocks [12]"
 OPTIMA = {
@@ -69,7 +79,7 @@ _TABLE_3 = ((46.188, 3.474, 32.784, 0.667), (43.394, 3.645, 33.912, 1.146), (47.
 
 
 def _blocks(size: int, rng: np.random.Generator) -> GridMap:
-    """Return a floor with rectangles of 2 to 5 cells a side, one free cell or more around each."""
+    """Return a floor with rectangles of 2 to 5 cells a side, each with free cells around it."""
     occupied = np.zeros((size, size), dtype=np.bool_)
     for _ in range(_ATTEMPTS[size]):
         block = draw_rectangle(rng, size, 2, _LARGEST_BLOCK)
@@ -79,8 +89,8 @@ def _blocks(size: int, rng: np.random.Generator) -> GridMap:
     return GridMap(occupied, name=f"blocks {size}x{size}")
 
 
-def reconstructed(setting: str) -> Setting:
-    """Return random maps of the kind that a line of table 1 names, whose shortest path has the length in OPTIMA."""
+def reconstructed(setting: str) -> TableSetting:
+    """Return random maps of the kind of a line of table 1, whose shortest path has the length in OPTIMA."""
     size, found = 20 if setting.startswith("20") else 30, []
     goal = (size - 1, size - 1)
     for draw in range(_TRIES):
@@ -91,16 +101,16 @@ def reconstructed(setting: str) -> Setting:
         if abs(float(task.grid.distance_to(goal)[0, 0]) - OPTIMA[setting]) < 1e-6:
             found.append(task)
         if len(found) == MAPS:
-            return Setting(setting, tuple(found))
+            return TableSetting(setting, tuple(found))
     raise AssertionError("enough draws have the length")  # pragma: no cover
 
 
-def literature() -> tuple[Setting, ...]:
+def literature() -> tuple[TableSetting, ...]:
     """Return the four settings of table 1."""
     return tuple(reconstructed(setting) for setting in _TABLE_1)
 
 
-def shares() -> tuple[Setting, ...]:
+def shares() -> tuple[TableSetting, ...]:
     """Return the five environments of tables 2 and 3, several random floors each."""
     return tuple(clutter(size, share, MAPS) for size, share in SHARES.values())
 
@@ -123,26 +133,26 @@ def _published(table: tuple[tuple[float, ...], ...], mean: str, spread: str) -> 
     return published((mean, spread), lines)
 
 
-def below_print(figures: Figures, setting: str, measure: str, printed: float, by: float) -> Verdict:
-    """Return whether our figure is below a printed one of another paper by the claimed relative size."""
+def below_print(figures: TableFigures, setting: str, measure: str, printed: float, by: float) -> ClaimVerdict:
+    """Judge whether our figure is below a printed one of another paper by the claimed relative size."""
     figure = figures.figure(setting, OURS, measure)
     if not math.isfinite(figure.mean):
-        return Verdict(OPEN, "nothing was run for it")
+        return ClaimVerdict(OPEN, "nothing was run for it")
     low, high = (value if math.isfinite(value) else figure.mean for value in (figure.low, figure.high))
     why = f"{setting}, {KINDS[measure].heading}: {number(figure.mean, 4)} against {number(printed, 4)} in print"
     below = high < printed
-    return Verdict.graded([below, below and low / printed - 1 <= by], why)
+    return ClaimVerdict.graded([below, below and low / printed - 1 <= by], why)
 
 
-def finds_optimum(figures: Figures, ours: str) -> Verdict:
-    """Return whether the best of the runs is the optimum, on all maps of all settings."""
+def finds_optimum(figures: TableFigures, ours: str) -> ClaimVerdict:
+    """Judge whether the best of the runs is the optimum, on all maps of all settings."""
     counts = []
     for setting in figures.settings:
         runs = figures.tasks(setting, ours)
         best = [min((row["gap"] for row in rows if row["success"]), default=1.0) for rows in runs]
         counts.append((setting, sum(gap < 1e-9 for gap in best), len(best)))
     why = "; ".join(f"{setting}: on {reached} of {maps} maps" for setting, reached, maps in counts)
-    return Verdict.graded([reached == maps for _, reached, maps in counts if maps], why)
+    return ClaimVerdict.graded([reached == maps for _, reached, maps in counts if maps], why)
 
 
 def _claims_1() -> tuple[Claim, ...]:
@@ -166,7 +176,7 @@ def _claims_1() -> tuple[Claim, ...]:
 
 
 def _parts() -> tuple[Claim, ...]:
-    """Return what each idea of the paper is said to do, each against the same colony without it."""
+    """Return the claimed effect of each idea of the paper, against the same colony without it."""
     return (
         Claim("Smoothing shortens the path", OURS, PLAIN, "line_length"),
         Claim("Smoothing lowers the sum of turning angles", OURS, PLAIN, "turn_angle"),
@@ -178,7 +188,7 @@ def _parts() -> tuple[Claim, ...]:
 
 
 def _against(measure: str, by: float | None, what: str) -> tuple[Claim, ...]:
-    """Return a claim against the traditional colony as the paper seems to have it, and against fairer ones."""
+    """Return a claim against the traditional colony as the paper seems to use it, and against fairer ones."""
     return tuple(
         Claim(f"{what} {which}", ours, other, measure, by)
         for ours, other, which in (
@@ -190,30 +200,28 @@ def _against(measure: str, by: float | None, what: str) -> tuple[Claim, ...]:
 
 
 _FLOORS = (
-    f"The floors of the paper are printed as pictures only: these are random, {MAPS} of each share with a way from "
-    "corner to corner, and a sample is a map. The printed lengths are near the optima of such floors at 20% and 25%, "
-    "below them at 30% and 35% (kinder floors), and at 30 x 30 near that of a floor without shelves. "
+    f"The paper prints its floors as pictures; ours are random, {MAPS} of each share with a path from corner to "
+    "corner, and a sample is a map. The printed lengths are near the optima of such floors at 20% and 25%, below them "
+    "at 30% and 35% (easier floors), and at 30 x 30 near that of a floor without shelves. "
 )
 _BASELINE = (
     "The constants of its traditional colony are not printed; ours has 60 iterations, since its mean convergence of "
-    "25.6 needs more than the paper's 20. What it prints as variance is shown as standard deviation. As printed is "
-    "eq. 9 with c = 5 (at most 1) and eq. 13 with unsquared norms; eq. 8's uniform choice is replaced by that of eq. 5 "
-    "in all."
+    '25.6 needs more than the paper\'s 20. The printed variance is shown as standard deviation. "As printed" has eq. 9 '
+    "with c = 5 (at most 1) and eq. 13 with unsquared norms. All use eq. 5's choice instead of eq. 8's uniform one."
 )
 
-_table = partial(Study, paper=PAPER, systems=SYSTEMS, runs=_RUNS)
+_table = partial(TableStudy, paper=PAPER, systems=SYSTEMS, runs=_RUNS)
 STUDIES = (
     _table(
         name="004_table_1", title="Table 1 of paper 004: floors of other papers", settings=literature,
         measures=(*_LENGTHS, *_CONVERGENCE, "mean", "optimum", "turn_angle", "clearance", "found_share", "ms"),
         published=_published_1(), claims=_claims_1(),
-        note="The floors of references [7], [9] and [12] are not in the paper's text. Ours are random ones of the "
-        "kind that it names, large blocks (about 20%) or scattered cells (12 to 14%), chosen so that the "
-        "shortest path is as long as the printed best of the reference, or nearly: 28.038 is no lattice length "
-        "(28.042 is), and for [7] no best is printed (43.94 is taken). The colonies of the references are not "
-        "rebuilt; claims against them are held against their printed figures. A smoothed length belongs beside "
-        "the paper's own lengths, which lie below the shortest path of cells. "
-        f"{MAPS} maps a line, a sample is a map.",
+        note="The floors of references [7], [9] and [12] are not in the paper's text. Ours are random floors of the "
+        "kind that it names, large blocks (about 20%) or scattered cells (12 to 14%), with a shortest path as long as "
+        "the printed best of the reference, or nearly: 28.038 is no length on a grid (28.042 is), and no best is "
+        "printed for [7] (we take 43.94). The colonies of the references are not rebuilt; claims are judged against "
+        "their printed figures. The paper's own lengths lie below the shortest path of cells, so they stand beside "
+        f"smoothed lengths. {MAPS} maps a line; a sample is a map.",
     ),
     _table(
         name="004_table_2", title="Table 2 of paper 004: iterations to convergence", settings=shares,

@@ -9,10 +9,9 @@ import pytest
 
 from train.cli import main
 from train.reporting.rows import Row, read_rows
-from train.tables.benchmark.maps import movingai_warehouse
-from train.tables.floors import command
-from train.tables.floors.command import DRAWN, LARGE, Floors
-from train.tables.floors.figures import floors_tables
+from train.tables import floors
+from train.tables.floors import DRAWN, LARGE, FloorsTable, floors_tables
+from train.tables.planners import movingai_warehouse
 from warehouse_env.maps.movingai import read_map
 
 
@@ -45,10 +44,14 @@ def test_the_table_by_hand() -> None:
     assert ours["above the rule"] == "+7.0 [-5.7, 19.7], not told apart"
     assert (ours["in %"], ours["% of alone"]) == ("+10.0", "77")
     assert (ours["stuck %"], ours["contacts"]) == ("12", "2")
+    other = [{**one, "planner": "astar", "late_goals_per_robot_hour": 50.0} for one in ROWS if one["robots"] == 4]
+    _, planners = floors_tables([*ROWS, *other], ["ppo"], ["pf_aco", "astar"])
+    # greedy: 60 and 80 beside 50 and 50
+    assert planners.cells[0] == ("drawn at random", "4", "greedy", "70", "50", "+20 [-107, 147], not told apart")
 
 
 def test_every_floor_has_the_same_seeds_for_the_rule_and_the_policies(tmp_path: Path) -> None:
-    made = list(Floors(out=tmp_path, policy=("ppo", "brake")).experiments(tmp_path))
+    made = list(FloorsTable(out=tmp_path, policy=("ppo", "brake")).experiments(tmp_path))
     seeds: dict[tuple[str, int], set[tuple[int, ...]]] = {}
     for one in made:
         seeds.setdefault((one.place, one.config.num_agents), set()).add(tuple(one.seeds))
@@ -56,22 +59,18 @@ def test_every_floor_has_the_same_seeds_for_the_rule_and_the_policies(tmp_path: 
     assert len({place for place, _ in seeds}) == 3 + len(DRAWN) + 2 + len(LARGE)
     crowds = {robots for place, robots in seeds if place.startswith("blocks")}
     assert crowds == {1, 256, 512, 1024}
-    assert all(one.seed >= 17_000_000 for one in made)
-
-
-@pytest.mark.parametrize("aisle", [1, 2])
-def test_a_benchmark_map_is_written_as_it_is(tmp_path: Path, aisle: int) -> None:
-    list(Floors(out=tmp_path).experiments(tmp_path))
-    written, grid = read_map(tmp_path / f"warehouse-10-20-10-2-{aisle}.map"), movingai_warehouse(aisle)
-    assert (written.occupied == grid.occupied).all()
-    assert grid.shape == ((63, 161), (84, 170))[aisle - 1]  # as in the archive of Stern et al.
+    assert all(one.seed >= floors.SEED for one in made)
+    for aisle, shape in ((1, (63, 161)), (2, (84, 170))):  # shapes as in the archive of Stern et al.
+        written, grid = read_map(tmp_path / f"warehouse-10-20-10-2-{aisle}.map"), movingai_warehouse(aisle)
+        assert (written.occupied == grid.occupied).all()
+        assert grid.shape == shape
 
 
 def test_the_whole_study_small(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(command, "SECONDS", 8.0)
-    monkeypatch.setattr(command, "ALONE", 3)
+    monkeypatch.setattr(floors, "SECONDS", 8.0)
+    monkeypatch.setattr(floors, "ALONE", 3)
     asked = [
         "tables", "floors", "--maps", "open", "aisles:seed=3", "--policy", "follow", "--robots", "2", "--runs", "2",
         "--out", str(tmp_path), "--processes", "1",

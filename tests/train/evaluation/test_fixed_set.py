@@ -1,0 +1,87 @@
+"""`warehouse benchmark`: the set of a version is fixed, and policies stand beside the shipped rows."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+
+import pytest
+
+from train.cli import main
+from train.evaluation import fixed_set
+from train.evaluation.fixed_set import CASES, SHIPPED, TRACKS, VERSION, Case, benchmark_tables, experiments, options
+from train.evaluation.rollout import config_of
+from train.reporting.rows import read_rows
+from warehouse_env.config import EnvConfig
+from warehouse_env.maps.layouts import make_layout
+
+COLUMNS = ("track", "layout", "robots", "seed")
+
+
+def test_the_set_is_that_of_its_version() -> None:
+    """A change of a floor, fleet or seed needs a new VERSION and new shipped rows."""
+    content = hashlib.sha256(json.dumps([fixed_set.SECONDS, fixed_set.SEED, fixed_set.PLANNER, CASES]).encode())
+    for layout in dict.fromkeys(case.layout for case in CASES):
+        grid = make_layout(layout)
+        content.update(grid.occupied.tobytes() + json.dumps(grid.endpoints[:2]).encode())
+    assert (VERSION, content.hexdigest()[:16]) == (1, "f7c0d2ce55f6ec03")
+
+
+def test_shipped_policies_drove_the_whole_set() -> None:
+    rows = read_rows(SHIPPED)
+    wanted = {
+        (track, one.place, one.config.num_agents, seed) for track, one in experiments("follow") for seed in one.seeds
+    }
+    driven: dict[tuple[str, str], set[tuple[object, ...]]] = {}
+    for row in rows:
+        driven.setdefault((row["policy"], row["track"]), set()).add(tuple(row[name] for name in COLUMNS))
+    assert {policy for policy, _ in driven} == {"greedy", "orca", "ppo", "threaded_ppo"}
+    for (_, track), known in driven.items():
+        assert known == {one for one in wanted if one[0] == track}
+
+
+def test_a_track_sets_the_same_traffic_for_all() -> None:
+    for policy in ("follow", "greedy", "ppo", "threaded_ppo", "orca", "apf"):
+        spec = config_of(policy, EnvConfig(), options(policy, "field")).traffic_spec
+        assert (spec.shield, spec.right_of_way, spec.routes) == (True, True, True)
+        assert config_of(policy, EnvConfig(), options(policy, "bare")).traffic == "routes"
+    assert options("central_pbcr", "field") == {"traffic": "shield"}
+    assert [fixed_set.tracks(policy) for policy in ("greedy", "threaded_ppo")] == [["field", "bare"], ["field"]]
+
+
+def test_tables_have_the_best_first() -> None:
+    rows = read_rows(SHIPPED)
+    better = [{**row, "policy": "better", "late_goals_per_robot_hour": 999.0} for row in rows if row["policy"] == "ppo"]
+    tables = benchmark_tables([*rows, *better])
+    assert [table.title.partition(":")[0] for table in tables] == list(TRACKS)
+    for table in tables:
+        assert table.cells[0][0] == "better"
+    assert "threaded_ppo" not in [line[0] for line in tables[1].cells]
+
+
+def test_the_command_drives_resumes_and_tabulates(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    small = (Case("few", "open", 2, 2), Case("more", "aisles:seed=801", 3, 1))
+    monkeypatch.setattr(fixed_set, "SECONDS", 8.0)
+    monkeypatch.setattr("train.commands.benchmark.SHIPPED", tmp_path / "none.jsonl")
+    (tmp_path / "none.jsonl").write_text("")
+    monkeypatch.setattr("train.commands.benchmark.experiments", lambda policy: experiments(policy, small))
+    monkeypatch.setattr("train.commands.benchmark.benchmark_tables", lambda rows: benchmark_tables(rows, small))
+    arguments = ["benchmark", "--policy", "follow", "--processes", "1", "--out", str(tmp_path)]
+    assert main(arguments) == 0
+    before = (tmp_path / "table.md").read_text()
+    assert before.count("| follow |") == 2
+    assert len(read_rows(tmp_path / "rows.jsonl")) == 6
+    assert main(arguments) == 2  # the rows would be replaced
+    (tmp_path / "rows.jsonl").write_bytes(b"".join((tmp_path / "rows.jsonl").read_bytes().splitlines(True)[:4]))
+    assert main([*arguments, "--resume"]) == 0
+    assert (tmp_path / "table.md").read_text() == before
+    assert main(["benchmark", "--policy", "nobody"]) == 2
+    assert "nobody" in capsys.readouterr().err
+
+
+def test_the_command_shows_the_shipped_policies(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["benchmark"]) == 0
+    assert "threaded_ppo" in capsys.readouterr().out

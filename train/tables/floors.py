@@ -1,0 +1,175 @@
+"""`warehouse tables floors`: drive policies and the rule on named floors, benchmark maps and floors drawn at random."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+from train.evaluation.episodes import Episodes
+from train.evaluation.rollout import Experiment, make_experiment
+from train.reporting.report import Table, difference, number, short_names, with_interval
+from train.reporting.rows import Row, is_told, mean_interval, paired, select
+from train.tables.options import TableOptions
+from train.tables.planners import movingai_warehouse
+from warehouse_env.config import EnvConfig
+from warehouse_env.errors import ConfigError
+from warehouse_env.maps.layouts import make_layout
+from warehouse_env.maps.movingai import write_map
+from warehouse_env.planning import make_planner
+
+LAYOUTS = ("paper46", "narrow", "single_lane")
+AISLES = (1, 2)  # [cells] of the MovingAI warehouses
+GENERATED = "aisles:"  # how the layouts begin that are drawn at random
+DRAWN = range(701, 721)  # seeds of `aisles`: nothing was trained or chosen on these floors
+LARGE = {92: (256,), 130: (256, 512), 184: (512, 1024), 260: (1024,)}  # side of `blocks` [cells] -> robots: as dense
+# as 32 or 64 robots on paper46
+RULE = "greedy"  # right of way alone
+ALONE = 25  # episodes of a single robot for each of these; all shares rest on it
+SECONDS = 600.0
+SEED = 26_000_000  # of the first episode, plus --seed; no training and no choice has used seeds from here on
+NOTE = (
+    "Late: goals/robot-h in the second half [95% interval by Student's t over episodes]. % of alone: their share of "
+    "one robot's, alone on the same floor under the rule. Above the rule: mean of the paired differences, floor and "
+    "seed the same. Stuck: robots without a metre of progress in the last minute. Stood: the longest that a robot "
+    "stayed within a metre."
+)
+HEADER = (
+    "floor", "robots", "policy", "late goals/h", "% of alone", "above the rule", "in %", "stuck %", "stood s",
+    "contacts", "km",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class FloorsTable(TableOptions):
+    """Drive policies and the rule with 16 to 128 robots on named floors, benchmark maps and 20 floors drawn at random,
+    and with 256 to 1,024 on large floors.
+    """
+
+    name: ClassVar[str] = "floors"
+
+    policy: tuple[str, ...] = ("threaded_ppo",)
+    """Policies to compare with the rule: names, or folders of trained ones."""
+    robots: tuple[int, ...] = (16, 32, 64, 128)
+    """Numbers of robots, except on large floors."""
+    runs: int = 4
+    """Episodes of each floor; one each on drawn floors, half as many on large ones."""
+    planner: tuple[str, ...] = (EnvConfig.planner,)
+    """Planners of routes; another table compares each after the first with it."""
+    maps: tuple[str, ...] = ()
+    """Layouts to drive on, instead of all floors."""
+
+    def run(self) -> None:
+        """Drive what is missing, then write the tables."""
+        self.check_writable()
+        rows = self.rows_of([Episodes(one) for one in self.experiments(self.folder)])
+        tables = floors_tables(rows, self.policy, self.planner)
+        for table in tables:
+            table.print()
+        self.write("Policies on many floors", tables)
+
+    def experiments(self, folder: Path) -> Iterator[Experiment]:
+        """Yield what is driven: on every floor one robot alone by the rule, then the rule and every policy."""
+        if not self.planner:
+            raise ConfigError("--planner needs at least one name")
+        for planner in self.planner:
+            make_planner(planner)  # a wrong name is refused before anything drives
+        if not self.robots or min(self.robots) < 2:
+            raise ConfigError(f"--robots {self.robots} must be numbers of at least 2")
+        for place, (layout, fleets, many) in enumerate(self._floors(folder)):
+            seed = SEED + self.seed + place * layout.startswith(GENERATED)
+            alone = EnvConfig(layout, num_agents=1, planner=self.planner[0])
+            yield make_experiment(RULE, alone, ALONE * many, SECONDS, seed)
+            for robots, planner, policy in itertools.product(fleets, self.planner, (RULE, *self.policy)):
+                env = EnvConfig(layout, num_agents=robots, planner=planner)
+                yield make_experiment(policy, env, many, SECONDS, seed)
+
+    def _floors(self, folder: Path) -> Iterator[tuple[str, tuple[int, ...], int]]:
+        """Yield each layout with its numbers of robots and episodes; benchmark maps are written to `folder`."""
+        for layout in self.maps or (*LAYOUTS, *(f"{GENERATED}seed={seed}" for seed in DRAWN)):
+            make_layout(layout)  # a wrong name is refused before anything drives
+            yield layout, self.robots, 1 if layout.startswith(GENERATED) else self.runs
+        if self.maps:
+            return
+        for aisle in AISLES:
+            grid = movingai_warehouse(aisle)
+            path = folder / f"{grid.name}.map"
+            write_map(grid, path)
+            yield str(path), self.robots, self.runs
+        for side, fleets in LARGE.items():
+            yield f"blocks:rows={side},columns={side}", fleets, max(1, self.runs // 2)
+
+
+Group = tuple[str, int, str, list[Row]]
+"""A group of floors, a number of robots, a policy, and the rows of these."""
+
+
+def floors_tables(rows: Sequence[Row], policies: Sequence[str], planners: Sequence[str]) -> list[Table]:
+    """Return a table of policies with routes by the first planner, and one for each other planner beside it."""
+    tables = [_policies_table(select(rows, planner=planners[0]), policies)]
+    return tables + [_planners_table(rows, policies, planners[0], other) for other in planners[1:]]
+
+
+def _floor(row: Row) -> str:
+    """Return the group of a row's floor: its name, or one for all that are drawn at random."""
+    layout = str(row["layout"])
+    return "drawn at random" if layout.startswith(GENERATED) else Path(layout).stem
+
+
+def _groups(rows: Sequence[Row], policies: Sequence[str]) -> Iterator[Group]:
+    for floor in dict.fromkeys(map(_floor, rows)):
+        own = [row for row in rows if _floor(row) == floor]
+        for robots in sorted({row["robots"] for row in own} - {1}):
+            for policy in (RULE, *policies):
+                yield floor, robots, policy, select(own, robots=robots, policy=policy)
+
+
+def _planners_table(rows: Sequence[Row], policies: Sequence[str], planner: str, other: str) -> Table:
+    """Return a line for each group: goals with routes by either planner."""
+    names, cells = short_names({RULE, *policies}), []
+    for floor, robots, policy, driven in _groups(rows, policies):
+        one, two = (select(driven, planner=name) for name in (planner, other))
+        late = [number(mean_interval(map(_late, own)).mean) for own in (one, two)]
+        cells.append((floor, str(robots), names[policy], *late, _above(one, two)))
+    header = ("floor", "robots", "policy", planner, other, "difference")
+    note = f"Late goals/robot-h with all routes by {planner} or by {other}; floor and seed of each pair the same."
+    return Table(f"Routes by {planner} and by {other}", header, tuple(cells), note)
+
+
+def _policies_table(rows: Sequence[Row], policies: Sequence[str]) -> Table:
+    """Return a line for each group, the rule first."""
+    names, cells, rule = short_names({RULE, *policies}), [], list[Row]()
+    alone = {floor: [_late(row) for row in rows if row["robots"] == 1 and _floor(row) == floor]
+             for floor in set(map(_floor, rows))}  # fmt: skip
+    for floor, robots, policy, driven in _groups(rows, policies):
+        rule = driven if policy == RULE else rule
+        cells.append((floor, str(robots), names[policy], *_line(driven, rule, mean_interval(alone[floor]).mean)))
+    return Table("Policies on many floors", HEADER, tuple(cells), NOTE)
+
+
+def _late(row: Row) -> float:
+    return float(row["late_goals_per_robot_hour"])
+
+
+def _above(rows: Sequence[Row], base: Sequence[Row]) -> str:
+    """Return the paired difference of rows from base rows."""
+    found = paired(rows, base, _late, ("layout", "seed"))
+    return difference(found) + ("" if is_told(found) else ", not told apart")
+
+
+def _line(rows: Sequence[Row], rule: Sequence[Row], free: float) -> tuple[str, ...]:
+    late = mean_interval(map(_late, rows))
+    late = late._replace(low=max(late.low, 0.0))  # goals cannot be negative; NaN stays NaN
+    above, share, base = "", "", mean_interval(map(_late, rule)).mean
+    if rows and rows is not rule:
+        above = _above(rows, rule)
+        share = f"{100 * paired(rows, rule, _late, ('layout', 'seed')).mean / base:+.1f}" if base else ""
+    return (
+        with_interval(late), f"{100 * late.mean / free:.0f}" if free else "", above, share,
+        number(100 * mean_interval(row["stuck"] for row in rows).mean, 2),
+        number(max((row["longest_standing_s"] for row in rows), default=0.0), 3),
+        number(sum(row["collisions_robot"] + row["collisions_shelf"] for row in rows)),
+        number(sum(row["robot_km"] for row in rows)),
+    )  # fmt: skip

@@ -1,0 +1,227 @@
+"""`warehouse tables papers` and `warehouse tables planners`: run studies as jobs, and write them as one page.
+
+A job is a block: all runs of one system on one task. Its rows are known again by everything that made them.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import ClassVar
+
+import warehouse_env
+from train.evaluation.jobs import Job, Result, Tick, of_all_runs
+from train.evaluation.planning_runs import make_task, plan_once
+from train.reporting.report import Table, number, with_interval
+from train.reporting.rows import Row
+from train.tables.measures import MEASURES, TableFigures
+from train.tables.options import TableOptions
+from train.tables.study import ClaimVerdict, Published, TableSetting, TableStudy, TableSystem, TableTask
+from train.tables.verdicts import RULE, judge, verdict_counts
+from warehouse_env.errors import unknown_name
+
+PAPERS = {number: f"train.tables.papers.paper{number}" for number in ("000", "001", "002", "003", "004")}
+PLANNERS_STUDY = "train.tables.planners"
+INTERVALS = (
+    "Means with 95% intervals: Student's t over runs where a setting is one map, over maps where it has several; "
+    "Wilson's score for shares on one map. n: runs of each system, times maps. Lengths in cells; times are medians of "
+    "processor time in milliseconds, without compilation. Lines in italics are printed in the paper."
+)
+
+
+@cache
+def studies_of(module: str) -> dict[str, TableStudy]:
+    """Return the studies of a module by name."""
+    return {study.name: study for study in importlib.import_module(module).STUDIES}
+
+
+@cache
+def settings_of(module: str, study: str) -> dict[str, TableSetting]:
+    """Return the settings of a study by name, built once in a process."""
+    return {setting.name: setting for setting in studies_of(module)[study].settings()}
+
+
+@cache
+def planning_code() -> str:
+    """Return a digest of the sources of maps and planners, so that changed code runs its blocks again."""
+    home = Path(warehouse_env.__file__).parent
+    sources = sorted(path for room in ("maps", "planning") for path in (home / room).rglob("*.py"))
+    return hashlib.blake2b(b"".join(path.read_bytes() for path in sources), digest_size=8).hexdigest()
+
+
+@dataclass(frozen=True)
+class PlanBlock(Job):
+    """All runs of one system on one task of a setting, in names and numbers only."""
+
+    module: str
+    study: str
+    setting: str
+    number: int  # of the task in its setting
+    system: str
+    runs: int
+    seed: int
+
+    titled = "{study} · {system}"
+    times = ("ms", "cpu_ms")
+
+    def subject(self) -> tuple[TableTask, TableSystem]:
+        """Return the task and the system."""
+        systems = {system.label: system for system in studies_of(self.module)[self.study].systems}
+        return settings_of(self.module, self.study)[self.setting].tasks[self.number], systems[self.system]
+
+    @property
+    def identity(self) -> Row:
+        """What its rows are known by."""
+        task, system = self.subject()
+        return {
+            "study": self.study, "setting": self.setting, "number": self.number, "system": self.system,
+            "runs": self.runs, "seed": self.seed, "map": task.grid.key, "start": list(task.start),
+            "goal": list(task.goal), "parameters": system.make().key, "version": warehouse_env.__version__,
+            "code": planning_code(),
+        }  # fmt: skip
+
+    def left(self, rows: Sequence[Row]) -> tuple[Sequence[Row], PlanBlock | None]:
+        """Return the rows of all runs, if none is missing."""
+        whole = of_all_runs(rows, self.runs)
+        return (whole, None) if whole else ([], self)
+
+    def run(self, tick: Tick) -> Result:
+        """Plan all runs. A first plan, which may compile and fill caches, is not timed."""
+        (grid, start, goal), system = self.subject()
+        planner, identity = system.make(), self.identity
+        task = make_task(grid, f"{self.setting}_{self.number}", start, goal)
+        plan_once(grid, planner, task, self.number, 0, self.seed)
+        runs = (plan_once(grid, planner, task, self.number, run, self.seed) for run in range(self.runs))
+        return Result([{**one.row, **identity} for one in runs])
+
+
+@dataclass(frozen=True)
+class Studies(TableOptions):
+    """Options of commands that run studies."""
+
+    runs: int | None = None
+    """Runs of each system on each task (each table's own number if left out)."""
+
+    title: ClassVar[str]
+
+    def chosen(self) -> list[tuple[str, TableStudy]]:
+        """Return (module, study) of what is asked for."""
+        raise NotImplementedError
+
+    def blocks(self, module: str, study: TableStudy) -> list[PlanBlock]:
+        """Return the jobs of a study, in the order of its table."""
+        return [
+            PlanBlock(module, study.name, setting.name, number, system.label, self.runs or study.runs, self.seed)
+            for setting in settings_of(module, study.name).values()
+            for system in study.systems
+            for number in range(len(setting.tasks))
+        ]
+
+    def run(self) -> None:
+        """Run what is missing, then write the page."""
+        chosen = self.chosen()
+        self.check_writable()
+        names = {study.name for _, study in chosen}
+        jobs = [block for module, study in chosen for block in self.blocks(module, study)]
+        rows = self.rows_of(jobs, lambda row: row.get("study") in names)
+        text, tables, verdicts = f"{INTERVALS}\n\n", list[Table](), list[ClaimVerdict]()
+        for _, study in chosen:
+            figures = TableFigures(study.name, rows)
+            tables.append(study_table(study, figures))
+            if study.claims:
+                own = [judge(figures, claim) for claim in study.claims]
+                lines = ((one.shown, claim.text, one.why) for one, claim in zip(own, study.claims, strict=True))
+                tables.append(Table(f"Claims: {study.title}", ("verdict", "claim", "ours"), tuple(lines)))
+                verdicts += own
+        if verdicts:
+            print(verdict_counts(verdicts))
+            text += f"{verdict_counts(verdicts)}\n\n{RULE}\n\n"
+        self.write(self.title, tables, text)
+
+
+@dataclass(frozen=True)
+class PapersTable(Studies):
+    """Make the tables of the papers: our figures beside theirs, and a verdict on every claim.
+
+    The page shows the tables that are asked for; the rows of others stay in the file.
+    """
+
+    title: ClassVar[str] = "The papers' tables, made again"
+
+    papers: tuple[str, ...] = ()
+    """Papers by number, as 000 (all if neither papers nor tables are named)."""
+    tables: tuple[str, ...] = ()
+    """Single tables by name, as 000_table_1."""
+
+    def chosen(self) -> list[tuple[str, TableStudy]]:
+        """Return the named papers and tables; WarehouseError for a wrong name."""
+        every = {name: (key, module) for key, module in PAPERS.items() for name in studies_of(module)}
+        for what, names, known in (("paper", self.papers, PAPERS), ("table", self.tables, every)):
+            for name in names:
+                if name not in known:
+                    raise unknown_name(what, name, known)
+        all_of_them = not self.papers and not self.tables
+        return [
+            (module, studies_of(module)[name])
+            for name, (key, module) in every.items()
+            if all_of_them or key in self.papers or name in self.tables
+        ]
+
+
+@dataclass(frozen=True)
+class PlannersTable(Studies):
+    """Plan the same pairs of cells on five floors by every planner: length, turns, clearance, failures and time."""
+
+    name: ClassVar[str] = "planners"
+    title: ClassVar[str] = "Every planner on the same pairs of cells"
+
+    pairs: int = 200
+    """Pairs of cells on each floor, 200 at most."""
+
+    def chosen(self) -> list[tuple[str, TableStudy]]:
+        """Return the one study."""
+        return [(PLANNERS_STUDY, study) for study in studies_of(PLANNERS_STUDY).values()]
+
+    def blocks(self, module: str, study: TableStudy) -> list[PlanBlock]:
+        """Return the jobs on the first pairs."""
+        return [block for block in super().blocks(module, study) if block.number < self.pairs]
+
+
+def study_table(study: TableStudy, figures: TableFigures) -> Table:
+    """Return a study's table: for each setting our systems, each with the printed lines that stand beside it."""
+    lines: list[tuple[str, ...]] = []
+    for setting in figures.settings:
+        begin = len(lines)
+        printed = [one for one in study.published if one.setting == setting]
+        for system in study.systems:
+            tasks = figures.tasks(setting, system.label)
+            if not tasks:
+                continue
+            count = f"{len(tasks[0])}" if len(tasks) == 1 else f"{len(tasks[0])} x {len(tasks)}"
+            found = ((figures.figure(setting, system.label, name), MEASURES[name]) for name in study.measures)
+            texts = (with_interval(interval, measure.factor, measure.digits) for interval, measure in found)
+            lines.append(("", system.label, count, *texts))
+            lines += _printed_lines([one for one in printed if one.ours == system.label], study.measures)
+        lines += _printed_lines([one for one in printed if not one.ours], study.measures)
+        if len(lines) > begin:
+            label = study.systems[0].label
+            optimum, fewest = (figures.figure(setting, label, name).mean for name in ("optimum", "min_turns"))
+            named = f"**{setting}** (optimum {number(optimum, 6)}, {number(fewest, 3)} turns)"
+            lines[begin] = (named, *lines[begin][1:])
+    header = ("setting", "system", "n", *(MEASURES[measure].heading for measure in study.measures))
+    return Table(study.title, header, tuple(lines), f"{study.paper}. {study.note}")
+
+
+def _printed_lines(printed: Sequence[Published], measures: Sequence[str]) -> list[tuple[str, ...]]:
+    """Return one line for each system in print, in italics."""
+    lines = []
+    for name in dict.fromkeys(one.system for one in printed):
+        own = {one.measure: one.value for one in printed if one.system == name}
+        known = {measure: MEASURES[measure] for measure in measures}
+        texts = [f"*{number(own[k] * one.factor, one.digits)}*" if k in own else "" for k, one in known.items()]
+        lines.append(("", f"*in print: {name}*", "", *texts))
+    return lines
