@@ -81,7 +81,7 @@ def test_only_whoever_could_be_in_a_ring_is_asked_for_whom_it_waits() -> None:
         world.robots, world.simulator.routes[0], 3.0, 15.0, found, world.simulator._params[0], None
     )
     assert found[waits.WHO].tolist() == [NOBODY, 2, 1, NOBODY]
-    assert found[waits.RING].tolist() == [NOBODY, 1, 1, NOBODY]
+    assert found[waits.CYCLE].tolist() == [NOBODY, 1, 1, NOBODY]
 
 
 def rows() -> list[list[str]]:

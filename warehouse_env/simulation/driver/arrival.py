@@ -36,7 +36,7 @@ def speed_before(way, at_end, speed, p):
 
 @inline
 def speed_on_line(r, p):
-    """Return the most speed [m/s] along the route from which a robot rests at its end; who has docked stays there."""
+    """Return the most speed [m/s] along the route from which a robot rests at its end; a docked robot stays there."""
     if r["manoeuvre"]["docks"] != 0 or to_go(r) <= RESTS:
         return ZERO
     return speed_before(to_go(r), ZERO, max(r["motion"]["speed"], ZERO), p)

@@ -27,10 +27,10 @@ BACK_TO_ARC = np.float32(9.0)  # [1/m^2] of curvature per metre beside the arc, 
 ALONG_ARC = np.float32(6.0)  # [1/m] per radian off its direction: critically damped after a third of a metre
 LOST, LOST_TURN = np.float32(0.15), np.float32(0.35)  # [m], [rad] off the reference at which it is given up
 KEPT = np.float32(1.0 / 3.0)  # of the margin that it was planned with is kept when it is driven
-# [m/s] with so little, of one that docks: between two samples a corner leaves its chord by 1e-5 m
+# [m/s] with so little, when docking: between two samples a corner leaves its chord by 1e-5 m
 GRAZING = np.float32(0.1)
 EXACT_END = np.float32(0.003)  # [m] before the end of a manoeuvre that docks, and before it turns back
-SLACK_PER_METRE = np.float32(0.2)  # [rad/s] of STEER_SLACK for each metre of an arc of one that docks
+SLACK_PER_METRE = np.float32(0.2)  # [rad/s] of STEER_SLACK for each metre of a docking arc
 _LEAST_OFF = np.float32(0.01)  # [rad]
 _STRAIGHT = np.float32(1e-3)  # [1/m]
 _TWO = np.float32(2.0)

@@ -124,7 +124,7 @@ def follow(r, route, arcs, wanted_speed, offset, stopping, p, floor):
             aligned = aligned and manoeuvre["docks"] == 0
         if aligned and leads_ahead(r, arcs) and may_drive(r, on_line, steer, MARGIN, p, floor):
             give_up(r)
-    if manoeuvre["arcs"] > 0 and speed >= ZERO:  # one that backs has its manoeuvre left for when it drives on
+    if manoeuvre["arcs"] > 0 and speed >= ZERO:  # a robot that backs keeps its manoeuvre for later
         speed, steer = _manoeuvre(r, arcs, speed, stopping, p, floor)
     elif speed > ZERO:
         speed, steer = _forward(r, alone, on_line, steer, angle, p, floor)

@@ -25,8 +25,8 @@ from warehouse_env.simulation.traffic.recovery import (
     ASKED,
     BEHIND,
     BEHIND_PARKED,
+    CYCLE,
     LETS_OUT,
-    RING,
     SearchWorld,
     own_of,
     recover,
@@ -56,19 +56,19 @@ def _least(i, robots):
 
 
 @inline
-def _write_ring(low, robots, paths, setup, scratch):
+def _write_cycle(low, robots, paths, setup, scratch):
     """Write the bodies along the paths of all others in the wait cycle of robot `low` into scratch.avoid.
 
     Returns how many. A robot that is alone there is to leave its own body's place.
     """
-    count, j, whole_ring = 0, robots[low]["traffic"]["yields_to"], False
-    while not whole_ring:
+    count, j, whole_cycle = 0, robots[low]["traffic"]["yields_to"], False
+    while not whole_cycle:
         for k in range(scratch.poses[j] if j != low else 1):
             pose = paths[j, k]
             write_body(pose[CENTRE_X], pose[CENTRE_Y], pose[COS], pose[SIN], own_of(j, setup), scratch.avoid[count])
             count += 1
         j = robots[j]["traffic"]["yields_to"]
-        whole_ring = j == low
+        whole_cycle = j == low
     return count
 
 
@@ -160,8 +160,8 @@ def resolve_deadlocks(begin, end, worlds, setup, scratch):
             low, count = i, 0
             if found[STAGE, i] == SEEKS:
                 low = _least(i, robots)
-                count = _write_ring(low, robots, worlds.paths[b], setup, scratch)
-                case = LETS_OUT if robots[low]["traffic"]["yields_to"] == low else RING
+                count = _write_cycle(low, robots, worlds.paths[b], setup, scratch)
+                case = LETS_OUT if robots[low]["traffic"]["yields_to"] == low else CYCLE
                 case <<= whole(waits.is_shut_in(robots[low]))
                 robots[low]["traffic"]["retreating"] = 0
             elif found[STAGE, i] == STUCK:

@@ -23,7 +23,7 @@ _ONTO_LINE = np.float32(1.0)  # [m] of driving that brings a robot onto its line
 
 @inline
 def _touched(body, near, robots, p, kinds):
-    """Return the first of the robots `near` whose body the Rectangle `body` touches; p: of whose body that is."""
+    """Return the first of the robots `near` whose body the Rectangle `body` touches; p: parameters of that body."""
     for j in near:
         o, kind = robots[j], kind_of(j, p, kinds)
         reach, other = (
@@ -37,7 +37,7 @@ def _touched(body, near, robots, p, kinds):
 
 @inline
 def _list_near(robots, i, p, kinds, near):
-    """Write the robots whose body robot i's could meet within AHEAD into near int32[N]; return how many."""
+    """Write the robots that robot i could meet within AHEAD into near int32[N]; return how many."""
     x, y = robots[i]["motion"]["x"], robots[i]["motion"]["y"]
     count = 0
     for j in range(robots.shape[0]):
@@ -51,7 +51,7 @@ def _list_near(robots, i, p, kinds, near):
 
 @part
 def first_in_the_way(robots, i, route, p, kinds, near):
-    """Return the robot whose body robot i's would touch first along its route, or NOBODY; p: its own."""
+    """Return the robot that robot i's body would touch first along its route, or NOBODY; p: parameters of i."""
     r = robots[i]
     motion, on_route = r["motion"], r["on_route"]
     points, spacing = on_route["points"], on_route["spacing"]

@@ -18,17 +18,17 @@ from warehouse_env.simulation.traffic import waits
 @kernel
 def _look(robots, routes, params, kinds, jams, found):
     """Write into int32[B, N] each; see jams_of."""
-    who, ring, stage = jams
+    who, cycle, stage = jams
     for b in range(robots.shape[0]):
         waits.look(robots[b], found)
         stage[b] = found[waits.STAGE]
         for i in range(robots.shape[1]):
             who[b, i] = waits.waits_for(robots[b], i, routes[b, i], params[0], kinds, found[waits.SPARE])
-        waits.find_wait_cycles(who[b], ring[b], found[waits.SPARE])
+        waits.find_wait_cycles(who[b], cycle[b], found[waits.SPARE])
 
 
 class Jams(NamedTuple):
-    """Who waits, int32[B, N] each; see jams_of."""
+    """The wait-for graph, int32[B, N] each; see jams_of."""
 
     waits_for: NDArray[np.int32]
     cycle: NDArray[np.int32]

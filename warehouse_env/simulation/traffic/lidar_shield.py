@@ -158,7 +158,7 @@ def commit(i, command, persons, wary, around, walking, p, floor):
 
 @part
 def _look(robots, persons, motion, places, sights, walking, p, floor):
-    """Find who sees whom, and be as wary as those who have just gone out of sight may be fast.
+    """Find which robots see each other, and raise the speed bound for robots that have just gone out of sight.
 
     sights float32[N, N]: as fast as j may become by the next look [m/s], if i sees it, or NOT_SEEN.
     """
@@ -186,7 +186,7 @@ def _look(robots, persons, motion, places, sights, walking, p, floor):
 
 @inline
 def _open_eyes(i, persons, sights, scratch, walking, p, scanners):
-    """Scan for robot i, and note whom it knows: itself, and who sees it."""
+    """Scan for robot i, and note the robots that it knows: itself, and those that see it."""
     motion, (turned, view) = scratch.motions[1], scratch.looks
     ranges, known, kinds, _, _, _ = view
     scan(i, persons, motion, scratch.places, walking, p, scanners, (turned, ranges))
@@ -201,7 +201,7 @@ def _open_eyes(i, persons, sights, scratch, walking, p, scanners):
 
 @inline
 def guard(robots, persons, sights, scratch, walking, p, floor, scanners):
-    """Let the robots drive as `motion` commands, or as much of it as they may; who may not at all, brakes."""
+    """Let the robots drive as `motion` commands, or as much of it as the shield allows; otherwise they brake."""
     motion, field, places, view = scratch.motions[1], scratch.guards, scratch.places, scratch.looks[1]
     around = motion, field, sights, view
     begin(motion, field, p, None)

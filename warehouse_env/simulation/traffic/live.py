@@ -1,4 +1,4 @@
-"""Live routes: robots look for better routes on their way.
+"""Live replanning: robots look for better routes on their way.
 
 Every few seconds of its world's clock a robot looks for a better route from where it is. With routes "barred", as in
 trainings, it looks only if another robot stands in or beside a cell of its route ahead. Others make moves dearer
@@ -66,7 +66,7 @@ _NO_CELLS = np.empty((0, 2), np.int32)
 
 @kernel
 def find_due(robots, steps, every, looks):
-    """Write which robots look for a better way now, each once in `every` steps; return how many.
+    """Write which robots replan now, each once in `every` steps; return how many.
 
     robots: ROBOT[B, N]; steps: int64[B]; looks: bool[B, N].
     """
@@ -111,7 +111,7 @@ def _is_barred(passing, b, me, r, route, site, look_ahead):
 
 @kernel
 def keep_barred(passing, users, site, look_ahead, laid, steps, looks):
-    """Let only those robots look whose way is barred, or runs out.
+    """Keep `looks` only for robots whose way is barred, or whose laid route runs out.
 
     laid: float32[B, N] [m]; steps: int64[B]; looks: bool[B, N].
     """
@@ -153,7 +153,7 @@ class Finder(Portable):
 
 
 class LiveRoutes(Portable):
-    """Makes routes while robots drive: `watch` says who looks for a better one, `route` makes it from its pose."""
+    """Replanning while robots drive: `watch` lists the robots that replan now, `route` makes a route from a pose."""
 
     bound = ("_fields", "_asked")
 
@@ -205,7 +205,7 @@ class LiveRoutes(Portable):
         self, robots: NDArray[Any], routes: NDArray[np.float32], world: int, robot: int,
         cells: NDArray[np.int32], laid: float,
     ) -> None:  # fmt: skip
-        """List the new route of a robot for those who look after it, and keep the cells that it was made of.
+        """List the new route of a robot in the table, and keep the cells that it was made of.
 
         robots: ROBOT[B, N]; routes: float32[B, N, R, 2] [m]; cells: int32[L, 2]; laid [m]: how much is drivable.
         """
@@ -214,7 +214,7 @@ class LiveRoutes(Portable):
         keep_up(self._passing, world, robot, robots[world, robot], routes[world, robot], self._site)
 
     def watch(self, robots: NDArray[Any], routes: NDArray[np.float32], steps: NDArray[np.int64]) -> list[list[int]]:
-        """Return [world, robot] of those who look for a better route after this step. robots: ROBOT[B, N]."""
+        """Return [world, robot] of the robots that replan after this step. robots: ROBOT[B, N]."""
         looks = np.empty(robots.shape, np.bool_)
         if not find_due(robots, steps, self._every, looks):
             return []

@@ -18,15 +18,15 @@ from warehouse_env.simulation.driver.line import forget_path
 from warehouse_env.simulation.physics.trigonometry import ONE, ZERO
 from warehouse_env.simulation.state import NOBODY
 from warehouse_env.simulation.traffic.pedestrian_yield import is_kept
-from warehouse_env.simulation.traffic.waits import CALM, LONGER, RING, find_wait_cycles_of
+from warehouse_env.simulation.traffic.waits import CALM, CYCLE, LONGER, find_wait_cycles_of
 
-SPREAD = np.float32(1.0)  # [m/s] of standing around one that calls for the rules, within which robots are settled ...
+SPREAD = np.float32(1.0)  # [m/s] of standing: the radius around a call in which the rules are active ...
 AROUND = np.float32(8.0)  # [m] ... and this far at most
 
 
 @inline
-def _settle_around(i, robots):
-    """Settle who is near robot i, which calls for the rules."""
+def _activate_around(i, robots):
+    """Activate the rules near robot i, which calls for them."""
     around = min(SPREAD * robots[i]["clocks"]["standing_time"], AROUND)
     for r in robots:
         dx, dy = r["motion"]["x"] - robots[i]["motion"]["x"], r["motion"]["y"] - robots[i]["motion"]["y"]
@@ -35,21 +35,21 @@ def _settle_around(i, robots):
 
 
 @part
-def _settle(robots, routes, found, p, kinds):
-    """Settle those near whoever calls for the rules; see activate_rules."""
+def _activate(robots, routes, found, p, kinds):
+    """Activate the rules near the robots that call for them; see activate_rules."""
     after = p["right_of_way_after"]
     find_wait_cycles_of(robots, routes, after, LONGER * after, found, p, kinds)
     for i in range(robots.shape[0]):
         stood = robots[i]["clocks"]["standing_time"]
         if robots[i]["task"]["alive"] == 0 or stood < after:
             continue
-        if stood >= LONGER * after or found[RING, i] != NOBODY:
-            _settle_around(i, robots)
+        if stood >= LONGER * after or found[CYCLE, i] != NOBODY:
+            _activate_around(i, robots)
 
 
 @inline
-def _settle_around_people(robots, persons):
-    """Settle who is near a person that robots keep from walking, as if it were a robot that has stood for so long."""
+def _activate_around_people(robots, persons):
+    """Activate the rules near people whom robots keep from walking, as near robots that have stood for as long."""
     for o in persons:
         if not is_kept(o):
             continue
@@ -74,7 +74,7 @@ def _release(r, side):
 
 @part
 def activate_rules(robots, persons, routes, commands, found, p, kinds):
-    """Set `rules_active` of the robots that keep to their grants: all, or those near one that calls for the rules.
+    """Set `rules_active` of the robots that keep to their grants: all, or those near a call for the rules.
 
     robots ROBOT[N] and persons PERSON[M] of a world; routes float32[N, R, 2] [m]; commands float32[N, 2]: speed [m/s]
     and lateral offset [m]; found: see waits.scratch; kinds: see kinds.py. Returns whether anybody is.
@@ -83,8 +83,8 @@ def activate_rules(robots, persons, routes, commands, found, p, kinds):
     for r in robots:
         r["traffic"]["rules_active"] = ONE if after == ZERO else max(r["traffic"]["rules_active"] - seconds, ZERO)
     if after > ZERO:
-        _settle(robots, routes, found, p, kinds)
-        _settle_around_people(robots, persons)
+        _activate(robots, routes, found, p, kinds)
+        _activate_around_people(robots, persons)
     for i in range(robots.shape[0]):
         if robots[i]["traffic"]["rules_active"] > ZERO:
             anybody = True

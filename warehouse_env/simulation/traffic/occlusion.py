@@ -22,8 +22,8 @@ from warehouse_env.simulation.physics.stops import BODY_COS, BODY_SIN, CENTRE_X,
 from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO
 from warehouse_env.simulation.senses.scanners import SCANNERS, centre_of, sees_all, sees_disc
 
-SIDE = 112  # places of a window's side; who would have to look farther takes it for hidden
-GRAINS = (FINE, 2 * FINE)  # places to a cell's side, of who drives faster than SLOW [m/s] and of others
+SIDE = 112  # places of a window's side; everything beyond counts as hidden
+GRAINS = (FINE, 2 * FINE)  # places to a cell's side, for robots faster than SLOW [m/s] and for others
 SLOW = np.float32(0.5)
 UNKNOWN, SHELF, SEEN, HIDDEN = np.uint8(0), np.uint8(1), np.uint8(2), np.uint8(3)
 _POINTS = 128  # that are not seen and could come; of more, it is not told which
@@ -43,12 +43,12 @@ class Looker(NamedTuple):
 
 
 class Passage(NamedTuple):
-    """A motion of its body, and how fast who is hidden could come."""
+    """A motion of its body, and the speed of a hidden robot."""
 
     path: Any  # float32[T + 1, PLACE]
     samples: Any
     pace: Any  # [m], the most that any point of the body moves in a substep
-    speed: Any  # [m/s], the most that any point of who is hidden does
+    speed: Any  # [m/s], of the fastest point of a hidden robot
 
 
 class LatticeWindow(NamedTuple):
@@ -61,7 +61,7 @@ class LatticeWindow(NamedTuple):
 
 
 def scratch(count: int, rays: int) -> tuple[NDArray[Any], ...]:
-    """Return what one robot sees: ranges float32[SCANNERS, R] [m], who it knows int32[N + 1] (the last: how many); of a
+    """Return what one robot sees: ranges float32[SCANNERS, R] [m], known robots int32[N + 1] (the last: how many); of a
     window of the lattice kinds uint8, ways left over float32 [m] and a queue int32; and points float32[2, _POINTS] [m].
     """
     places = SIDE * SIDE
@@ -77,7 +77,7 @@ def scratch(count: int, rays: int) -> tuple[NDArray[Any], ...]:
 
 @inline
 def _is_known(x, y, within, motion, view, p):
-    """Whether a point is in, or within so many metres of, the body of who is known."""
+    """Whether a point is in the body of a known robot, or within so many metres of it."""
     known = view[1]
     for n in range(known[known.shape[0] - 1]):
         j = known[n]
@@ -111,7 +111,7 @@ def _kind(row, column, window, looker):
 
 @inline
 def _meets(x, y, passage, speed, contact, p):
-    """Return the last sample of a motion at which the body is within `contact` [m] of who comes from a point at a speed
+    """Return the last sample of a motion at which the body is within `contact` [m] of a robot from a point at a speed
     [m/s], on the straight way, 0 if at none.
     """
     path, pace = passage.path, passage.pace
@@ -179,7 +179,7 @@ def _is_near(x, y, within, points, count):
 
 @part
 def could_come(passage, fit, grain, looker):
-    """Whether somebody hidden could be where a robot's body will be, at any time of a motion.
+    """Whether a hidden robot could be where a robot's body will be, at any time of a motion.
 
     fit: see LatticeWindow; grain: one of GRAINS.
     """

@@ -15,13 +15,14 @@ BESIDE = 0.3  # [m] past the widest lateral offset that count as off the route
 
 
 def far_off(config: EnvConfig, cell_size: float) -> np.float32:
-    """Return metres off its route from which a robot is astray: past any offset, and past where a new one may begin."""
+    """Return the distance [m] from its route beyond which a robot is off it: past any offset, and past where a new
+    route may begin."""
     return np.float32(max(max(map(abs, config.lateral_offsets)) + BESIDE, cell_size))
 
 
 @kernel
-def find_off_route(robots, routes, far, astray):
-    """Write into astray bool[B, N] who of robots ROBOT[B, N] is; return how many.
+def find_off_route(robots, routes, far, off):
+    """Write into off bool[B, N] which of robots ROBOT[B, N] are off their routes; return how many.
 
     routes: float32[B, N, R, 2] [m]; far [m]: see far_off.
     """
@@ -30,12 +31,12 @@ def find_off_route(robots, routes, far, astray):
         for i in range(robots.shape[1]):
             r = robots[b, i]
             on_route = r["on_route"]
-            astray[b, i] = False
+            off[b, i] = False
             if not has_halted(r) or r["manoeuvre"]["arcs"] != 0 or on_route["points"] < 2:
                 continue
             k = min(int(on_route["position"] / on_route["spacing"] + np.float32(0.5)), on_route["points"] - 1)
             dx, dy = routes[b, i, k, 0] - r["motion"]["x"], routes[b, i, k, 1] - r["motion"]["y"]
             if dx * dx + dy * dy > far * far:
-                astray[b, i] = True
+                off[b, i] = True
                 found += 1
     return found

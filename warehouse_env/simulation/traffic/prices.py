@@ -34,7 +34,7 @@ class Prices(NamedTuple):
     crowd_within: float = 10.0  # [m] difference of these distances at which that has faded to nothing
     turn: float = 1.0  # for beginning with a turn of 90 degrees, twice that for turning round
     boxed_turn: float = 30.0  # for beginning with a turn of more than 90 degrees in an aisle of one cell
-    waited: float = 1.3  # for entering a cell on which one waited at a look of late, and so for each such look
+    waited: float = 1.3  # for entering a cell, for each recent look at which a robot waited there
 
 
 PRICES = Prices()
@@ -75,10 +75,10 @@ def make_price_cache(cells: int) -> PriceCache:
 class ReplanQuery(NamedTuple):
     """One robot's look at the floor: what it is given, and where the robot is. Costs are thousandths of a cell."""
 
-    passing: RouteOccupancy  # the table of who stands and passes where, brought up to now
+    passing: RouteOccupancy  # the occupancy of cells, up to date
     asked: PriceCache
     robots: NDArray[Any]  # ROBOT[N] of its world, whose number is `world`
-    steps: NDArray[np.int32]  # [H, W, 8], what moves cost whoever is about; 0 where they are not legal
+    steps: NDArray[np.int32]  # [H, W, 8], costs of moves without other robots; 0: illegal
     prices: Prices
     size: np.float32  # [m] of a cell
     world: int
@@ -94,7 +94,7 @@ class ReplanQuery(NamedTuple):
 
 @inline
 def rest_from(look, row, column):
-    """Return what it costs to go on to the goal from a cell, whoever is about; UNREACHABLE outside the field."""
+    """Return the cost from a cell to the goal without other robots; UNREACHABLE outside the field."""
     return to_go(look.field, look.top, look.left, row, column)
 
 
@@ -106,7 +106,7 @@ def is_beyond(look, row, column):
 
 @inline
 def _is_boxed(steps, row, column, move):
-    """Whether one who makes this move from a cell, or the opposite one, could leave it to neither side."""
+    """Whether a robot that makes this move from a cell, or the opposite one, could leave it to neither side."""
     return steps[row, column, (move + 2) % 8] == 0 and steps[row, column, (move + 6) % 8] == 0
 
 
@@ -135,7 +135,7 @@ def _charge_standing(look, cell):
 
 @inline
 def _charge_waiting(look, cell):
-    """Add the price of entering a cell where others have waited of late: the robot may have to wait there too."""
+    """Add the price of entering a cell where others waited lately: the robot may have to wait there too."""
     look.asked.enter[cell] += waited_at(look.passing, look.world, cell) * _thousandths(look.prices.waited) // ONCE
 
 

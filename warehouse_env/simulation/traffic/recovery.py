@@ -33,9 +33,9 @@ STAYS = -3
 
 # Cases: why a robot searches. LATE: after waits.SHUT_IN_AFTER of waiting. HELD: other robots are in the way.
 (
-    RING, RING_LATE,  # must leave a wait cycle
+    CYCLE, CYCLE_LATE,  # must leave a wait cycle
     LETS_OUT, LETS_OUT_LATE,  # must let a person pass: it waits for itself
-    BEHIND, BEHIND_PARKED,  # waits for a robot that stands for good: one that may still go, or a parked one
+    BEHIND, BEHIND_PARKED,  # waits for a robot that stands for good: it may still go, or is parked
     ASKED, ASKED_LATE,  # waits behind a robot that found no way, and must clear its path
     LINE, LINE_HELD,  # cannot follow its route
     DOCKS, DOCKS_HELD,  # is near the goal at which it stops
@@ -61,8 +61,8 @@ AMONG_OTHERS = 300  # nodes among robots that may still drive on
 
 # To drop a remedy, delete its line.
 STAGES = (
-    Stage(RING | LETS_OUT, OFF, NEAR, WALKING, TRIES, ASIDE),
-    Stage(RING_LATE | LETS_OUT_LATE, FAR_OFF, NEAR, WALKING, TRIES, MOST),
+    Stage(CYCLE | LETS_OUT, OFF, NEAR, WALKING, TRIES, ASIDE),
+    Stage(CYCLE_LATE | LETS_OUT_LATE, FAR_OFF, NEAR, WALKING, TRIES, MOST),
     Stage(BEHIND, ROUGHLY, NEAR, WALKING, TRIES, AMONG_OTHERS),
     Stage(BEHIND_PARKED, ROUGHLY, NEAR, WALKING, TRIES, MOST),
     Stage(ASKED, OFF, NEAR, WALKING, TRIES, ASIDE),

@@ -176,7 +176,7 @@ def _write_rest(look, cells, path):
 
 @inline
 def _downhill(look, row, column, rest, arrived):
-    """Return the move that is least of a turn of those on a cheapest way on from a cell whose cost-to-go is `rest`."""
+    """Return the move with the smallest turn among the cheapest from a cell with cost-to-go `rest`."""
     for k in range(8):
         move = (arrived + ((k + 1) // 2 if k % 2 else -(k // 2))) % 8
         step = look.steps[row, column, move]
@@ -188,7 +188,7 @@ def _downhill(look, row, column, rest, arrived):
 
 
 def finish(lead: Any) -> Any:
-    """Return the compiled function that finds a whole way, for one that leads to where a robot looks no farther.
+    """Return the compiled function that finds a whole way, given one that leads to the replanning horizon.
 
     lead: inlined function (look, most, seed, room) -> (cells that it wrote to room.path, the move that came to the last
     one, or START), 0 cells: no way costs at most `most`. From there the way is a cheapest one to the goal, which turns

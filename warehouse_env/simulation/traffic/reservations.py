@@ -74,7 +74,7 @@ def enlist(table, p):
 
 @inline
 def _number_of(j, count, masks, numbers):
-    """Return as which number robot j is met, who is met as the next one, of `count`, if it has not been."""
+    """Return the number under which robot j is met: the next one, `count`, if it is new."""
     n = numbers[NUMBER, j]
     if n < count and numbers[WHO, n] == j:
         return n

@@ -88,7 +88,7 @@ def _first(k):
 
 @inline
 def _reach_of_grants(count, have, end, table):
-    """Return (the last pose up to `end` before what others have been granted, who bars the way there or NOBODY)."""
+    """Return (the last pose up to `end` before the grants of others, the robot that blocks it or NOBODY)."""
     masks, numbers = table.masks, table.numbers
     last, barrier = end, NOBODY
     for n in range(count):
@@ -104,7 +104,7 @@ def _reach_of_grants(count, have, end, table):
 
 @inline
 def _may_wait(k, count, barrier, table):
-    """Return whose path a robot that waits at pose k would bar, NOBODY if it may wait there."""
+    """Return the robot whose path one that waits at pose k would block, NOBODY if it may wait there."""
     masks, numbers = table.masks, table.numbers
     for n in range(count):
         j = numbers[WHO, n]
@@ -118,7 +118,7 @@ def _may_wait(k, count, barrier, table):
 
 @part
 def _grant(count, have, must, want, end, goal, yields, table):
-    """Return (poses granted of a path, who bars the way to `want` or NOBODY); yields: it may wait anywhere.
+    """Return (poses granted of a path, the robot that blocks the way to `want`, or NOBODY). yields: may wait anywhere.
 
     It is granted more than it wants, up to pose `end`, if it may not wait sooner; at pose `goal` it does not wait.
     """
@@ -143,7 +143,7 @@ def _grant(count, have, must, want, end, goal, yields, table):
 
 @inline
 def _comes_against(row, granted, end, count, barrier, table):
-    """Whether who bars the way comes the other way where the paths first touch beyond the grant."""
+    """Whether the blocking robot comes the other way where the paths first touch beyond the grant."""
     paths, masks, numbers = table.paths, table.masks, table.numbers
     for n in range(count):
         if numbers[WHO, n] != barrier:
@@ -293,7 +293,7 @@ def _sort(robots, order):
 
 @inline
 def rank(robots, order):
-    """Write the robots in the order of their right: longest on the way to its goal first, and with it who bars it.
+    """Write the robots in the order of their right: the longest on its way first, with the robots that block it.
 
     order int[N]: their indices; of equals the lower first.
     """

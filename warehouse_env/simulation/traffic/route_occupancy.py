@@ -21,7 +21,7 @@ from warehouse_env.simulation.traffic.waits import bars_routes, gets_nowhere
 
 HORIZON = 40.0  # [m] of a route that counts for others
 NOTHING = -1
-ONCE = 1024  # a look at which one waited; a whole number, so that halves of it are the same on any machine
+ONCE = 1024  # a look at which a robot waited; a whole number, so halves are the same on any machine
 PERIOD = 10  # looks of a robot, after which what was noted before counts half
 
 
@@ -44,7 +44,7 @@ class RouteOccupancy(NamedTuple):
     stands_on: NDArray[np.int32]  # [B, N], the cell on which a robot is counted as standing, or NOTHING
     standing: NDArray[np.int16]  # [B, C, 2], robots and people that stand on a cell; and beside it (`spread`)
     known_at: NDArray[np.int64]  # [B], the env step of which the table is
-    waited: NDArray[np.int32]  # [B, C], looks of late at which one waited on a cell, times ONCE; see `note_waiting`
+    waited: NDArray[np.int32]  # [B, C], recent looks at which a robot waited on a cell, times ONCE (`note_waiting`)
     waited_in: NDArray[np.int32]  # [B, C], the period of which that is
     period: NDArray[np.int32]  # [B], the present one
     spread: int = 0  # cells either way that a standing body is on, of cells smaller than bodies; beside: one more
@@ -61,7 +61,7 @@ class Site(NamedTuple):
 
 
 class RoadUsers(NamedTuple):
-    """Who is about in B worlds."""
+    """Robots and people in B worlds."""
 
     robots: NDArray[Any]  # ROBOT[B, N]
     routes: NDArray[np.float32]  # [B, N, R, 2] [m]
@@ -149,7 +149,7 @@ def _unlist_point(passing, b, i, k):
 
 @kernel
 def _count_standing(passing, b, cell, change, site):
-    """Add `change` to those who stand on a cell, and to those who stand beside its neighbours."""
+    """Add `change` to the count of bodies standing on a cell, and beside its neighbours."""
     row, column, spread = cell // site.columns, cell % site.columns, passing.spread
     for i in range(max(row - 1 - spread, 0), min(row + 2 + spread, site.rows)):
         for j in range(max(column - 1 - spread, 0), min(column + 2 + spread, site.columns)):
@@ -213,13 +213,13 @@ def keep_all_up(passing, b, step, users, site):
 
 @inline
 def waited_at(passing, b, cell):
-    """Return at how many looks of late one waited on a cell, times ONCE: those of each period before count half."""
+    """Return at how many recent looks a robot waited on a cell, times ONCE; each earlier period counts half."""
     return int(passing.waited[b, cell]) >> min(int(passing.period[b] - passing.waited_in[b, cell]), 30)
 
 
 @kernel
 def note_waiting(passing, robots, looks, steps, every, site):
-    """Note where those who look now wait, whom each look counts once, so that it is known where robots lose time.
+    """Note where the robots that look now are waiting, once per look: where robots lose time.
 
     robots: ROBOT[B, N]; looks: bool[B, N]; steps: int64[B]; every: steps between two looks of a robot.
     """

@@ -96,7 +96,7 @@ def _know(i, motion, paths, outlines, marks, p):
 
 @inline
 def _who_refuses(i, command, around, p, kinds):
-    """Return a robot whose committed motion the one on trial would come too near, FREE if there is none.
+    """Return a robot whose committed motion is too near to the motion on trial, or FREE.
 
     Of several, one that has committed in this step already: those cannot be asked to make room. p: of robot i.
     """
@@ -129,7 +129,7 @@ def _who_refuses(i, command, around, p, kinds):
 
 @inline
 def _publish(i, trial, paths, outlines, marks):
-    """Make the motion on trial the one that others see of robot i."""
+    """Publish the motion on trial as robot i's committed motion."""
     for n in range(marks[SAMPLES, trial]):
         for k in range(PLACE):
             paths[i, n, k] = paths[trial, n, k]
@@ -183,7 +183,7 @@ def hold(i, motion, field, p):
 
 @inline
 def guard(robots, persons, scratch, walking, p, kinds, floor):
-    """Let the robots commit, in the order of priority, to the commands that `motion` holds; who may not, brakes."""
+    """Let the robots commit, in the order of priority, to the commands in `motion`; the others brake."""
     motion, field = scratch.motions[1], scratch.guards
     around = motion, field, scratch.places
     begin(motion, field, p, kinds)

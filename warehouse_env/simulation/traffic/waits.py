@@ -28,24 +28,24 @@ from warehouse_env.simulation.traffic.in_the_way import first_in_the_way
 SLOW = np.float32(0.1)  # [m/s] under which a robot counts as not driving
 
 # From when on, in seconds, and by which clock.
-REFUSED = np.float32(0.8)  # held: who held it is who it yields to
+REFUSED = np.float32(0.8)  # vetoed: it yields to the robot that vetoed it
 STANDS = np.float32(0.95)  # waiting: it stands (1 s, less its rounding); standing: it has come to a halt
 URGED = np.float32(2.0)  # standing: it goes if it has right of way, though its policy would stand
-SEEKS_AFTER = np.float32(2.0)  # waiting, in a ring: one of the ring leaves it
+SEEKS_AFTER = np.float32(2.0)  # waiting, in a wait cycle: one of its robots leaves it
 FOR_GOOD = np.float32(2.0)  # waiting: as far as can be told, it stands for good
-STUCK_AFTER = np.float32(4.0)  # waiting, for one that stands for good: it goes round that one
+STUCK_AFTER = np.float32(4.0)  # waiting, for a robot that stands for good: it goes around it
 SHUT_IN_AFTER = np.float32(20.0)  # waiting: it goes for room however far, and those behind it leave its way
 ROCKS = np.float32(4.95)  # standing: it stands, though it moves (5 s, less its rounding)
-LONGER = np.float32(5.0)  # standing, times `right_of_way_after`: rules step in around it, in a ring or not
+LONGER = np.float32(5.0)  # standing, times `right_of_way_after`: rules apply around it, in a wait cycle or not
 DEARER = 20.0  # standing: others that stand cost its route twice as much, after as long again three times, and so on
 
 # For how long, in seconds.
-PAUSE = np.float32(3.0)  # until one that found no way searches again
-LEAVES = np.float32(5.0)  # for which one that makes room counts as doing so
+PAUSE = np.float32(3.0)  # until a robot that found no way searches again
+LEAVES = np.float32(5.0)  # for which a robot counts as retreating
 CALM = np.float32(10.0)  # for which rules stay after nobody near has called for them
 
 MOVES, WAITS, SEEKS, STUCK = range(4)  # stages
-WHO, RING, STAGE, SPARE = range(4)  # rows of what is found, int64[4, N]: for whom, the ring's lowest robot, stage
+WHO, CYCLE, STAGE, SPARE = range(4)  # rows of int64[4, N]: waits for whom, lowest robot of its cycle, stage
 _UNASKED = -2
 
 
@@ -92,7 +92,7 @@ def has_halted(r):
 
 @inline
 def stands_for_good(r):
-    """Whether a robot stands for good, as far as can be told: for a while, or parked, which counts no time any more."""
+    """Whether a robot stands for good, as far as can be told: it has stood for a while, or is parked."""
     return r["task"]["alive"] == 0 or r["clocks"]["waiting_time"] > FOR_GOOD
 
 
@@ -110,7 +110,7 @@ def is_urged(r):
 
 @inline
 def refuser(r):
-    """Return who has held a robot that stands for so long that it yields to that one, or NOBODY."""
+    """Return the robot that has vetoed a standing robot for so long that it yields to it, or NOBODY."""
     return (
         r["shield"]["vetoed_by"]
         if r["shield"]["vetoed_time"] > REFUSED and abs(r["motion"]["speed"]) < SLOW
@@ -130,7 +130,7 @@ def may_leave(r):
 
 @inline
 def is_shut_in(r):
-    """Whether a robot has waited so long that it goes for room however far that is."""
+    """Whether a robot has waited so long that its recovery search has no range limit."""
     return r["clocks"]["waiting_time"] > SHUT_IN_AFTER
 
 
@@ -160,13 +160,13 @@ def waits_for(robots, i, route, p, kinds, near):
 
 
 @part
-def find_wait_cycles(who, ring, walk):
-    """Write into ring int[N] the lowest robot of the ring that each robot is in, NOBODY off all.
+def find_wait_cycles(who, cycle, walk):
+    """Write into cycle int[N] the lowest robot of the wait cycle of each robot, NOBODY for those in none.
 
     who int[N]: whom each waits for, or NOBODY; walk int[N]: scratch, the walk on which a robot was met, so that each is
     walked over once.
     """
-    ring[:] = NOBODY
+    cycle[:] = NOBODY
     walk[:] = NOBODY
     for i in range(who.shape[0]):
         j = i
@@ -179,16 +179,16 @@ def find_wait_cycles(who, ring, walk):
         while k != j:
             lowest = min(lowest, k)
             k = who[k]
-        ring[j] = lowest
+        cycle[j] = lowest
         k = who[j]
         while k != j:
-            ring[k] = lowest
+            cycle[k] = lowest
             k = who[k]
 
 
 @part
 def find_wait_cycles_of(robots, routes, least, most, found, p, kinds):
-    """Find the rings through those who have stood for `least` to `most` [s], and whom the robots on the way wait for.
+    """Find the wait cycles through robots that have stood for `least` to `most` [s], and whom they wait for.
 
     Only they, and whoever they wait for, are asked: to look for who is in the way takes long.
     """
@@ -207,29 +207,29 @@ def find_wait_cycles_of(robots, routes, least, most, found, p, kinds):
             j = who[j]
     for i in range(robots.shape[0]):
         who[i] = max(who[i], NOBODY)
-    find_wait_cycles(who, found[RING], found[SPARE])
+    find_wait_cycles(who, found[CYCLE], found[SPARE])
 
 
 @part
 def look(robots, found):
-    """Find whom each robot of ROBOT[N] yields to, the rings of these, and the stages; return how many search a way.
+    """Find whom each robot of ROBOT[N] yields to, the wait cycles, and the stages; return how many search a way.
 
-    Those are who SEEKS and who is STUCK. Rings that right of way does not know of are not for anybody to leave.
+    Those are who SEEKS and who is STUCK. Only cycles that right of way knows are left.
     """
-    who, ring, stage, broken, count = found[WHO], found[RING], found[STAGE], found[SPARE], 0
+    who, cycle, stage, broken, count = found[WHO], found[CYCLE], found[STAGE], found[SPARE], 0
     for i in range(robots.shape[0]):
         who[i] = robots[i]["traffic"]["yields_to"]
         stage[i] = WAITS if may_leave(robots[i]) else MOVES
-    find_wait_cycles(who, ring, found[SPARE])
+    find_wait_cycles(who, cycle, found[SPARE])
     broken[:] = 0
     for i in range(robots.shape[0]):
-        if ring[i] != NOBODY and stage[i] == MOVES:
-            broken[ring[i]] = 1
+        if cycle[i] != NOBODY and stage[i] == MOVES:
+            broken[cycle[i]] = 1
     for i in range(robots.shape[0]):
         if stage[i] == MOVES or not _may_search(robots[i]):
             continue
         waited = robots[i]["clocks"]["waiting_time"]
-        if ring[i] != NOBODY and broken[ring[i]] == 0 and waited >= SEEKS_AFTER:
+        if cycle[i] != NOBODY and broken[cycle[i]] == 0 and waited >= SEEKS_AFTER:
             stage[i] = SEEKS
         elif waited > STUCK_AFTER and stands_for_good(robots[who[i]]):
             stage[i] = STUCK
