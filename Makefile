@@ -57,7 +57,7 @@ docs: $(STAMP) ## build the documentation in build/docs; a warning is an error
 gallery: $(STAMP) ## make the moving pictures of docs/gallery.md anew; needs a Chromium
 	$(RUN)/python docs/extensions/gallery.py
 
-chart: $(STAMP) ## draw the bar chart of README anew, from docs/measured/throughput.jsonl
+chart: $(STAMP) ## draw docs/throughput.svg anew, from docs/measured/throughput.jsonl
 	$(RUN)/python docs/extensions/throughput.py
 
 clients: ## use SuperSuit, TorchRL, RLlib, Gymnasium and SB3 for real, briefly, in .venv-clients

@@ -20,8 +20,6 @@ SHORTER = {
     "simulator.seconds(0) < 40": "simulator.seconds(0) < 21",
     "range(60)": "range(2)",
     "range(50)": "range(1)",
-    "for iteration in range(100)": "for iteration in range(1)",
-    'ray.init(address="auto")  # on a machine of the cluster': "ray.init(num_cpus=3, include_dashboard=False)",
     "total_frames=30_000": "total_frames=600",
     "begin=20, seconds=10": "begin=0, seconds=1",
     "begin=30, seconds=6": "begin=0, seconds=1",
@@ -29,8 +27,6 @@ SHORTER = {
     "seconds=36, speed=6": "seconds=1",
     "seconds=20, speed=3": "seconds=1",
     "seconds=40, speed=6": "seconds=1",
-    "iterations=40": "iterations=3",
-    "range(1, 11)": "range(1, 2)",
 }
 
 

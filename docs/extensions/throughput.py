@@ -1,4 +1,4 @@
-"""`make chart`: the bar chart of README, from rows of measured episodes that are kept beside it.
+"""`make chart`: draw docs/throughput.svg, from rows of measured episodes that are kept beside it.
 
 With files of rows as arguments it takes these first: `python docs/extensions/throughput.py results/*/rows.jsonl`.
 """

@@ -1,4 +1,4 @@
-"""README's bar chart shows what its rows say, and its rows are of the same episodes."""
+"""The bar chart of throughput shows what its rows say, and its rows are of the same episodes."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def test_the_picture_has_the_means_of_the_rows(chart: Any) -> None:
         for policy in chart.BARS:
             assert f"{chart.measured(policy, floor, 32).mean:.0f}" in numbers, (policy, floor)
         assert f">one robot alone: {chart.measured('greedy', floor, 1).mean:.0f}<" in drawn
-    assert "](docs/throughput.svg)" in PAGES["README.md"]
+    assert "](../throughput.svg)" in PAGES["docs/measured/traffic.md"]
 
 
 def test_it_is_drawn_as_it_is_kept(chart: Any, tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
