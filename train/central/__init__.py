@@ -9,7 +9,6 @@ from typing import Protocol
 import numpy as np
 
 from agents.policy import Action
-from train.central.pbcr import CentralPBCR
 from train.central.pibt import CentralPIBT
 from warehouse_env.config import ActionType, EnvConfig
 from warehouse_env.simulation.simulator import Simulator
@@ -41,7 +40,6 @@ class CentralEntry:
 
 CENTRAL: dict[str, CentralEntry] = {
     "central_pibt": CentralEntry("PIBT on the cells, driven in the plan's order at each", CentralPIBT, "continuous"),
-    "central_pbcr": CentralEntry("PIBT over arcs of the body (PBCR), with a count of visits", CentralPBCR, "raw"),
 }
 
 

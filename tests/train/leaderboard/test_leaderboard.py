@@ -73,7 +73,6 @@ def test_tracks_are_the_same_for_all_but_when_right_of_way_steps_in() -> None:
         assert config_of(policy, EnvConfig(), options(policy, "bare")).traffic == "routes"
     named = {policy: config_of(policy, EnvConfig(), options(policy, "field")).traffic for policy in ("greedy", "ppo")}
     assert named == {"greedy": "rules", "ppo": "assist"}  # greedy says itself: at once
-    assert options("central_pbcr", "field") == {"traffic": "shield"}
 
 
 def test_the_shipped_entries_are_of_this_set() -> None:
