@@ -76,4 +76,4 @@ def jobs_table(rows: list[Row]) -> Table:
         for row in select(rows, what="jobs")
     )  # fmt: skip
     note = f"An episode: {rows[0]['on']}; in turns within one run; start: until each worker has done two."
-    return Table("Jobs by who does them", header, cells, note, labels=1)
+    return Table("Jobs by who does them", header, cells, note)

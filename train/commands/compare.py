@@ -8,7 +8,7 @@ from pathlib import Path
 
 import tyro
 
-from train.reporting.comparison import Line, Run, compare, comparison_table, comparison_words, read_runs
+from train.reporting.comparison import Line, Run, compare, comparison_table, read_runs
 from train.reporting.page import Page, Part, Shown, made_by
 from train.reporting.report import require_charts, short_names
 from train.reporting.rows import RowFile
@@ -35,7 +35,7 @@ class Compare(Checked):
     json: Path | None = None
     """File for the figures, a row a measure of each pair and floor, as JSON lines."""
     html: Path | None = None
-    """File for a page with the figures in words, a chart of the differences, and the table."""
+    """File for a page with a chart of the differences and the table."""
 
     def run(self) -> None:
         """Read all runs, print the table, write rows and page."""
@@ -69,7 +69,7 @@ def _page(lines: Sequence[Line], runs: Sequence[Run]) -> Page:
     title = f"{' and '.join(run.name for run in runs[1:])} against {runs[0].name}"
     drawn = Part("Differences", pictures=[_drawing(lines)])
     parts = [drawn, Part("Every figure", tables=[table]), Part("What was compared", facts=made_by(**facts))]
-    return Page(title, "Paired differences over the same episodes", comparison_words(lines), parts)
+    return Page(title, "Paired differences over the same episodes", parts=parts)
 
 
 def _drawing(lines: Sequence[Line]) -> Shown:

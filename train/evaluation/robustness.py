@@ -94,7 +94,7 @@ def robust_table(rows: Sequence[Row]) -> Table:
             DISTURBANCES[str(name)].summary, short[str(policy)], with_interval(found.goals),
             *(compared if known else ("", "")), *contacts, verdict(found, base) if known else "",
         ))  # fmt: skip
-    return Table(f"Robustness ({_about(rows)})", _HEADER, tuple(cells), NOTE, labels=2)
+    return Table(f"Robustness ({_about(rows)})", _HEADER, tuple(cells), NOTE)
 
 
 def _about(rows: Sequence[Row]) -> str:

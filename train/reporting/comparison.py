@@ -9,15 +9,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from train.reporting.columns import MEASURES, Measure
-from train.reporting.report import (
-    Table,
-    counted,
-    difference,
-    grouped,
-    number,
-    short_names,
-    with_interval,
-)
+from train.reporting.report import Table, difference, grouped, short_names, with_interval
 from train.reporting.rows import Interval, Row, is_told, paired, read_rows, select, values_of
 from warehouse_env.errors import WarehouseError
 
@@ -195,27 +187,3 @@ def comparison_table(lines: Sequence[Line]) -> Table:
     policy = ("policy",) if same else ()
     header = ("floor", "robots", *policy, "measure", "run", "mean", "against", "its mean", "episodes", "difference", "")
     return Table("Comparison", header, tuple(cells), NOTE)
-
-
-def comparison_words(lines: Sequence[Line]) -> list[str]:
-    """Say for each pair and floor what is told apart, and what is not."""
-    short = short_names({name for line in lines for name in (line.layout, line.ours.policy, line.other.policy)})
-    texts = []
-    groups: dict[tuple[System, System, str, int], list[Line]] = {}
-    for line in lines:
-        groups.setdefault((line.ours, line.other, line.layout, line.robots), []).append(line)
-    for (ours, other, layout, robots), own in groups.items():
-        told = [line for line in own if line.verdict not in ("equal", "not told apart")]
-        open_ = [line.measure.heading for line in own if line.verdict == "not told apart"]
-        names = " and ".join(f"**{one.run}** (`{short[one.policy]}`)" for one in (ours, other))
-        episodes = counted(own[0].difference.samples, "episode")
-        text = f"{names} on {short[layout]} with {counted(robots, 'robot')}, {episodes} of both: "
-        said = []
-        for line in told:
-            share = f" ({number(100 * line.difference.mean / line.base.mean, 2)}%)" if line.base.mean > 0 else ""
-            found = difference(line.difference, line.measure.factor)
-            said.append(f"{line.measure.heading} {found}{share}, {line.verdict}")
-        text += "; ".join(said) if said else "nothing is told apart"
-        rest = f". *Not told apart*: {', '.join(open_)}" if said and open_ else ""
-        texts.append(f"{text}{rest}.")
-    return texts

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from train.cli import main
-from train.reporting.comparison import Line, Run, compare, comparison_words, read_runs
+from train.reporting.comparison import Line, Run, compare, read_runs
 from train.reporting.rows import Interval, apart, is_told, paired, read_rows, write_rows
 from warehouse_env.errors import WarehouseError
 
@@ -71,16 +71,6 @@ def test_orders_are_compared_where_there_are_some() -> None:
     assert lines["station_utilisation"].verdict == "more"  # which is neither good nor bad
     assert lines["order_median_s"].verdict == "equal"
     assert "orders_late" not in lines
-    (text,) = comparison_words(list(lines.values()))
-    assert "orders/h +40 (20%), better; stations used % +10 (19%), more." in text
-
-
-def test_words_of_a_comparison() -> None:
-    (text,) = comparison_words(list(lines_of(BEFORE, AFTER).values()))
-    assert text == (
-        "**after** (`ppo`) and **before** (`ppo`) on hall with 8 robots, 3 episodes of both: goals/robot-h "
-        "+10.0 [7.5, 12.5] (9.7%), better. *Not told apart*: collisions/km."
-    )
 
 
 def test_single_policies_pair_whatever_they_are_called() -> None:
