@@ -24,7 +24,7 @@ from train.learning.evaluations import Drive, Evaluations
 from train.learning.progress import ProgressLog
 from train.learning.stop import stop_signal
 from train.learning.timing import Split
-from train.parcels import KeptFiles, check_kept, kept, staged
+from train.parcels import FileDigests, file_digests
 from train.reporting.lock import held
 from train.reporting.report import tell
 from warehouse_env.config import EnvConfig
@@ -34,7 +34,6 @@ from warehouse_env.own_parts import digests
 from warehouse_env.simulation.simulator import Simulator
 
 CHECKPOINT = "checkpoint"
-FILES = "files"  # in a run's folder, the files of its floors
 LOCK = ".lock"  # in a run's folder, while it is trained in
 _NAMED = 3  # floors that the first line names
 _MOST_LOST = 5  # times in a row that workers are lost before another checkpoint is written; a machine may cost two
@@ -97,7 +96,7 @@ class Position:
     update: int = 0
     steps: int = 0  # agent-steps
     seconds: float = 0.0
-    files: KeptFiles = dataclasses.field(default_factory=dict)  # of floors, in FILES
+    files: FileDigests = dataclasses.field(default_factory=dict)  # of floors
     code: dict[str, str] = dataclasses.field(default_factory=dict)  # parts of one's own, each with its digest
 
     @classmethod
@@ -143,7 +142,7 @@ def run_training(config: ConfigT, algorithm: str, make: Callable[[ConfigT], Trai
             stack.enter_context(held(config.directory / LOCK, config.directory))
         config, saved = _begin(config, algorithm)
         if saved is not None:
-            stack.enter_context(staged(_unchanged(config, Position.of(saved)), config.directory / FILES))
+            _check_unchanged(config, Position.of(saved))
         tell(_beginning(config))
         lost = 0
         while True:
@@ -166,7 +165,7 @@ def _run(
     with ExitStack() as stack:
         trainer = stack.enter_context(closing(make(config)))
         if saved is None:
-            position = Position(files=kept(config.layouts, config.directory / FILES), code=_code(config))
+            position = Position(files=file_digests(config.layouts), code=_code(config))
         else:
             trainer.load(saved.arrays)
             position = Position.of(saved)
@@ -188,16 +187,22 @@ def _code(config: TrainingConfig) -> dict[str, str]:
     return digests(*config.layouts, config.router)
 
 
-def _unchanged(config: TrainingConfig, position: Position) -> KeptFiles:
-    """Return the files of a run's floors; WeightsError where they, or code of one's own, are other than they were."""
-    check_kept(position.files, config.directory / FILES)
-    now = _code(config)
+def _check_unchanged(config: TrainingConfig, position: Position) -> None:
+    """Raise WeightsError where a floor's file or code of one's own is other than it was."""
+    if not isinstance(position.files, dict):
+        raise WeightsError(f"the list of files in the checkpoint of {config.directory} is damaged: begin anew")
+    files, code = file_digests(position.files), _code(config)
+    for name, known in position.files.items():
+        if files.get(name) != known:
+            raise WeightsError(
+                f"the files of {name} are missing or not those that {config.directory} was trained with: "
+                "put them back, or begin anew"
+            )
     for name, digest in position.code.items():
-        if now.get(name, digest) != digest:
+        if code.get(name, digest) != digest:
             raise WeightsError(
                 f"{name} is not the code that {config.directory} was trained with: take that, or begin anew"
             )
-    return position.files
 
 
 def _last(config: TrainingConfig) -> checkpoint.Checkpoint | None:
