@@ -262,8 +262,6 @@ def test_other_commands_take_them(capsys: pytest.CaptureFixture[str]) -> None:
     rows = read_rows(Path("plan.jsonl"))
     assert {row["planner"] for row in rows} == {"my_planner.py:Backwards", "astar"}
     assert all(row["gap"] == pytest.approx(0) for row in rows)
-    scenes = "scenes --scene crossing --policy my_policy.py:Slow --seeds 1 --seconds 3"
-    assert main([*scenes.split(), "--out", "scenes"]) == 0
     assert main(["layouts", "--draw", "my_layout.py:hall"]) == 0
     drive = "--policy my_policy.py:Slow --layout my_layout.py:hall --robots 2 --episodes 1 --seconds 3"
     assert main(["robust", *drive.split(), "--disturbance", "dropout", "--out", "robust"]) == 0

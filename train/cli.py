@@ -85,7 +85,6 @@ _COMMANDS = {
         "commands.evaluate:Robust",
         "drive policies with other bodies, worse sensors, lost messages: what holds?",
     ),
-    "scenes": ("commands.evaluate:Scenes", "drive policies through symmetric scenes and count those that are resolved"),
     "curves": ("commands.training:Curves", "draw the learning curves of several runs in one picture"),
     "export": ("commands.export:Export", "write a trained policy as an ONNX model"),
     "compile": ("commands.compile:Compile", "compile all kernels ahead of time, several at a time, and keep them"),

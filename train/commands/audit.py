@@ -41,8 +41,6 @@ class AuditCommand(Episodes):
     def run(self) -> None:
         """Audit all, print the table and the faults, write the rows and the table; exit with 1 if there is a fault."""
         jobs = self._jobs()
-        if self.do_share(jobs):
-            return
         check_writable(self.out / "table.md")
         with (
             self.rows_file(resumes=not self.files) as file,

@@ -1,4 +1,4 @@
-"""`warehouse evaluate`, `robust` and `scenes`: policies over held-out episodes or scenes -> rows, a table, pictures."""
+"""`warehouse evaluate` and `robust`: policies over held-out episodes -> rows, a table, pictures."""
 
 from __future__ import annotations
 
@@ -11,20 +11,17 @@ from train.commands.kinds import Fleet
 from train.commands.layouts import BY_MAP
 from train.commands.orders import Work
 from train.evaluation.disturbances import DISTURBANCES, UNDISTURBED, known
-from train.evaluation.episodes import Episodes as EpisodesJob
 from train.evaluation.episodes import play
-from train.evaluation.jobs import Job, Runner
 from train.evaluation.places import NOTES, PAGE
 from train.evaluation.robustness import robust_table
-from train.evaluation.rollout import MOST, Experiment, Trace, make_experiment
-from train.evaluation.scenes import SCENES, SceneJob, scene_table
-from train.evaluation.workers import ShardOptions
+from train.evaluation.rollout import Experiment, Trace, make_experiment
+from train.evaluation.workers import WorkerOptions
 from train.learning.config import HELD_OUT_SEED
 from train.reporting.report import Table, evaluation_table, require_charts
 from train.reporting.rows import Row, RowFile, instead, whole_rows
 from warehouse_env.checked import Checked
 from warehouse_env.config import ArrivalMode, EnvConfig, TaskMode
-from warehouse_env.errors import ConfigError, unknown_name
+from warehouse_env.errors import ConfigError
 from warehouse_env.files import check_writable, write_text
 from warehouse_env.maps.layouts import make_layout
 from warehouse_env.planning import make_planner
@@ -70,7 +67,7 @@ class Working(Fleet, Work, Drive):
 
 
 @dataclass(frozen=True)
-class Episodes(Working, ShardOptions):
+class Episodes(Working, WorkerOptions):
     """Which episodes to drive, and where their rows go: what evaluate and robust share."""
 
     policy: tuple[str, ...] = ("follow", "brake", "reinforce", "ppo", "threaded_ppo")
@@ -99,8 +96,7 @@ class Episodes(Working, ShardOptions):
     @property
     def rows_path(self) -> Path:
         """Where the rows go."""
-        every = self.json or self.out / "rows.jsonl"
-        return every if self.share is None else self.share.beside(every)
+        return self.json or self.out / "rows.jsonl"
 
     def rows_file(self, resumes: bool = True) -> RowFile:
         """Return the file of the rows, a context that asks before it replaces any; resumes: whether --resume helps."""
@@ -119,23 +115,6 @@ class Episodes(Working, ShardOptions):
         table.print()
         write_text(table_path, table.markdown())
         return rows, traces
-
-    def do_share(self, jobs: Sequence[Job]) -> bool:
-        """Do a share of jobs, if that is what is asked for, write its rows and say what is next; return whether it was.
-
-        There is no table of a share.
-        """
-        share = self.share
-        if share is None:
-            return False
-        with self.rows_file() as file, Runner(file, file.old(), self.workers(), goes_on=GOES_ON) as run:
-            rows = run(share.jobs(jobs))
-        every = self.json or self.out / "rows.jsonl"
-        print(
-            f"wrote {len(rows):,} rows to {self.rows_path}; {share.then(every)} the same command with --resume instead "
-            f"of --shard {self.shard} makes the table"
-        )
-        return True
 
     def experiments(self, disturbance: str | None = None) -> list[Experiment]:
         """Return the product of floors, robot counts and policies; everything that can be checked now is."""
@@ -164,13 +143,11 @@ class Evaluate(Episodes):
     pictures: bool = True
     """Draw the trajectories of one episode of each policy, and the bar chart of collisions."""
     report: Path | None = None
-    """Folder for a page to read and share: what the figures show in words, charts, heat maps, the worst as replays."""
+    """Folder for a page to read and share: the table, charts, heat maps, and replays of the worst episodes."""
 
     def run(self) -> None:
         """Play all experiments, print the table, write rows, pictures and the report."""
         experiments = self.experiments()
-        if self.do_share([EpisodesJob(one) for one in experiments]):
-            return
         if self.pictures or self.report is not None:
             require_charts()
         if self.report is not None:
@@ -215,53 +192,5 @@ class Robust(Episodes):
         """Play everything, print the table, write rows and table."""
         names = dict.fromkeys((UNDISTURBED, *map(known, self.disturbance)))
         experiments = [experiment for name in names for experiment in self.experiments(name)]
-        if self.do_share([EpisodesJob(one) for one in experiments]):
-            return
         self.tabulate(experiments, robust_table)
         print(f"wrote the rows to {self.rows_path}, the table to {self.out}")
-
-
-@dataclass(frozen=True)
-class Scenes(Drive):
-    """Drive policies through symmetric scenes (head-on, crossing, circle swap); print the share that is resolved."""
-
-    scene: tuple[str, ...] = tuple(SCENES)
-    """Scenes to play."""
-    policy: tuple[str, ...] = ("ppo",)
-    """Policies to compare, named as for `warehouse evaluate`."""
-    seeds: int = 1000
-    """Seeds of each scene and policy."""
-    seconds: float = 120.0
-    """Simulated time within which all robots must have arrived [s]."""
-    json: Path | None = None
-    """File for the rows, one a seed, as JSON lines (OUT/rows.jsonl if left out)."""
-    overwrite: bool = False
-    """Replace the rows that the file holds already."""
-    out: Path = Path("results/scenes")
-    """Folder for the rows and the table."""
-
-    def run(self) -> None:
-        """Play everything, print the table, write rows and table."""
-        for name in self.scene:
-            if name not in SCENES:
-                raise unknown_name("scene", name, SCENES)
-        if not 1 <= self.seeds <= MOST:
-            raise ConfigError(f"--seeds {self.seeds} must lie between 1 and {MOST:,}")
-        make_planner(self.planner)
-        base, chosen = EnvConfig(planner=self.planner), self.chosen()
-        for policy in self.policy:  # finds what is wrong before the start
-            make_experiment(policy, base, self.seeds, self.seconds, self.seed, chosen)
-        check_writable(self.out / "table.md")
-        seeds = range(self.seed, self.seed + self.seeds)
-        jobs = [
-            SceneJob(name, policy, base, self.seconds, seeds, chosen)
-            for name in dict.fromkeys(self.scene)
-            for policy in dict.fromkeys(self.policy)
-        ]
-        kept = RowFile(self.json or self.out / "rows.jsonl", instead=instead(self.overwrite, resumes=False))
-        with kept as file, Runner(file) as run:
-            rows = run(jobs)
-        table = scene_table(rows)
-        table.print()
-        write_text(self.out / "table.md", table.markdown())
-        print(f"wrote the rows to {file.path} and the table to {self.out}")

@@ -15,7 +15,7 @@ import numpy as np
 from train.commands.layouts import BY_MAP
 from train.evaluation.jobs import Job, Result, Runner, Tick
 from train.evaluation.pictures import plan_pictures
-from train.evaluation.planning_runs import OPTIMAL, Run, Task, is_optimal, make_task, plan_once
+from train.evaluation.planning_runs import Run, Task, is_optimal, make_task, plan_once
 from train.evaluation.rollout import MOST
 from train.reporting.report import Table, counted, grouped, number, require_charts, with_interval
 from train.reporting.rows import Row, RowFile, mean_interval
@@ -82,7 +82,7 @@ class PlanCommand(Checked):
         ]
         with RowFile(self.json) as file, Runner(file, hear=lambda number, run: kept.append(run)) as run:
             rows = run(jobs)
-        table = plan_table(rows, plan_note(rows))
+        table = plan_table(rows)
         table.print()
         write_text(self.out / "table.md", table.markdown())
         if self.pictures:
@@ -196,7 +196,7 @@ _HEADER = (
 )  # fmt: skip
 
 
-def plan_table(rows: Sequence[Row], note: str = "") -> Table:
+def plan_table(rows: Sequence[Row]) -> Table:
     """Return one line for each planner and task, means over its runs; a climb column where the floor is uneven."""
     uneven = any(row["climb_m"] for row in rows)
     cells = []
@@ -213,52 +213,7 @@ def plan_table(rows: Sequence[Row], note: str = "") -> Table:
     title = (
         f"Planners on {rows[0]['layout']}, {counted(runs, 'run')} each: means [95% interval by Student's t over runs]"
     )
-    return Table(title, _HEADER + (("climb [m]",) if uneven else ()), tuple(cells), note, labels=2)
-
-
-def plan_note(rows: Sequence[Row]) -> str:
-    """Say what the exact searches cost and find, and what every colony adds to them, in the figures of `rows`."""
-    every = {str(planner): group for (planner,), group in grouped(rows, ("planner",)).items()}
-    exact = {name: group for name, group in every.items() if name.partition(":")[0] in ("astar", "astar_turns")}
-    lines = [
-        f"{name} takes {number(_median_ms(group), 2)} ms and finds the shortest path in "
-        f"{_share(map(is_optimal, group))} of its runs, one with the fewest possible turns in "
-        f"{_share(map(_fewest, group))}."
-        for name, group in exact.items()
-    ]
-    if lines:
-        lines[0] = f"Plainly: {lines[0]}"
-    for name, group in every.items():
-        if any(row["iterations"] for row in group):
-            lines += _colony(name, group, exact)
-    return "\n".join(lines)
-
-
-def _colony(planner: str, group: Sequence[Row], exact: dict[str, list[Row]]) -> list[str]:
-    """Return the lines on one colony: its time and optimality, and what it adds to each exact search."""
-    ms = _median_ms(group)
-    shares = f"the shortest path in {_share(map(is_optimal, group))}, the fewest turns in {_share(map(_fewest, group))}"
-    lines = [f"{planner} takes {number(ms, 2)} ms and finds {shares} of its runs."]
-    for name, own in exact.items():
-        times = number(ms / _median_ms(own), 2)
-        lines.append(f"  Over {name}, which is {times} times as fast, it adds {_added(group, own)}.")
-    return lines
-
-
-def _added(group: Sequence[Row], exact: Sequence[Row]) -> str:
-    """Return where the colony's mean path is better than the exact search's: turns and climb; "nothing" if nowhere."""
-    better = [
-        f"{what} ({number(_mean(group, name))} against {number(_mean(exact, name))} {unit} a path)"
-        for what, name, unit in (("fewer turns", "turns", "turns"), ("a gentler floor", "climb_m", "m of climb"))
-        if _mean(group, name) < _mean(exact, name) * (1 - OPTIMAL)
-    ]
-    longer = _mean(group, "gap") - _mean(exact, "gap")
-    cost = f" for paths {number(100 * longer, 2)}% longer" if better and longer > OPTIMAL else ""
-    return (" and ".join(better) or "nothing") + cost
-
-
-def _fewest(row: Row) -> bool:
-    return is_optimal(row) and bool(row["turns"] <= row["min_turns"])
+    return Table(title, _HEADER + (("climb [m]",) if uneven else ()), tuple(cells))
 
 
 def _share(values: Iterable[bool]) -> str:

@@ -18,7 +18,6 @@ from train.reporting.report import make_progress
 from train.reporting.rows import Row, RowFile, write_rows
 from warehouse_env.errors import LostError
 
-WAIT = 0.2  # [s] between two looks at those who work
 _EACH = 4  # parts of jobs for each of those who work, so that none idles for long at the end
 
 Tick = Callable[[float], None]

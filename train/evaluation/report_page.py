@@ -9,7 +9,6 @@ from train.evaluation.pictures import bars
 from train.evaluation.places import KEY, PAGE, Floor, floor_of_notes
 from train.evaluation.recorded import worst_episodes, write_replays
 from train.evaluation.rollout import Experiment
-from train.evaluation.words import paragraph
 from train.reporting.page import Page, Part, Shown, made_by
 from train.reporting.report import counted, evaluation_table, grouped, make_progress, number, short_names
 from train.reporting.rows import Row, select, values_of, write_rows
@@ -20,6 +19,7 @@ from warehouse_env.render.report_charts import COLLISIONS, detours, over_robots
 
 ROWS = "rows.jsonl"
 WORST = 5  # episodes shown as replays
+CAVEAT = "Brackets are 95% intervals, each for itself: one in twenty misses the true value."
 
 
 def write_report(
@@ -50,7 +50,7 @@ def write_report(
     title = f"Evaluation: {', '.join(dict.fromkeys(short[str(row['policy'])] for row in rows))}"
     places = ", ".join(dict.fromkeys(short[str(row["layout"])] for row in rows))
     subtitle = f"{places}; {rows[0]['tasks']} tasks, routes by {rows[0]['planner']}"
-    Page(title, subtitle, paragraph(rows, floors), parts).write(folder / PAGE)
+    Page(title, subtitle, [CAVEAT], parts).write(folder / PAGE)
     return folder / PAGE
 
 

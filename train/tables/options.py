@@ -12,7 +12,7 @@ from typing import ClassVar
 from train.evaluation.episodes import Episodes
 from train.evaluation.jobs import Job, Runner, go_on
 from train.evaluation.rollout import MOST, Experiment
-from train.evaluation.workers import ShardOptions
+from train.evaluation.workers import WorkerOptions
 from train.reporting.report import Table
 from train.reporting.rows import Row, RowFile
 from warehouse_env.files import check_writable, write_text
@@ -22,7 +22,7 @@ GOES_ON = "the same command goes on from there"
 
 
 @dataclass(frozen=True)
-class StudyOptions(ShardOptions):
+class StudyOptions(WorkerOptions):
     """What is the same for all; a subclass says what is run."""
 
     name: ClassVar[str] = ""  # of the folder in OUT
@@ -50,10 +50,6 @@ class StudyOptions(ShardOptions):
     @property
     def rows_path(self) -> Path:
         """Where the rows go."""
-        return self._all_rows if self.share is None else self.share.beside(self._all_rows)
-
-    @property
-    def _all_rows(self) -> Path:
         return self.json or self.folder / "rows.jsonl"
 
     def check_writable(self) -> None:
@@ -74,15 +70,8 @@ class StudyOptions(ShardOptions):
             return self._do(file, go_on(file, jobs, ours, self.fresh), jobs, mixed=True)
 
     def _do(self, file: RowFile, kept: Sequence[Row], jobs: Sequence[Job], mixed: bool = False) -> list[Row]:
-        """Do all jobs, or a share: with that the command ends, since there is no table of a share."""
-        share = self.share
         with Runner(file, kept, self.workers(), goes_on=GOES_ON, mixed=mixed) as run:
-            rows = run(jobs if share is None else share.jobs(jobs))
-        if share is None:
-            return rows
-        then = f"{share.then(self._all_rows)} the same command without --shard makes the tables"
-        print(f"wrote {len(rows):,} rows to {self.rows_path}; {then}")
-        raise SystemExit(0)
+            return run(jobs)
 
     def written(self, begin: float) -> str:
         """Say what was written in the time since `begin`, as time.perf_counter counts."""

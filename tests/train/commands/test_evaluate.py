@@ -274,13 +274,12 @@ def test_a_missing_package_is_told_before_the_first_episode(
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("name", ["evaluate", "robust", "scenes", "audit", "demo"])
+@pytest.mark.parametrize("name", ["evaluate", "robust", "audit", "demo"])
 def test_rows_are_not_replaced_unasked(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     short = "--policy brake --layout open --robots 2 --episodes 1 --seconds 2 --planner astar"
     options = {
         "evaluate": f"{short} --no-pictures",
         "robust": f"{short} --disturbance dropout",
-        "scenes": "--scene crossing --policy brake --seeds 1 --seconds 2",
         "audit": short,
         "demo": f"{short} --video-seconds 0",
     }[name]
@@ -289,7 +288,7 @@ def test_rows_are_not_replaced_unasked(name: str, tmp_path: Path, capsys: pytest
     said = capsys.readouterr().err
     assert f"{tmp_path / 'rows.jsonl'} holds 2 rows already: " in said
     assert "--overwrite replaces them" in said
-    assert ("--resume keeps them" in said) == (name != "scenes")
+    assert "--resume keeps them" in said
     assert read_rows(tmp_path / "rows.jsonl") == [{"old": 1}, {"old": 2}]
 
 

@@ -90,11 +90,6 @@ class Learning(StudyOptions):
     pictures: bool = True
     """Draw the learning curves."""
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.shard is not None:
-            raise ConfigError(f"--shard {self.shard} must be left out: each share would need all trainings")
-
     def run(self) -> None:
         """Train and drive what is missing, then write the tables and the learning curves."""
         if self.runs < self.trainings or self.trainings < 2:
