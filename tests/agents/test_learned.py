@@ -47,35 +47,12 @@ def edit(folder: Path, **changes: Any) -> None:
     path.write_text(json.dumps({**json.loads(path.read_text()), **changes}))
 
 
-def test_numpy_and_torch_agree(folder: Path) -> None:
-    policy = LearnedPolicy(folder, EnvConfig())
-    net = ActorCritic(policy.record.network, np.zeros(20, np.float32))
-    net.load_state_dict({k: torch.from_numpy(v) for k, v in load_file(folder / "weights.safetensors").items()})
-    observation = observations()
-    with torch.no_grad():
-        expected = net.output(torch.from_numpy(observation)).numpy()
-    assert policy.output(observation) == pytest.approx(expected, rel=1e-4, abs=1e-4)
-
-
-def test_what_is_saved_is_read_back(folder: Path) -> None:
-    record = read_record(folder)
-    assert record == PolicyRecord("reinforce", Network(_size(), 20, True, (8, 8)), EnvConfig())
-
-
 def test_sampling_follows_the_softmax_and_the_generator() -> None:
     logits = np.log(np.array([0.1, 0.6, 0.3], np.float32))
     draws = draw_discrete(np.tile(logits, (20_000, 1)), np.random.default_rng(0))
     assert np.bincount(draws) / 20_000 == pytest.approx([0.1, 0.6, 0.3], abs=0.012)
     again = draw_discrete(np.tile(logits, (20_000, 1)), np.random.default_rng(0))
     assert np.array_equal(draws, again)
-
-
-def test_greedy_takes_the_best_and_draws_nothing(folder: Path) -> None:
-    edit(folder, mode="greedy")
-    policy, rng = LearnedPolicy(folder, EnvConfig()), np.random.default_rng(0)
-    observation = observations()
-    assert np.array_equal(policy.act(observation, rng), policy.output(observation).argmax(-1))
-    assert rng.random() == np.random.default_rng(0).random()
 
 
 def test_a_real_valued_policy_samples_within_bounds(tmp_path: Path) -> None:
@@ -216,13 +193,6 @@ def test_a_folder_of_before_says_no_activation(folder: Path) -> None:
     edit(folder, network={**network, "activation": "gelu"})
     with pytest.raises(WeightsError, match="activation='gelu' must be one of tanh, relu"):
         make_policy(folder, EnvConfig())
-
-
-def test_wrong_tensors_are_not_saved(tmp_path: Path) -> None:
-    record = PolicyRecord("reinforce", Network(3, 2, True, (4,)), EnvConfig())
-    with pytest.raises(WeightsError, match="lacks actor"):
-        save_policy(tmp_path / "half", record, {})
-    assert not (tmp_path / "half").exists()
 
 
 TRAFFIC = {"traffic": "rules"}

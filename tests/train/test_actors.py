@@ -88,6 +88,7 @@ def test_actors_learn_the_same_bits_as_threads_on_floors_of_files_and_code(
     assert {key: threads[key] for key in threads.keys() - times} == {key: actors[key] for key in actors.keys() - times}
 
 
+@pytest.mark.nightly
 def test_with_an_actor_killed_it_comes_to_the_same_bits(
     connected_nodes: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -103,6 +104,7 @@ def test_with_an_actor_killed_it_comes_to_the_same_bits(
     assert [row["steps"] for row in read_rows(killed / "progress.jsonl")] == [96 * n for n in range(1, UPDATES + 1)]
 
 
+@pytest.mark.nightly
 def test_what_a_worker_refuses_is_the_same_sentence(connected_nodes: Any, tmp_path: Path) -> None:
     config = ReinforceConfig(out=tmp_path, **SMALL | {"layouts": ("nowhere.map",), "threads": 1})
     said = []

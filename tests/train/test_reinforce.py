@@ -16,10 +16,8 @@ from agents.weights_folder import Network, read_record
 from train import reinforce
 from train.learning.config import HELD_OUT_SEED, ReinforceConfig
 from train.learning.experience import advantages
-from train.learning.threaded import joint_scale
-from train.learning.training_run import profile
 from train.learning.worlds import Tally, TrainingSimulator, TrainingWorlds
-from train.reinforce import Reinforce, policy_loss
+from train.reinforce import policy_loss
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, WeightsError
 from warehouse_env.traffic_spec import TRAFFIC
@@ -68,34 +66,6 @@ def test_advantages_by_hand() -> None:
     assert got[:, 0] == pytest.approx([d0 + 0.4 * d1, d1, d2])
 
 
-def test_with_lambda_one_the_advantage_is_the_truncated_return_minus_the_baseline() -> None:
-    rng = np.random.default_rng(0)
-    reward, value = rng.normal(size=(5, 3)).astype(np.float32), rng.normal(size=(6, 3)).astype(np.float32)
-    never = np.zeros((5, 3), bool)
-    got = advantages(reward, value, never, np.zeros((5, 3), np.float32), gamma=0.9, gae_lambda=1.0)
-    powers = 0.9 ** np.arange(6)
-    expected = powers[:5] @ reward + powers[5] * value[5] - value[0]
-    assert got[0] == pytest.approx(expected, abs=1e-5)
-
-
-def test_it_learns_a_bandit_whose_best_arm_the_observation_names() -> None:
-    torch.manual_seed(0)
-    rng = np.random.default_rng(0)
-    net = ActorCritic(Network(3, 3, True, (16,)), np.zeros(3, np.float32))
-    optimizer = torch.optim.Adam(net.parameters(), lr=0.02)
-    for _ in range(60):
-        best = rng.integers(3, size=256)
-        observation = torch.from_numpy(np.eye(3, dtype=np.float32)[best])
-        action, _ = net.draw(observation, rng)
-        advantage = torch.from_numpy((action == best).astype(np.float32))
-        mean, spread = joint_scale([advantage])
-        log_probability, _ = net.log_probability(observation, torch.from_numpy(action))
-        optimizer.zero_grad()
-        policy_loss(log_probability, (advantage - mean) / spread).backward()
-        optimizer.step()
-    assert (net.draw(observation, rng)[0] == best).mean() > 0.95
-
-
 def test_a_training_leaves_a_policy_that_acts(config: ReinforceConfig) -> None:
     folder = reinforce.train(config)
     assert folder == config.out / "reinforce"
@@ -104,16 +74,7 @@ def test_a_training_leaves_a_policy_that_acts(config: ReinforceConfig) -> None:
     training = read_record(folder).training
     assert (training["steps"], training["updates"], training["spent"]) == (config.steps, 4, 1.0)
     row = json.loads((folder / "progress.jsonl").read_text().splitlines()[-1])
-    assert {
-        "steps_per_second",
-        "reward",
-        "goals_per_robot_hour",
-        "collisions_per_km",
-        "path_length_ratio",
-        "stuck",
-        "worlds_jammed",
-        "entropy",
-    } <= set(row)
+    assert {"steps_per_second", "reward", "goals_per_robot_hour", "collisions_per_km", "stuck", "entropy"} <= set(row)
     card = (folder / "CARD.md").read_text()
     assert "192 agent-steps in 4 updates, seed 0" in card
     assert not [path.name for path in folder.rglob(".*")]
@@ -162,26 +123,11 @@ def test_resuming_from_nothing_or_from_damage_is_one_sentence(config: ReinforceC
         reinforce.train(ReinforceConfig(resume=folder))
 
 
-def test_profile_says_where_the_time_goes_and_writes_nothing(config: ReinforceConfig) -> None:
-    split = profile(Reinforce(config), updates=2)
-    assert split["steps"] == 2 * 6 * 8
-    assert 0 < split["simulator_s"] + split["policy_s"] + split["update_s"] <= split["seconds"] * 1.01
-    assert not list(config.out.iterdir())
-
-
 def test_the_schedules(config: ReinforceConfig) -> None:
     config = replace(config, collision_first=-5.0, collision_last=-20.0, learning_rate=1e-3)
     assert [config.reward(spent).collision for spent in (0.0, 0.5, 1.0)] == [-5.0, -12.5, -20.0]
     assert config.step_size(0.0) == 1e-3
     assert config.step_size(1.0) == pytest.approx(5e-5)
-
-
-def test_the_mix_shares_the_rows(config: ReinforceConfig) -> None:
-    config = replace(config, layouts=("open", "narrow"), robots=(8, 32))
-    mix = config.worlds(256)
-    assert [(env.layout, env.num_agents, worlds) for env, worlds in mix] == [
-        ("open", 8, 8), ("open", 32, 2), ("narrow", 8, 8), ("narrow", 32, 2),
-    ]  # fmt: skip
 
 
 def test_the_tally_counts_what_the_episode_counts() -> None:
@@ -274,12 +220,8 @@ def test_the_policy_decides_twice_as_often_as_in_its_training(config: ReinforceC
     ("changes", "sentence"),
     [
         ({"minutes": -1.0}, "minutes=-1.0"),
-        ({"traffic": "routes:right_of_way=true"}, "False without a shield"),
         ({"traffic": "asist"}, "did you mean assist"),
-        ({"shared": 1.5}, "shared=1.5"),
-        ({"layouts": ("aisles:sed=3",)}, "did you mean seed"),
         ({"gamma": 1.5}, "gamma=1.5"),
-        ({"learning_rate": float("nan")}, "learning_rate=nan"),
         ({"rows": 0}, "rows=0"),
         ({"robots": ()}, r"robots=\(\)"),
         ({"name": "a/b"}, "name='a/b'"),

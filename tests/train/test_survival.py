@@ -46,6 +46,7 @@ def arguments(config: ReinforceConfig) -> list[str]:
     return [*words, "--no-progress"]
 
 
+@pytest.mark.nightly
 def test_killed_again_and_again_it_comes_to_the_same_bits(tmp_path: Path) -> None:
     """In each round it is killed 0 to 0.1 s after its first save: between saves, in one, or some updates later.
 

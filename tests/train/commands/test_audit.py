@@ -64,11 +64,11 @@ def test_what_is_shipped_is_clean_as_it_drives(tmp_path: Path, capsys: pytest.Ca
 
 
 def test_what_is_disturbed_is_audited_as_it_is_then(tmp_path: Path) -> None:
-    words = ["--policy", "greedy", *DRIVE.split(), "--episodes", "1", "--disturbance", "none", "all_at_once"]
+    words = ["--policy", "greedy", *DRIVE.split(), "--episodes", "1", "--disturbance", "none", "slow"]
     assert audit(tmp_path, *words) == 0
     undisturbed, disturbed = read_rows(tmp_path / "rows.jsonl")
-    assert (undisturbed["disturbance"], disturbed["disturbance"]) == ("none", "all_at_once")
-    assert disturbed["config"]["uncertainty"]["pose_error"] == 0.02
+    assert (undisturbed["disturbance"], disturbed["disturbance"]) == ("none", "slow")
+    assert disturbed["config"]["robot"]["max_speed"] == 0.8
     assert disturbed["robot_km"] != undisturbed["robot_km"]
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-import re
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
@@ -52,20 +50,6 @@ def test_a_recorded_episode_is_told_of(files: tuple[Path, Path]) -> None:
     assert row["out"] == str(files[1])
 
 
-def test_the_second_command_is_what_the_first_one_says(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    options = "--layout open --robots 2 --planner astar --seconds 4"
-    assert main(["record", *options.split()]) == 0
-    said = capsys.readouterr().out
-    assert said.startswith("wrote the episode to results/episode.npz; ")
-    words = re.findall(r"warehouse (replay .*)$", said.strip())[0].split()
-    assert main(words) == 0
-    assert re.search(r"wrote the replay to results/episode.html \(\d\.\d MB\)", capsys.readouterr().out)
-    assert "ppo" in (tmp_path / "results/episode.html").read_text(encoding="utf-8")
-
-
 def test_two_episodes_make_a_page_and_rows(
     files: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -78,7 +62,7 @@ def test_two_episodes_make_a_page_and_rows(
     ]
 
 
-@pytest.mark.parametrize("suffix", [".mp4", ".gif"])
+@pytest.mark.parametrize("suffix", [".mp4"])
 def test_a_video_lasts_as_long_as_it_says(
     files: tuple[Path, Path], tmp_path: Path, suffix: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -153,15 +137,6 @@ def test_what_is_refused(files: tuple[Path, Path], tmp_path: Path, capsys: pytes
     assert "must end in .mp4 or .gif" in refused(capsys, files[0], "--video", tmp_path / "clip.avi")
     assert "is a folder" in refused(capsys, files[0], "--html", tmp_path)
     assert list(tmp_path.iterdir()) == []
-
-
-def test_a_policy_that_is_gone_leaves_its_preferences_out(
-    files: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    old = tmp_path / "old.npz"
-    dataclasses.replace(Episode.load(files[0]), policy=str(tmp_path / "gone")).save(old)
-    run(capsys, old, "--html", tmp_path / "page.html")
-    assert '"liked"' not in (tmp_path / "page.html").read_text(encoding="utf-8").split('id="about"')[1][:20_000]
 
 
 def test_another_policy_of_that_name_is_not_asked(

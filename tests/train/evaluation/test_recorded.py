@@ -61,6 +61,7 @@ def test_shares_of_a_learned_policy_are_its_chances_and_of_a_rule_its_order() ->
         shares_of("no/such/folder", config)
 
 
+@pytest.mark.nightly
 def test_64_robots_over_2000_steps_are_under_5_mb(tmp_path: Path) -> None:
     base = EnvConfig(num_agents=64, planner="astar_turns")
     experiment = make_experiment("ppo", base, 1, 200.0, 3, FULL)

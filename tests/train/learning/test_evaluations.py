@@ -48,14 +48,6 @@ def test_their_seeds_are_those_of_no_training_and_no_usual_evaluation() -> None:
     assert SEED - Evaluate().seed > 10 * 1_000_000  # episodes are counted from there on
 
 
-def test_they_give_the_same_figures_again(tmp_path: Path) -> None:
-    config = ReinforceConfig(out=tmp_path, **SMALL | {"evaluation_seconds": 0.0})
-    reinforce.train(config)
-    figures = held_out.held_out(config)
-    assert figures == held_out.held_out(config)
-    assert figures["goals_per_robot_hour"] >= 0.0
-
-
 class Log:
     def evaluated(self, figures: dict[str, float], steps: int, seconds: float) -> None: ...
 
