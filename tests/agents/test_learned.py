@@ -132,11 +132,8 @@ def test_wrong_tensors_are_refused(folder: Path, name: str) -> None:
         ({"format": 2}, "format 2"),
         ({"mode": "best"}, "mode='best' must be one of sample, greedy"),
         ({"network": {}}, "lacks the entry 'observation_size'"),
-        ({"network": {"observation_size": "x", "actions": 1, "discrete": True, "hidden": []}}, "observation_size='x'"),
         ({"network": 3}, "must be an object of names and values, not 3"),
-        ({"env": {"keep_right": "x"}}, "keep_right='x' must be a finite number"),
         ({"env": {"wheels": 3}}, "unknown EnvConfig parameter 'wheels'"),
-        ({"env": {"num_agents": -1}}, "num_agents=-1"),
     ],
 )
 def test_a_damaged_config_is_refused(folder: Path, changes: dict[str, Any], sentence: str) -> None:
@@ -175,17 +172,6 @@ def test_other_networks_are_saved_and_are_torchs(changes: dict[str, Any], tmp_pa
     assert LearnedPolicy(folder, EnvConfig()).output(seen) == pytest.approx(expected, rel=1e-4, abs=1e-4)
 
 
-def test_a_critic_may_be_left_out_but_not_half(folder: Path, tmp_path: Path) -> None:
-    tensors = load_file(folder / "weights.safetensors")
-    actor = {name: array for name, array in tensors.items() if name.startswith("actor.")}
-    alone = save_policy(tmp_path / "alone", read_record(folder), actor)
-    seen = observations()
-    whole = LearnedPolicy(folder, EnvConfig())
-    assert np.array_equal(LearnedPolicy(alone, EnvConfig()).output(seen), whole.output(seen))
-    with pytest.raises(WeightsError, match=r"lacks critic\.0\.weight"):
-        save_policy(tmp_path / "half", read_record(folder), {**actor, "critic.0.bias": tensors["critic.0.bias"]})
-
-
 def test_a_folder_of_before_says_no_activation(folder: Path) -> None:
     network = json.loads((folder / "config.json").read_text())["network"]
     edit(folder, network={name: network[name] for name in ("observation_size", "actions", "discrete", "hidden")})
@@ -195,16 +181,12 @@ def test_a_folder_of_before_says_no_activation(folder: Path) -> None:
         make_policy(folder, EnvConfig())
 
 
-TRAFFIC = {"traffic": "rules"}
-
-
-@pytest.mark.parametrize("chosen", [{}, TRAFFIC], ids=["plain", "traffic"])
 @pytest.mark.parametrize("name", list(POLICIES))
-def test_every_registered_policy_acts(name: str, chosen: dict[str, Any]) -> None:
+def test_every_registered_policy_acts(name: str) -> None:
     entry = POLICIES[name]
     if entry.weights is not None and not entry.weights.is_dir():
         pytest.skip(f"no weights of {name} yet")
-    config = policy_config(name, EnvConfig()).replace(**chosen)
+    config = policy_config(name, EnvConfig()).replace(traffic="rules")
     policy = make_policy(name, config)
     size = observation_layout(config).size
     observation = np.random.default_rng(3).uniform(-1, 1, (2, 5, size)).astype(np.float32)
@@ -227,7 +209,7 @@ def test_preferences_are_the_logits_and_are_drawn_as_actions_are(folder: Path) -
     assert np.array_equal(ranked(policy, seen, np.random.default_rng(5)), policy.output(seen))
 
 
-@pytest.mark.parametrize("name", ["reinforce", "ppo", "threaded_ppo", "unshielded"])
+@pytest.mark.parametrize("name", ["ppo", "threaded_ppo"])
 def test_a_shipped_policy_passes_over_what_its_robot_needs(name: str) -> None:
     config = policy_config(name, EnvConfig(num_agents=3, arrival="stop"))
     busy = config.replace(service=ServiceSpec(), battery=BatterySpec())

@@ -25,14 +25,10 @@ from warehouse_env.traffic_spec import TrafficSpec
 NN = torch.nn
 SEEN = EnvConfig(num_agents=2, layout="open", planner="astar", max_steps=40, sensor=SensorSpec(predictions=True))
 MODELS: dict[str, tuple[Callable[..., BaseAlgorithm], dict[str, Any]]] = {
-    "ppo": (PPO, {}),
-    "relu": (PPO, {"activation_fn": NN.ReLU}),
     "one layer": (PPO, {"net_arch": []}),
     "leaky, narrowing": (PPO, {"activation_fn": NN.LeakyReLU, "net_arch": [24, 12]}),
     "a2c, elu": (A2C, {"activation_fn": NN.ELU, "net_arch": {"pi": [32], "vf": [16, 16]}}),
-    "silu": (A2C, {"activation_fn": NN.SiLU, "net_arch": {"pi": [8], "vf": []}}),
     "dqn": (DQN, {}),
-    "dqn, tanh": (DQN, {"activation_fn": NN.Tanh, "net_arch": [16]}),
 }
 
 

@@ -220,16 +220,6 @@ def test_a_termination_stops_as_ctrl_c_does(
     assert signal.getsignal(signal.SIGTERM) is before
 
 
-def test_layouts_are_listed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["layouts", "--json", str(tmp_path / "rows.jsonl")]) == 0
-    shown = capsys.readouterr().out
-    assert all(name in shown for name in LAYOUTS)
-    rows = {row["layout"]: row for row in read_rows(tmp_path / "rows.jsonl")}
-    assert (rows["paper46"]["rows"], rows["paper46"]["narrowest"]) == (46, 3)
-    assert rows["narrow"]["narrowest"] == 2
-    assert rows["single_lane"]["narrowest"] == 1
-
-
 @pytest.mark.parametrize(("name", "known"), [("policies", {*POLICIES, *CENTRAL}), ("planners", set(PLANNERS))])
 def test_policies_and_planners_are_listed(
     name: str, known: set[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -270,11 +260,3 @@ def test_layouts_are_drawn_checked_and_converted(tmp_path: Path, capsys: pytest.
         assert main(["layouts", "--check", str(path)]) == 0
         assert f"{path} is good" in capsys.readouterr().out
     assert main(["layouts", "--draw", str(EXAMPLE_MAP)]) == 0
-
-
-def test_generated_layouts_take_a_seed(capsys: pytest.CaptureFixture[str]) -> None:
-    drawings = []
-    for seed in ("1", "1", "2"):
-        assert main(["layouts", "--draw", "random", "--seed", seed]) == 0
-        drawings.append(capsys.readouterr().out)
-    assert drawings[0] == drawings[1] != drawings[2]

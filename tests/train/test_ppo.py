@@ -16,9 +16,7 @@ from agents import LearnedPolicy, PolicyRecord, save_policy
 from agents.networks import ActorCritic
 from tests.agents.test_forward import exact
 from train.learning.config import PPOConfig
-from train.learning.training_run import profile
 from train.ppo import Ppo
-from warehouse_env.observation import observation_layout
 
 
 @pytest.fixture
@@ -91,20 +89,3 @@ def test_the_schedules_reach_the_library_and_the_worlds(config: PPOConfig) -> No
     assert trainer.model.policy.optimizer.param_groups[0]["lr"] == pytest.approx(5e-5)
     assert trainer.model.ent_coef == 0.5
     assert {simulator.reward_weights.collision for simulator in trainer._simulators} == {-20.0}
-
-
-def test_with_predictions_an_untrained_policy_takes_the_fastest_free_command(config: PPOConfig) -> None:
-    trainer = Ppo(config)
-    observation = np.zeros((2, trainer.network.observation_size), np.float32)
-    free = observation[:, observation_layout(trainer.env).slices["predictions"]]  # [2, 20], levels -0.4 0 0.5 1.3 m/s
-    free[:] = 1.0
-    free[1, 15:] = 0.0  # a conflict at once at full speed
-    with torch.no_grad():
-        found = trainer.model.policy.get_distribution(torch.from_numpy(observation)).distribution.probs.argmax(-1)
-    assert found.tolist() == [15, 10]
-
-
-def test_profile_says_where_the_time_goes(config: PPOConfig) -> None:
-    split = profile(Ppo(config), updates=1)
-    assert split["steps"] == 64
-    assert all(split[part] > 0 for part in ("simulator_s", "policy_s", "update_s"))

@@ -123,13 +123,6 @@ def test_resuming_from_nothing_or_from_damage_is_one_sentence(config: ReinforceC
         reinforce.train(ReinforceConfig(resume=folder))
 
 
-def test_the_schedules(config: ReinforceConfig) -> None:
-    config = replace(config, collision_first=-5.0, collision_last=-20.0, learning_rate=1e-3)
-    assert [config.reward(spent).collision for spent in (0.0, 0.5, 1.0)] == [-5.0, -12.5, -20.0]
-    assert config.step_size(0.0) == 1e-3
-    assert config.step_size(1.0) == pytest.approx(5e-5)
-
-
 def test_the_tally_counts_what_the_episode_counts() -> None:
     config = EnvConfig(layout="open", num_agents=8, planner="astar", max_steps=10**6)
     simulator = TrainingSimulator(config, 1, jam_seconds=1e6, shared=0.0)
@@ -203,17 +196,6 @@ def test_the_policy_asks_for_right_of_way_that_its_training_goes_without(config:
     assert not policy_config(plain, EnvConfig()).traffic_spec.right_of_way
     assert (read_record(directory).mode, read_record(plain).mode) == ("greedy", "sample")
     assert (plain / "weights.safetensors").read_bytes() == (directory / "weights.safetensors").read_bytes()
-
-
-def test_the_policy_decides_twice_as_often_as_in_its_training(config: ReinforceConfig) -> None:
-    trained = config.env("open", 2)
-    driven = policy_config(reinforce.train(replace(config, steps=8 * 6)), trained)
-    assert (trained.action_repeat, driven.action_repeat) == (2, 1)
-    assert config.driven(trained).max_steps == 2 * trained.max_steps
-    assert [env.traffic_spec.routes for env in (trained, config.driven(trained))] == ["barred", True]
-    card = (config.directory / "CARD.md").read_text()
-    assert "(speed x offset from the route) every 0.1 s" in card
-    assert "a decision every 0.2 s, episodes of" in card
 
 
 @pytest.mark.parametrize(

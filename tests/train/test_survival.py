@@ -7,7 +7,6 @@ import signal
 import subprocess
 import sys
 import time
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -116,22 +115,3 @@ def test_a_full_disk_is_one_sentence_and_the_last_checkpoint_stays(
     assert (folder / "checkpoint" / "state.json").read_bytes() == kept
     monkeypatch.undo()
     assert trainer.train(config) == folder
-
-
-def test_a_training_that_never_got_through_an_update_can_be_gone_on_with(tmp_path: Path) -> None:
-    config = ReinforceConfig(out=tmp_path, steps=8 * 6 * 2, **SMALL)
-
-    class KilledError(Exception):
-        pass
-
-    def die(*_: object) -> None:
-        raise KilledError
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(reinforce.Reinforce, "update", die)
-        with pytest.raises(KilledError):
-            reinforce.train(config)
-    folder = reinforce.train(ReinforceConfig(resume=config.directory, progress=False))
-    whole = reinforce.train(replace(config, name="whole"))
-    for name, tensor in weights(whole).items():
-        np.testing.assert_array_equal(weights(folder)[name], tensor)

@@ -60,8 +60,7 @@ class TrainingConfig(Checked):
     rows: int = 1056
     """Robots trained with at a time, over all worlds; rounded so that every mix has at least one world."""
     planner: str | None = "astar_turns"
-    """Planner of the routes in training; None: pf_aco with live routes and else astar_turns, whose routes are nearly
-    the same and take a fraction of the time."""
+    """Planner of the routes in training; None: pf_aco with live routes, else astar_turns."""
     keep_right: float = EnvConfig.keep_right
     """How far routes keep to the right of the planned path where there is room [m]."""
     action_type: ActionType = "discrete"
@@ -189,9 +188,8 @@ class TrainingConfig(Checked):
         return dataclasses.replace(spec, right_of_way=False, right_of_way_after=0.0, routes=barred)
 
     def driven(self, env: EnvConfig) -> EnvConfig:
-        """Return an environment of the training as the policy is to be driven in: deciding at every physics step, which
-        brought 1 to 6% more goals on trial seeds, or half of the contacts, and brought no more when trained so; and
-        with live routes that all robots look for, which would make the training take twice as long.
+        """Return an environment of the training as the policy is driven in: all robots replan, and the policy decides
+        at every physics step, which brought 1 to 6% more goals on trial seeds, or half of the contacts.
         """
         steps = env.max_steps * env.action_repeat
         return env.replace(action_repeat=1, max_steps=steps, traffic=self.traffic_spec)
@@ -301,16 +299,13 @@ class ThreadedPPOConfig(ThreadedConfig, ClippedConfig):
     rows: int = 1216
     """Robots trained with at a time, over all worlds; rounded so that every mix has at least one world."""
     planner: str | None = None
-    """Planner of the routes in training; None: pf_aco with live routes and else astar_turns, whose routes are nearly
-    the same and take a fraction of the time."""
+    """Planner of the routes in training; None: pf_aco with live routes, else astar_turns."""
     collision_last: float = -30.0
     """Reward of a contact at the end; between, it changes linearly with the share of the budget spent."""
     hidden: tuple[int, ...] = (64, 64)
     """Widths of the hidden tanh layers, of the actor and of the critic."""
     traffic: str = "assist"
-    """How robots meet where the policy is driven: none, routes, shield, rules or assist, with switches of TrafficSpec
-    behind it, as in assist:right_of_way_after=6. The training itself goes without right of way: that is quicker, and
-    what is learned could not be told apart. It replans only barred routes, which takes half the time."""
+    """How robots meet where the policy is driven, as for `warehouse train ppo`."""
     learning_rate: float = 5e-4
     """Adam's first step size, decayed linearly to a twentieth of it."""
     epochs: int = 3

@@ -57,14 +57,10 @@ class Trainer(Protocol):
         ...
 
     def update(self, number: int, spent: float) -> dict[str, float]:
-        """Collect one rollout and learn from it.
+        """Collect one rollout and learn from it; return losses and such, for the log.
 
-        Args:
-            number: updates done before; all chance of this update follows from it and the seed.
-            spent: share of the budget used, 0 to 1; the schedules follow it.
-
-        Returns:
-            Losses and such, for the log.
+        number: updates done before; all chance of this update follows from it and the seed. spent: share of the budget
+        used, 0 to 1; the schedules follow it.
         """
         ...
 
@@ -226,10 +222,9 @@ def is_done(config: TrainingConfig) -> bool:
 
 
 def profile(trainer: Trainer, updates: int, warm_up: int = 1) -> dict[str, float]:
-    """Run some updates and return where the time went, without writing anything.
+    """Run some updates without writing anything; return where the time went.
 
-    Returns:
-        "simulator_s", "policy_s", "update_s", "seconds" (all), "steps" (agent-steps) and "steps_per_second".
+    Keys: "simulator_s", "policy_s", "update_s", "seconds" (all), "steps" (agent-steps) and "steps_per_second".
     """
     for number in range(warm_up):
         trainer.update(number, 0.0)
@@ -302,23 +297,20 @@ def _loop(
 
 
 def _update(config: TrainingConfig, trainer: Trainer, position: Position, spent: float) -> dict[str, float]:
-    """Return an update's losses; WarehouseError if it leaves weights that are no numbers, and nothing is saved then."""
+    """Return an update's losses. WarehouseError if it leaves weights that are not finite; nothing is saved then."""
     try:
-        losses = trainer.update(position.update, spent)
-    except ValueError:  # so torch refuses to draw from what is no number
-        _check_weights(config, trainer, position)
-        raise
-    _check_weights(config, trainer, position)
-    return losses
-
-
-def _check_weights(config: TrainingConfig, trainer: Trainer, position: Position) -> None:
+        losses, failed = trainer.update(position.update, spent), None
+    except ValueError as error:  # torch does not draw from what is no number
+        losses, failed = {}, error
     if not all(np.isfinite(tensor).all() for tensor in trainer.policy_tensors().values()):
         raise WarehouseError(
             f"update {position.update} of {config.directory} left weights that are not finite, after "
             f"{position.steps:,} agent-steps; the folder holds the last good ones: try a smaller --learning-rate, or "
             "--gradient-clip"
         )
+    if failed is not None:
+        raise failed
+    return losses
 
 
 def _save(config: TrainingConfig, trainer: Trainer, position: Position, figures: dict[str, float]) -> None:

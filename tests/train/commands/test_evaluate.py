@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,7 @@ import pytest
 from train.cli import main
 from train.commands.evaluate import Evaluate, Robust
 from train.evaluation import episodes
-from train.evaluation.rollout import Experiment, Trace, make_experiment, pair_centres, run
+from train.evaluation.rollout import Experiment, make_experiment, pair_centres, run
 from train.reporting.rows import RowFile, read_rows
 from warehouse_env import __version__
 from warehouse_env.config import EnvConfig
@@ -64,15 +63,6 @@ def test_one_shot_episodes_end_when_all_have_arrived() -> None:
         assert row["makespan_s"] < 300
     # A world that waits for a slower one beside it is measured when it ended.
     assert timeless(run(small(episodes=1, base=base, seconds=300.0))) == timeless(rows)[:1]
-
-
-def test_trace_keeps_every_pose() -> None:
-    experiment = small(seconds=10.0)
-    trace = Trace(experiment)
-    run(experiment, [trace])
-    assert trace.poses.shape == (101, 4, 3)
-    assert trace.contacts.shape[1] == 2
-    assert np.hypot(*np.diff(trace.poses[:, :, :2], axis=0).transpose(2, 0, 1)).max() < 0.31  # 1.5 m/s for 0.2 s
 
 
 def test_contacts_are_marked_once_for_each_pair() -> None:
@@ -217,17 +207,6 @@ def test_pictures(tmp_path: Path) -> None:
     assert {path.name for path in tmp_path.iterdir()} == {
         "rows.jsonl", "table.md", "collisions.png", "trajectories_open_2_brake.png",
     }  # fmt: skip
-
-
-def test_a_missing_package_is_told_before_the_first_episode(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setitem(sys.modules, "matplotlib", None)
-    options = command(tmp_path, "--policy", "brake")
-    options.remove("--no-pictures")
-    assert main(options) == 2
-    assert 'pip install "warehouse-env[render]"' in capsys.readouterr().err
-    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("name", ["evaluate", "robust", "audit", "demo"])

@@ -45,13 +45,6 @@ def test_it_is_drawn_checked_and_converted(hall: Path, capsys: pytest.CaptureFix
     assert "must end in .map, .yaml, .lif.json or .geojson" in capsys.readouterr().err
 
 
-def test_a_picture_with_its_resolution(hall: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    picture = str(hall.with_suffix(".pgm"))
-    assert run("layouts", "--draw", picture) == 2
-    assert "resolution=0.05" in capsys.readouterr().err
-    assert run("layouts", "--draw", picture, "--resolution", "0.25") == 0
-
-
 def test_places_are_written_once_and_edited(hall: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = hall.with_suffix(".places.json")
     file.unlink()

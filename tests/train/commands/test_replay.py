@@ -6,12 +6,10 @@ import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from agents import WEIGHTS_FOLDER
 from train.cli import main
-from train.commands.replay import frames, pace
 from train.reporting.rows import read_rows
 from warehouse_env.simulation.record.recording import Episode
 
@@ -76,30 +74,6 @@ def test_a_video_lasts_as_long_as_it_says(
     assert seconds == pytest.approx(61 / 30, abs=0.11)
 
 
-def test_frames_are_in_step(files: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("pygame")
-    from warehouse_env.render import frame
-    from warehouse_env.render.frame import Scene
-
-    scenes: list[Scene] = []
-    draw = frame.draw
-    monkeypatch.setattr(frame, "draw", lambda scene, scale: (scenes.append(scene), draw(scene, scale))[1])
-    episodes = [Episode.load(path) for path in files]
-    every, fps = pace(episodes, 20.0)
-    assert (every, fps) == (pytest.approx(0.8), pytest.approx(25))
-    pictures = list(frames(episodes, [0, 0], ["a", "b"], every, 200))
-    left, right = scenes[::2], scenes[1::2]
-    assert len(pictures) == len(left) == len(right) == 8
-    for k, pair in enumerate(zip(left, right, strict=True)):
-        for scene, episode, name in zip(pair, episodes, "ab", strict=True):
-            assert scene.time == pytest.approx(0.8 * k)
-            assert scene.text.startswith(f"{name}   ")
-            step = 0.1 * episode.config.action_repeat
-            np.testing.assert_array_equal(scene.pose, episode.pose[round(0.8 * k / step), 0])
-    one = draw(left[0], 200 / 40).shape
-    assert pictures[0].shape == (one[0], 2 * one[1], 3)
-
-
 @pytest.fixture
 def headless(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     pygame = pytest.importorskip("pygame")
@@ -111,18 +85,6 @@ def headless(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 @pytest.mark.usefixtures("headless")
 def test_a_window_shows_it_all(files: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) -> None:
     assert run(capsys, files[0], "--window", "--speed", "60") == f"showed 6 s of {files[0]}\n"
-
-
-def test_without_a_screen_it_is_said_before_anything_is_drawn(
-    files: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    pytest.importorskip("pygame")
-    monkeypatch.setattr(Episode, "load", lambda path: pytest.fail("loaded before the screen was looked for"))
-    monkeypatch.setenv("SDL_VIDEODRIVER", "nothing_of_this_name")
-    assert "no window can be opened" in refused(capsys, files[0], "--window")
-    for variable in ("SDL_VIDEODRIVER", "DISPLAY", "WAYLAND_DISPLAY"):
-        monkeypatch.delenv(variable, raising=False)
-    assert "no window can be opened" in refused(capsys, files[0], "--window")
 
 
 def test_what_is_refused(files: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -81,15 +81,3 @@ def test_a_report_is_a_page_with_replays_beside_it(
     assert main([*command, "--report", str(report), "--resume"]) == 0
     assert "in 8 of 8 episodes" in (report / "index.html").read_text()
     assert "in 8 of 8 episodes" in again
-
-
-def test_a_report_where_no_folder_can_be(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (tmp_path / "file").write_text("")
-    command = (
-        f"evaluate --policy brake --layout open --robots 2 --seconds 5 --report {tmp_path}/file --out {tmp_path}/o"
-    )
-    assert main(command.split()) == 2
-    error = capsys.readouterr().err
-    assert "cannot write" in error
-    assert error.count("\n") == 1
-    assert not (tmp_path / "o").exists()

@@ -67,16 +67,6 @@ def test_whole_mixes_are_dealt_out_where_they_go_round() -> None:
     assert [[(env.num_agents, worlds) for env, worlds in share] for share in halves] == [[(8, 24)], [(8, 24)]]
 
 
-def test_workers_share_the_routes_of_a_floor() -> None:
-    crew = Threads(ReinforceConfig(threads=2, **SMALL | {"layouts": ("open", "narrow")}), reinforce.actor_loss)
-    books = {
-        (simulator.config.layout, id(simulator.route_book))
-        for worker in crew._workers
-        for simulator in worker.worlds.simulators
-    }
-    assert sorted(layout for layout, _ in books) == ["narrow", "open"]
-
-
 class Losing(Threads):
     """Loses a worker at each piece of work whose number, over all crews, is in `lost`."""
 

@@ -58,21 +58,6 @@ def test_only_common_episodes_count() -> None:
     assert goals.row()["difference_low"] == pytest.approx(10 - 2.4841, abs=1e-3)
 
 
-def test_orders_are_compared_where_there_are_some() -> None:
-    def ordered(rows: list[dict[str, Any]], orders: float, used: float) -> list[dict[str, Any]]:
-        more = {"orders_per_hour": orders, "order_median_s": 100.0, "station_utilisation": used}
-        return [{**one, **{name: value + one["seed"] * 0.01 for name, value in more.items()}} for one in rows]
-
-    lines = lines_of(ordered(BEFORE, 200.0, 0.5), ordered(AFTER, 240.0, 0.6))
-    assert (lines["orders_per_hour"].difference.mean, lines["orders_per_hour"].verdict) == (
-        pytest.approx(40.0),
-        "better",
-    )
-    assert lines["station_utilisation"].verdict == "more"  # which is neither good nor bad
-    assert lines["order_median_s"].verdict == "equal"
-    assert "orders_late" not in lines
-
-
 def test_single_policies_pair_whatever_they_are_called() -> None:
     other = [{**one, "policy": "greedy"} for one in AFTER]
     line = lines_of(BEFORE, other)["goals_per_robot_hour"]
