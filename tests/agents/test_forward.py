@@ -130,6 +130,7 @@ print(sum(spent - before.get(task, 0) for task, spent in worked().items() if tas
 """
 
 
+@pytest.mark.nightly
 @pytest.mark.skipif(not Path("/proc/self/schedstat").exists(), reason="no account of each thread's time here")
 def test_no_other_thread_works_for_a_decision() -> None:
     threads = {"OPENBLAS_NUM_THREADS": "2", "OMP_NUM_THREADS": "2"}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 import pytest
@@ -78,7 +78,7 @@ def test_real_valued_actions_have_means_and_deviations(tmp_path: Path) -> None:
     np.testing.assert_allclose(deviation, np.exp(tensors["log_std"]), rtol=1e-5)
 
 
-@pytest.mark.parametrize("activation", get_args(Activation))
+@pytest.mark.parametrize("activation", ["silu", "elu"])
 def test_every_activation_and_a_single_layer_are_exported(activation: Activation, tmp_path: Path) -> None:
     rng, env = np.random.default_rng(0), EnvConfig()
     for number, hidden in enumerate(((16, 8), ())):

@@ -93,8 +93,6 @@ def test_bash_completes_commands_options_and_values(tmp_path: Path, capsys: pyte
     ("command", "line"),
     [
         ("layouts --json {out}/rows.jsonl", "wrote the rows to {out}/rows.jsonl"),
-        ("layouts", "wrote no file; --json FILE keeps the rows"),
-        ("layouts --draw open --json {out}/rows.jsonl", "wrote {out}/rows.jsonl"),
         ("layouts --check {map}", "wrote no file; --json FILE keeps the rows"),
         (
             "plan --layout open --planner astar --tasks 1 --runs 1 --no-pictures --out {out} --json {out}/rows.jsonl",

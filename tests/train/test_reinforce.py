@@ -48,15 +48,6 @@ def test_the_gradient_of_one_step_is_the_hand_computed_one() -> None:
     assert gradient.numpy() == pytest.approx(np.outer(by_logit, observation), abs=1e-6)
 
 
-def test_real_valued_log_probabilities_are_the_normal_density() -> None:
-    net = ActorCritic(Network(2, 2, False, ()), np.zeros(2, np.float32), log_std=-0.3)
-    observation, action = torch.zeros(1, 2), torch.tensor([[0.4, -0.2]])
-    log_probability, entropy = net.log_probability(observation, action)
-    normal = torch.distributions.Normal(net.output(observation), np.exp(-0.3))
-    assert log_probability.item() == pytest.approx(normal.log_prob(action).sum().item(), abs=1e-5)
-    assert entropy.item() == pytest.approx(normal.entropy().sum().item(), abs=1e-5)
-
-
 def test_advantages_by_hand() -> None:
     reward = np.array([[1.0], [2.0], [4.0]], np.float32)
     value = np.array([[10.0], [20.0], [30.0], [40.0]], np.float32)

@@ -37,9 +37,9 @@ def film(
 ) -> None:
     """Drive each policy from the same seed, and film them side by side into a .gif or .mp4 file.
 
-    From `begin` on for `seconds` [s], `speed` times as fast as in life, the longest side of a floor `pixels` [px]. The
-    options are those of EnvConfig, over what a policy asks for; `scene` is a name of SCENES, whose robots have one goal
-    each, instead of a floor. Raises ConfigError for wrong names and values, WeightsError for an unusable policy folder.
+    The film shows `seconds` [s] from `begin` on, `speed` times as fast as real time; the longest side of a floor is
+    `pixels` wide. Options are those of EnvConfig and override what a policy needs. scene: a name of SCENES instead of a
+    floor. Raises ConfigError for wrong names and values, WeightsError for an unusable policy folder.
     """
     if not policies:
         raise ConfigError("name at least one policy to film")
@@ -53,7 +53,7 @@ def film(
 def _driven(
     policy: str, scene: str | None, seed: int, begin: float, seconds: float, every: float, options: ConfigChanges
 ) -> Iterator[Scene]:
-    """Yield what is to be seen every so many seconds of a world that a policy drives."""
+    """Yield a scene of a world that a policy drives, one every `every` seconds."""
     if scene is not None and scene not in SCENES:
         raise unknown_name("scene", scene, SCENES)
     played = None if scene is None else SCENES[scene]()

@@ -19,13 +19,13 @@ _ADDRESS = re.compile(r"[^\s:/]+:\d{1,5}|\[[0-9a-fA-F:]+\]:\d{1,5}")
 
 @dataclass(frozen=True)
 class WorkerOptions(Checked):
-    """Who does the jobs: processes of this machine, or a cluster."""
+    """Options that choose the workers: processes of this machine, or a cluster."""
 
     processes: int | None = None
-    """Jobs to do at a time, each in a process of its own; the rows stay the same but for the times (evaluate, robust
-    and audit: 1, others: the cores, if left out)."""
+    """Number of processes that do jobs side by side; rows do not depend on it, except for times (default: 1 for
+    evaluate, robust and audit, else the number of cores)."""
     ray: str | None = None
-    """Let a Ray cluster do the jobs: auto (the one this machine belongs to), HOST:PORT, or local (this machine)."""
+    """Do the jobs on a Ray cluster: auto (the one this machine belongs to), HOST:PORT, or local (this machine)."""
 
     usual_processes: ClassVar[int] = 1
 
@@ -41,7 +41,7 @@ class WorkerOptions(Checked):
         check_address(self.ray)
 
     def workers(self) -> Workers:
-        """Return those who do the jobs; for a Runner, which ends them."""
+        """Return the workers, for a Runner, which stops them."""
         if self.ray is not None:
             return Cluster(self.ray, compile_missing)
         processes = self.processes or self.usual_processes
@@ -49,7 +49,7 @@ class WorkerOptions(Checked):
 
 
 def check_address(ray: str) -> None:
-    """Raise ConfigError for what is no address of a cluster, and where Ray is not installed."""
+    """Raise ConfigError for a wrong address of a cluster, or if Ray is not installed."""
     if ray not in (AUTO, LOCAL) and not _ADDRESS.fullmatch(ray):
         raise ConfigError(f"--ray {shown(ray)} must be {AUTO}, {LOCAL} or HOST:PORT")
     if importlib.util.find_spec("ray") is None:

@@ -11,13 +11,12 @@ import numpy as np
 import pytest
 
 from train.cli import main
-from train.commands.evaluate import Evaluate, Robust
+from train.commands.evaluate import Evaluate
 from train.evaluation import episodes
 from train.evaluation.rollout import Experiment, make_experiment, pair_centres, run
 from train.reporting.rows import RowFile, read_rows
 from warehouse_env import __version__
 from warehouse_env.config import EnvConfig
-from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.movingai import EXAMPLE_MAP, write_map
 from warehouse_env.traffic_spec import TRAFFIC, TrafficSpec
@@ -107,8 +106,7 @@ def test_a_policy_gets_what_it_needs_unless_told_otherwise(options: dict[str, st
 @pytest.mark.parametrize(
     ("traffic", "sentence"),
     [
-        ("shiled", "did you mean shield"), ("rules:rutes=false", "did you mean routes"),
-        ("rules:shield=radar", "TrafficSpec.shield='radar' must be"), ("rules:routes", "must be PARAMETER=VALUE"),
+        ("shiled", "did you mean shield"), ("rules:routes", "must be PARAMETER=VALUE"),
         ("own:shield=false", "TrafficSpec.right_of_way=True must be False without a shield"),
     ],
 )  # fmt: skip
@@ -117,15 +115,6 @@ def test_wrong_traffic_is_one_sentence(
 ) -> None:
     assert main(command(tmp_path, "--policy", "greedy", "--traffic", traffic)) == 2
     assert sentence in capsys.readouterr().err
-
-
-def test_floors_may_be_drawn_by_a_seed_in_their_name(tmp_path: Path) -> None:
-    floors = ("aisles:seed=3", "aisles:seed=4")
-    options: dict[str, Any] = {"policy": ("follow",), "robots": (2,), "episodes": 1, "seconds": 4.0, "planner": "astar"}
-    Evaluate(**options, layout=floors, pictures=False, out=tmp_path).run()
-    assert [row["layout"] for row in read_rows(tmp_path / "rows.jsonl")] == list(floors)
-    with pytest.raises(ConfigError, match="did you mean seed"):
-        Evaluate(**options, layout=("aisles:sed=3",), out=tmp_path / "other").run()
 
 
 def test_resume_plays_only_what_is_missing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -231,9 +220,6 @@ def test_a_floor_has_one_name(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     floor = str(EXAMPLE_MAP)
     layouts = Evaluate(layout=(floor, "open"), policy=("brake",)).experiments()
     assert [one.place for one in layouts] == [floor, "open"]
-    assert [one.place for one in Evaluate(policy=("brake",)).experiments()] == ["paper46"]
-    named = [one.place for one in Robust(policy=("brake",), robots=(2,)).experiments()]
-    assert named == ["paper46", "narrow"]
     words = "--policy brake --episodes 1 --robots 2 --seconds 10 --planner astar --no-pictures --out"
     assert main(["evaluate", *words.split(), str(tmp_path), "--map", floor]) == 0
     assert [row["layout"] for row in read_rows(tmp_path / "rows.jsonl")] == [floor]

@@ -13,7 +13,7 @@ import pytest
 from agents.weights_folder import read_record
 from tests.maps.halls.test_map_server import YAML, hall, room
 from train.cli import main
-from train.learning import checkpoint, progress
+from train.learning import checkpoint
 from train.reinforce import Reinforce
 from train.reporting.lock import held
 from warehouse_env.config import RobotSpec
@@ -50,18 +50,6 @@ def test_without_a_bar_it_says_what_it_begins_and_what_it_wrote(
     assert len(out) == 1
     assert out[0].startswith("48 agent-steps in ")
     assert out[0].endswith(f"wrote the policy, its card and its log to {tmp_path / 'one'}")
-
-
-def test_without_a_bar_a_line_now_and_then_tells_how_it_goes(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(progress, "LOG_SECONDS", 0.0)
-    monkeypatch.setattr(progress, "LINE_SECONDS", 0.0)
-    _, err = train(capsys, "--layout", "open", "--steps", "96", "--out", str(tmp_path))
-    told = [line for line in err if "% after" in line]
-    assert len(told) == 4  # one an update of 24 steps
-    assert told[0].startswith("25% after")
-    assert "collisions/km" in told[0]
 
 
 FLOORS = {
@@ -158,15 +146,6 @@ def test_a_resumed_training_keeps_its_own_settings(tmp_path: Path, capsys: pytes
     assert "leave out shared=0.6" in capsys.readouterr().err
 
 
-def test_a_torn_row_of_the_progress_is_cut_off(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    train(capsys, "--layout", "open", "--steps", "24", "--out", str(tmp_path), "--name", "mine")
-    rows = tmp_path / "mine" / "progress.jsonl"
-    whole = rows.read_text()
-    rows.write_text(whole + whole[:20])
-    assert main(["train", "reinforce", "--resume", str(tmp_path / "mine")]) == 0
-    assert rows.read_text() == whole
-
-
 def test_where_nothing_can_be_written_it_is_said_at_once(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -202,14 +181,3 @@ def test_robots_of_other_kinds_are_trained_with_and_gone_on_with(
     assert main(["train", trainer, "--no-progress", "--resume", str(folder)]) == 0
     record = read_record(folder)
     assert (record.training["steps"], record.env.robots) == (96, (slow, slow))
-
-
-def test_more_robots_of_a_kind_than_there_are_are_refused_before_anything_is_made(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    fleet = tmp_path / "fleet.json"
-    fleet.write_text('[{"count": 3, "robot": {}}]', encoding="utf-8")
-    words = ["--robots", "4", "2", "--fleet", str(fleet), "--out", str(tmp_path / "out")]
-    assert main(["train", "reinforce", *words]) == 2
-    assert "count 3 robots, and there are 2 in all" in capsys.readouterr().err
-    assert not (tmp_path / "out").exists()

@@ -32,13 +32,6 @@ def test_a_frame_a_tenth_of_a_second_of_the_film(tmp_path: Path) -> None:
     assert np.abs(long[-1].astype(int) - late[-1]).mean() < 2  # the same moment, but for the palette
 
 
-def test_policies_stand_side_by_side(tmp_path: Path) -> None:
-    film(tmp_path / "one.gif", "follow", seconds=0.4, pixels=100, **SMALL)
-    film(tmp_path / "two.gif", "follow", "greedy", seconds=0.4, pixels=100, **SMALL)
-    one, two = frames(tmp_path / "one.gif")[0], frames(tmp_path / "two.gif")[0]
-    assert two.shape == (one.shape[0], 2 * one.shape[1], 3)
-
-
 def test_a_scene_is_played_on_its_own_floor(tmp_path: Path) -> None:
     film(tmp_path / "scene.gif", "follow", scene="head_on_two_cells", seconds=1.0, pixels=280, planner="astar")
     height, width, _ = frames(tmp_path / "scene.gif")[0].shape
