@@ -20,8 +20,8 @@ from typing import Any
 from train.evaluation.jobs import Job, Result
 from train.evaluation.nodes import Node, about_this_node, check_node
 from train.evaluation.remote import WAIT, RemoteWorkers
+from train.job_files import JobFiles, pack, unpacked
 from train.own import Typed, take_in, taken_in
-from train.parcels import Parcel, pack, unpacked
 from train.reporting.report import counted, tell
 from warehouse_env.errors import WarehouseError
 
@@ -45,7 +45,7 @@ class Cluster(RemoteWorkers):
         self._opened = contextlib.ExitStack()
         self._ray: Any = None
         self._task: Any = None
-        self._parcels: dict[tuple[str, ...], Any] = {}
+        self._files: dict[tuple[str, ...], Any] = {}
         self._jobs: dict[Any, Job] = {}  # under way, by their references
 
     @property
@@ -63,7 +63,7 @@ class Cluster(RemoteWorkers):
         for reference in self._jobs:
             self._ray.cancel(reference, force=True)
         self._jobs.clear()
-        self._parcels.clear()
+        self._files.clear()
         self._opened.close()
         self._ray = None
         if self.sent_again:
@@ -72,9 +72,9 @@ class Cluster(RemoteWorkers):
 
     def send(self, job: Job) -> Any:
         """Send a job with its files; return the reference to its result."""
-        if job.files not in self._parcels:
-            self._parcels[job.files] = self._ray.put(pack(job.files))
-        reference = self._task.remote(job, self._parcels[job.files], taken_in(), about_this_node())
+        if job.files not in self._files:
+            self._files[job.files] = self._ray.put(pack(job.files))
+        reference = self._task.remote(job, self._files[job.files], taken_in(), about_this_node())
         self._jobs[reference] = job
         return reference
 
@@ -212,12 +212,12 @@ def _prepared(here: Node, prepare: Callable[[], None] | None) -> str:
     return there.processor
 
 
-def _work(job: Job, parcel: Parcel, typed: list[Typed], here: Node) -> Result:
+def _work(job: Job, files: JobFiles, typed: list[Typed], here: Node) -> Result:
     """Do a job on a node, on one thread, with the files that came with it."""
     from warehouse_env.threads import set_num_threads
 
     set_num_threads(1)
     check_node(here, about_this_node())  # the node may be new
-    with unpacked(parcel):
+    with unpacked(files):
         take_in(typed)
         return job.run(lambda part: None)

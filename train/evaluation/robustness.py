@@ -25,10 +25,10 @@ NOTE = (
     f"contacts: over {MORE_CONTACTS:g} times those of the undisturbed row per kilometre; jams: longest standing "
     f"{JAMMED:g} s longer or more; slower: under {100 * SLOWER:g}% of its goals; else holds. "
     "Lidar and delay disturb only what the policy sees: the path follower, the shield and right of way know each "
-    "robot's own state exactly, and greedy does not look. A robot whose message is lost appears only in lidar, and the shield "
-    "keeps its last announced stop. The broken robot, after 60 s in an aisle, still counts among the robots; no other "
-    "robot takes its goal or avoids goals under it. Lidar sees people; the shield lets a robot drive only if it stands "
-    "before anybody can reach its place, and live routes avoid people who stand."
+    "robot's own state exactly, and greedy does not look. A robot whose message is lost appears only in lidar, and the "
+    "shield keeps its last announced stop. The broken robot, after 60 s in an aisle, still counts among the robots; no "
+    "other robot takes its goal or avoids goals under it. Lidar sees people; the shield lets a robot drive only if it "
+    "stands before anybody can reach its place, and live routes avoid people who stand."
 )
 
 

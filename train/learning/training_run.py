@@ -1,4 +1,4 @@
-"""What both trainers need around their updates: folder, budget, log, checkpoints, and a clean stop on Ctrl-C."""
+"""A training around its updates: folder, budget, log, checkpoints, and a clean stop on Ctrl-C."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.weights_folder import CONFIG, Network, PolicyRecord, read_record, save_policy
+from train.job_files import FileDigests, file_digests
 from train.learning import checkpoint
 from train.learning.card import write_card
 from train.learning.config import TrainingConfig
@@ -24,7 +25,6 @@ from train.learning.evaluations import Drive, Evaluations
 from train.learning.progress import ProgressLog
 from train.learning.stop import stop_signal
 from train.learning.timing import Split
-from train.parcels import FileDigests, file_digests
 from train.reporting.lock import held
 from train.reporting.report import tell
 from warehouse_env.config import EnvConfig
@@ -36,8 +36,8 @@ from warehouse_env.simulation.simulator import Simulator
 CHECKPOINT = "checkpoint"
 LOCK = ".lock"  # in a run's folder, while it is trained in
 _NAMED = 3  # floors that the first line names
-_MOST_LOST = 5  # times in a row that workers are lost before another checkpoint is written; a machine may cost two
-_FREE_ON_RESUME = ("resume", "progress")  # what may differ without changing the schedule
+_MOST_LOST = 5  # losses of workers in a row without a checkpoint; one machine may cost two
+_FREE_ON_RESUME = ("resume", "progress")  # options that do not change the schedule
 
 ConfigT = TypeVar("ConfigT", bound=TrainingConfig)
 
@@ -87,7 +87,7 @@ class Trainer(Protocol):
 
 @dataclasses.dataclass
 class Position:
-    """How far a training has come; kept in the checkpoint."""
+    """The progress of a training, as the checkpoint holds it."""
 
     update: int = 0
     steps: int = 0  # agent-steps
@@ -121,20 +121,18 @@ def network_of(simulator: Simulator, hidden: tuple[int, ...]) -> Network:
 
 
 def run_training(config: ConfigT, algorithm: str, make: Callable[[ConfigT], Trainer], drive: Drive) -> Path:
-    """Train until the budget is used or a stop is asked for; return the run's folder, which is a policy folder.
+    """Train until the budget is used or a signal stops it; return the run's folder, which is a policy folder.
 
-    make: the trainer. drive: see `Evaluations`.
+    make: makes the trainer. drive: see `Evaluations`. SIGINT and SIGTERM take effect once everything is saved.
 
-    SIGINT and SIGTERM stop it, and take their usual effect once all is saved, or raise KeyboardInterrupt.
-
-    Raises ConfigError if the folder holds a run already and `resume` is not given, WeightsError if the run to go on
-    with has no usable checkpoint or is of another algorithm, WarehouseError if another process trains in the folder or
-    it cannot be written.
+    Raises ConfigError if the folder holds a run already and `resume` is not given, WeightsError if the run to resume
+    has no usable checkpoint or is of another algorithm, WarehouseError if another process trains in the folder or it
+    cannot be written.
     """
     with ExitStack() as stack:
         if config.resume is None:
             check_writable(config.directory / CONFIG)
-        if config.resume is None or config.resume.is_dir():  # else there is nothing to go on with, which _begin says
+        if config.resume is None or config.resume.is_dir():  # else _begin raises
             stack.enter_context(held(config.directory / LOCK, config.directory))
         config, saved = _begin(config, algorithm)
         if saved is not None:
@@ -157,7 +155,7 @@ def run_training(config: ConfigT, algorithm: str, make: Callable[[ConfigT], Trai
 def _run(
     config: ConfigT, saved: checkpoint.Checkpoint | None, make: Callable[[ConfigT], Trainer], drive: Drive
 ) -> None:
-    """Train from the beginning or a checkpoint; LostError where the trainer lost workers, what is saved stands."""
+    """Train from the beginning or a checkpoint; LostError if the trainer lost workers."""
     with ExitStack() as stack:
         trainer = stack.enter_context(closing(make(config)))
         if saved is None:
@@ -169,7 +167,7 @@ def _run(
         log = stack.enter_context(ProgressLog(config.directory, config.progress, position.steps, config.to_dict()))
         evaluations = Evaluations(config, drive, None if saved is None else position.update)
         if saved is None:
-            _save(config, trainer, position, log.last)  # from here on --resume goes on, whenever it is killed
+            _save(config, trainer, position, log.last)  # from here on it can be resumed
             evaluations.run(position.update, position.steps, log)
         _loop(config, trainer, position, log, evaluations, stop)
         _save(config, trainer, position, log.last)
@@ -211,7 +209,7 @@ def _updates(saved: checkpoint.Checkpoint | None) -> int:
 
 
 def is_done(config: TrainingConfig) -> bool:
-    """Return whether a run was trained to the end of its budget; ConfigError if its folder holds another training."""
+    """Return whether a run has used its budget; ConfigError if its folder holds another training."""
     if not (config.directory / CONFIG).exists() or not checkpoint.exists(config.directory / CHECKPOINT):
         return False
     saved = checkpoint.read(config.directory / CHECKPOINT).data
@@ -238,7 +236,7 @@ def profile(trainer: Trainer, updates: int, warm_up: int = 1) -> dict[str, float
 
 
 def _begin(config: ConfigT, algorithm: str) -> tuple[ConfigT, checkpoint.Checkpoint | None]:
-    """Check the run's folder; return the config to train with and the checkpoint to go on from, if any."""
+    """Check the run's folder; return the config to train with, and the checkpoint to resume from, if any."""
     directory = config.directory
     if config.resume is None:
         if checkpoint.exists(directory / CHECKPOINT) or (directory / CONFIG).exists():
@@ -261,7 +259,7 @@ def _begin(config: ConfigT, algorithm: str) -> tuple[ConfigT, checkpoint.Checkpo
 
 
 def _beginning(config: TrainingConfig) -> str:
-    """Say what begins; compiling may keep it from showing itself for a minute."""
+    """Return the first line; compiling may delay the next one for a minute."""
     if config.resume is not None:
         return f"goes on with {config.resume}; Ctrl-C stops and keeps what is learned"
     budget = [f"{config.minutes:g} minutes"] if config.minutes is not None else []
@@ -314,7 +312,7 @@ def _update(config: TrainingConfig, trainer: Trainer, position: Position, spent:
 
 
 def _save(config: TrainingConfig, trainer: Trainer, position: Position, figures: dict[str, float]) -> None:
-    """Write the checkpoint and, beside it, the policy as it stands with its card."""
+    """Write the checkpoint, the policy as it stands and its card."""
     plain = {key: value for key, value in config.to_dict().items() if key != "resume"}
     data = {"algorithm": trainer.algorithm, "config": plain, **dataclasses.asdict(position)}
     directory = config.directory
@@ -330,7 +328,7 @@ def _save(config: TrainingConfig, trainer: Trainer, position: Position, figures:
 
 
 def _split(trainer: Trainer) -> str:
-    """Say where the time went."""
+    """Return a line that says where the time went."""
     parts = trainer.split.seconds
     total = max(sum(parts.values()), 1e-9)
     shares = ", ".join(f"{name.removesuffix('_s')} {100 * value / total:.0f}%" for name, value in parts.items())

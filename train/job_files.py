@@ -1,4 +1,4 @@
-"""Files that jobs read, as bytes that go with them to other machines: maps, policies, code of one's own."""
+"""The files that jobs read, as bytes that travel to other machines: maps, policies, the user's own code."""
 
 from __future__ import annotations
 
@@ -15,46 +15,45 @@ from warehouse_env.maps import discs, one_way
 from warehouse_env.maps.halls.hall import files_of, is_hall
 from warehouse_env.own_parts import loaded_files, split
 
-Parcel = dict[str, dict[str, bytes]]
-"""Name as it was typed -> its files, by their names within a folder; the first is what the name stands for, or all lie
-in a folder of that name."""
+JobFiles = dict[str, dict[str, bytes]]
+"""Name as typed -> its files by their names within a folder; the first is the named file or in the named folder."""
 
 FileDigests = dict[str, dict[str, str]]
-"""Name as it was typed -> its files, as of a Parcel, with a digest of each."""
+"""Name as typed -> its files, with a digest of each."""
 
 _BESIDE = {".map": (one_way.SUFFIX, discs.SUFFIX)}  # suffix of a file -> those of files that go with it
 
 
-def pack(names: Iterable[str]) -> Parcel:
-    """Return the content of those names that are files or policy folders, and of all own parts of this process."""
+def pack(names: Iterable[str]) -> JobFiles:
+    """Return the content of the names that are files or policy folders, and of all own parts of this process."""
     homes = [part[0].rpartition(":")[0] for _, text in taken_in() if (part := split(text))]
     packed = {name: _content(name) for name in dict.fromkeys([*homes, *names]) if name and not split(name)}
     return {name: content for name, content in packed.items() if content}
 
 
 def floor_digest(name: str) -> str:
-    """Return a digest of all files that the floor of a map's file is read from; "" for other floors."""
+    """Return a digest of all files behind a map's name; "" for other floors."""
     content = _content(name) if name.lower().endswith(".map") or is_hall(name) else {}
     whole = b"".join(f"{file} {len(data)} ".encode() + data for file, data in content.items())
     return _digest(whole) if content else ""
 
 
 def file_digests(names: Iterable[str]) -> FileDigests:
-    """Return a digest of each file behind those names that are files of data."""
+    """Return the digests of the data files behind the names."""
     content = {name: _content(name) for name in dict.fromkeys(names) if not split(name)}
     return {name: {file: _digest(data) for file, data in files.items()} for name, files in content.items() if files}
 
 
 @contextmanager
-def unpacked(parcel: Parcel) -> Iterator[None]:
-    """Have the files of a parcel lie in a folder of their own, where their names lead to."""
+def unpacked(files: JobFiles) -> Iterator[None]:
+    """Write files to a temporary folder, and let their names lead there."""
     with tempfile.TemporaryDirectory(prefix="warehouse-") as folder:
-        for name, content in parcel.items():
+        for name, content in files.items():
             for file, data in content.items():
                 with complete_file(_home(folder, name) / file) as part:
                     part.write_bytes(data)
         before = STAGED.copy()
-        STAGED.update({name: _home(folder, name) / Path(next(iter(files))).parts[0] for name, files in parcel.items()})
+        STAGED.update({name: _home(folder, name) / Path(next(iter(own))).parts[0] for name, own in files.items()})
         try:
             yield
         finally:
@@ -63,7 +62,7 @@ def unpacked(parcel: Parcel) -> Iterator[None]:
 
 
 def files_behind(name: str) -> list[Path]:
-    """Return the files that a typed name stands for, the one that it names first: a map's, a policy's, own code."""
+    """Return the files behind a typed name, a map, a policy or own code; the named file comes first."""
     part = split(name)
     path = whereabouts(part[0].rpartition(":")[0] if part else name)
     if part is None and is_hall(name):
