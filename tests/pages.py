@@ -29,7 +29,6 @@ SHORTER = {
     "seconds=36, speed=6": "seconds=1",
     "seconds=20, speed=3": "seconds=1",
     "seconds=40, speed=6": "seconds=1",
-    "iterations=40": "iterations=3",
     "range(1, 11)": "range(1, 2)",
 }
 
