@@ -1,8 +1,8 @@
 """Proximal policy optimisation by stable-baselines3 on `vec_env`; all robots share one policy.
 
-The library does the learning; this module gives it our worlds, schedules, clock and files. Its own save files hold
-pickles, so ours are used instead: a policy folder, and checkpoints of plain arrays. Going on from a checkpoint puts
-back the networks and the optimizer; the worlds start anew.
+The library learns; this module adds our worlds, schedules, clock and files. The library's files hold pickles, so ours
+are used instead: a policy folder, and checkpoints of plain arrays. Resuming restores the networks and the optimizer;
+the worlds start again.
 
     python -m train.ppo --minutes 10
 """
@@ -53,7 +53,7 @@ class MeasuredVecEnv(VecEnvWrapper):
 
 
 class _Nothing(BaseCallback):
-    """The library asks for a callback at every step; the schedules are set between rollouts instead."""
+    """The library needs a callback; our schedules are set between rollouts instead."""
 
     def _on_step(self) -> bool:
         return True

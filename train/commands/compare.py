@@ -20,20 +20,20 @@ _DRAWN = ("goals_per_robot_hour", "collisions_per_km", "waiting_share", "orders_
 
 @dataclass(frozen=True)
 class Compare(Checked):
-    """Hold runs of `warehouse evaluate` against the first one, over the episodes that both have.
+    """Compare runs of `warehouse evaluate` with the first one, over the episodes that both have.
 
-    The same policy is held against itself in another run; where two runs have one policy each, these two. Example:
-    warehouse compare results/before results/after --html results/difference.html
+    Each policy is compared with itself in the other run; runs with a single policy each are compared as they are.
+    Example: warehouse compare results/before results/after --html results/difference.html
     """
 
     runs: tyro.conf.Positional[tuple[Path, ...]]
     """Files of rows that `warehouse evaluate` wrote, or folders with rows.jsonl in them (as a report is)."""
     policy: tuple[str, ...] = ()
-    """Policies to look at (all if left out)."""
+    """Compare only these policies (default: all)."""
     seed: tuple[int, ...] = ()
-    """Seeds of the episodes to look at (all if left out)."""
+    """Compare only episodes of these seeds (default: all)."""
     json: Path | None = None
-    """File for the figures, a row a measure of each pair and floor, as JSON lines."""
+    """File for the figures, a row for each measure, pair and floor, as JSON lines."""
     html: Path | None = None
     """File for a page with a chart of the differences and the table."""
 

@@ -24,8 +24,8 @@ class Demo(Checked):
     """Compare the shipped policies with three rules on one floor: path following, stopping for others, right of way."""
 
     policy: tuple[str, ...] = ("follow", "brake", "greedy", "reinforce", "ppo", "threaded_ppo")
-    """Policies to compare, named as for `warehouse evaluate`; the video shows the first and, of the others, the one
-    with the most goals."""
+    """Policies to compare, named as for `warehouse evaluate`; the video shows the first one and the best of the others
+    (most goals)."""
     layout: str = "paper46"
     """Floor to drive on, named as for `warehouse evaluate`."""
     robots: int = 16
@@ -35,11 +35,11 @@ class Demo(Checked):
     seconds: float = 600.0
     """Simulated time of an episode [s]."""
     video_robots: int = 64
-    """Number of robots in the video, which shows two policies side by side, each with the same tasks."""
+    """Number of robots in the video, which shows two policies side by side with the same tasks."""
     video_from: float = 420.0
-    """Simulated time after which the video begins, when jams have built up [s]."""
+    """Simulated time at which the video starts, after jams have built up [s]."""
     video_seconds: float = 60.0
-    """Simulated time that the video shows, at twice the speed [s]; 0 makes none."""
+    """Simulated time in the video, shown at twice the speed [s]; 0: no video."""
     planner: str = EnvConfig.planner
     """Planner of the routes."""
     processes: int = field(default_factory=lambda: min(os.cpu_count() or 1, 4))
@@ -47,11 +47,11 @@ class Demo(Checked):
     seed: int = HELD_OUT_SEED
     """Seed of the first episode; no training uses seeds from the default on."""
     json: Path | None = None
-    """File for the rows, one an episode, as JSON lines (OUT/rows.jsonl if left out)."""
+    """File for the rows, one per episode, as JSON lines (default: OUT/rows.jsonl)."""
     out: Path = Path("results/demo")
     """Folder for the rows, the table, the pictures and the video."""
     overwrite: bool = False
-    """Replace the rows that another folder than the default one holds already."""
+    """Replace existing rows in a folder other than the default one."""
 
     def run(self) -> None:
         """Evaluate, then film."""
@@ -62,7 +62,7 @@ class Demo(Checked):
         if self.video_seconds:
             require_video()
         begin = time.perf_counter()
-        if not is_compiled():  # else each policy's process would compile the same
+        if not is_compiled():  # else every process would compile the same kernels
             compile_all(self.processes)
         Evaluate(
             policy=self.policy, layout=(self.layout,), robots=(self.robots,), episodes=self.episodes,

@@ -30,24 +30,24 @@ from warehouse_env.traffic_spec import OWN, TRAFFIC, read_traffic
 
 @dataclass(frozen=True)
 class Drive(Checked):
-    """Options of worlds to drive in, and what of them is chosen against a policy's own."""
+    """Options of the worlds to drive in, which override those of a policy."""
 
     planner: str = EnvConfig.planner
     """Planner of the routes: a name of `warehouse planners`, or one of your own, FILE.py:CLASS or MODULE:CLASS."""
     traffic: str = OWN
-    """How robots meet. own: as the policy needs it; none; routes: they replan around others; shield: they also brake
-    before they could touch; assist: rules also settle who goes first, near robots that have stood for 12 s; rules:
-    everywhere. Switches of TrafficSpec may follow, as in own:routes=false or rules:shield=lidar."""
+    """How robots meet. own: as the policy needs; none; routes: replan around others; shield: also brake before a
+    contact; assist: also right of way near robots that have stood for 12 s; rules: right of way everywhere. Switches of
+    TrafficSpec may follow, as in own:routes=false or rules:shield=lidar."""
     people: int | None = None
-    """People who walk among the robots; none if left out."""
+    """Number of people who walk among the robots (default: none)."""
     arrival: ArrivalMode | None = None
-    """When a robot is at its goal. pass (if left out): once it drives by; stop: once it stands there; pose: once it
-    also faces the way it is to."""
+    """When a robot has reached its goal. pass (default): when it drives by; stop: when it stands there; pose: when it
+    also has the right heading."""
     seed: int = HELD_OUT_SEED
-    """The first seed, the next ones count on; no training uses seeds from the default on."""
+    """First seed, the others follow; no training uses seeds from the default on."""
 
     def chosen(self) -> dict[str, Any]:
-        """Return what options set of EnvConfig; `traffic` as a text of `read_traffic`, which is checked here."""
+        """Return the fields of EnvConfig that the options set; `traffic` is a checked text for `read_traffic`."""
         read_traffic(self.traffic, TRAFFIC["rules"])
         given = {name: getattr(self, name) for name in ("traffic", "people", "arrival")}
         return {name: value for name, value in given.items() if value not in (None, OWN)}
@@ -58,24 +58,23 @@ GOES_ON = "the same command with --resume goes on"
 
 @dataclass(frozen=True)
 class Working(Fleet, Work, Drive):
-    """Options of worlds whose robots may be of other kinds, be served, carry out orders, or charge."""
+    """Options of worlds with kinds of robots, service, orders or batteries."""
 
     def chosen_for(self, robots: int) -> dict[str, Any]:
-        """Return what options set of EnvConfig for so many robots."""
-        # where both have a word on arriving, --arrival says it
+        """Return the fields of EnvConfig that the options set for so many robots; --arrival overrides that of work."""
         return self.kinds_of(robots) | self.work() | self.chosen()
 
 
 @dataclass(frozen=True)
 class Episodes(Working, WorkerOptions):
-    """Which episodes to drive, and where their rows go: what evaluate and robust share."""
+    """Options of the episodes to drive and of the files to write."""
 
     policy: tuple[str, ...] = ("follow", "brake", "reinforce", "ppo", "threaded_ppo")
-    """Policies to compare: names of `warehouse policies`, folders of trained ones, models of stable-baselines3
+    """Policies to compare: names of `warehouse policies`, folders of trained policies, models of stable-baselines3
     (FILE.zip), or your own, FILE.py:CLASS or MODULE:CLASS."""
     layout: Annotated[tuple[str, ...], BY_MAP] = (EnvConfig.layout,)
-    """Floors to drive on: names of `warehouse layouts`, files NAME.map, or NAME.yaml of map_server with how it is read,
-    as in hall.yaml:cell=0.75, or your own, FILE.py:FUNCTION."""
+    """Floors to drive on: names of `warehouse layouts`, files NAME.map, NAME.yaml of map_server with parameters, as in
+    hall.yaml:cell=0.75, or your own, FILE.py:FUNCTION."""
     robots: tuple[int, ...] = (16,)
     """Numbers of robots."""
     episodes: int = 5
@@ -83,15 +82,15 @@ class Episodes(Working, WorkerOptions):
     seconds: float = 600.0
     """Simulated time of an episode [s]."""
     tasks: TaskMode = "lifelong"
-    """lifelong: a new goal after every arrival; one_shot: one goal each, then parked."""
+    """lifelong: a new goal after every arrival; one_shot: one goal per robot, which then parks."""
     json: Path | None = None
-    """File for the rows, one an episode, as JSON lines (OUT/rows.jsonl if left out)."""
+    """File for the rows, one per episode, as JSON lines (default: OUT/rows.jsonl)."""
     out: Path = Path("results/evaluate")
     """Folder for the rows, the table and the pictures."""
     resume: bool = False
-    """Keep the rows that the file holds already, and play only the episodes that it lacks."""
+    """Keep the rows in the file, and play only the missing episodes."""
     overwrite: bool = False
-    """Replace the rows that the file holds already."""
+    """Replace the rows in the file."""
 
     @property
     def rows_path(self) -> Path:
@@ -99,14 +98,14 @@ class Episodes(Working, WorkerOptions):
         return self.json or self.out / "rows.jsonl"
 
     def rows_file(self, resumes: bool = True) -> RowFile:
-        """Return the file of the rows, a context that asks before it replaces any; resumes: whether --resume helps."""
+        """Return the file of the rows, a context that refuses to replace any; resumes: whether --resume helps."""
         return RowFile(self.rows_path, keep=self.resume, instead=instead(self.overwrite, resumes))
 
     def tabulate(
         self, experiments: Sequence[Experiment], table_of: Callable[[Sequence[Row]], Table], traced: bool = False,
         notes: RowFile | None = None,
     ) -> tuple[list[Row], list[Trace]]:  # fmt: skip
-        """Play the experiments, print the table of their rows and write both; return what `play` does."""
+        """Play the experiments, print and write the table and the rows; return the result of `play`."""
         table_path = self.out / "table.md"
         check_writable(table_path)
         with self.rows_file() as file:
@@ -117,13 +116,13 @@ class Episodes(Working, WorkerOptions):
         return rows, traces
 
     def experiments(self, disturbance: str | None = None) -> list[Experiment]:
-        """Return the product of floors, robot counts and policies; everything that can be checked now is."""
+        """Return the product of floors, robot counts and policies, checked as far as possible."""
         for name, values in (("policy", self.policy), ("robots", self.robots), ("layout", self.layout)):
             if not values:
                 raise ConfigError(f"--{name} needs at least one value")
         make_planner(self.planner)
         for name in self.layout:
-            self.note_orders(make_layout(name))  # a wrong name is said before anything drives
+            self.note_orders(make_layout(name))  # raises before anything drives
         experiments = []
         for layout in self.layout:
             for robots in dict.fromkeys(self.robots):
@@ -141,7 +140,7 @@ class Evaluate(Episodes):
     """Drive policies through held-out episodes on layouts or maps; print means with 95% intervals."""
 
     pictures: bool = True
-    """Draw the trajectories of one episode of each policy, and the bar chart of collisions."""
+    """Draw the trajectories of one episode per policy, and a bar chart of collisions."""
     report: Path | None = None
     """Folder for a page to read and share: the table, charts, heat maps, and replays of the worst episodes."""
 
@@ -171,7 +170,7 @@ class Evaluate(Episodes):
 
 @dataclass(frozen=True)
 class Robust(Episodes):
-    """Drive policies with other bodies, worse sensors, lost messages, a broken robot; print what holds and breaks."""
+    """Drive policies with other bodies, worse sensors, lost messages or a broken robot; print what holds and breaks."""
 
     policy: tuple[str, ...] = ("greedy", "reinforce", "ppo", "threaded_ppo")
     """Policies to compare, named as for `warehouse evaluate`."""
@@ -180,9 +179,9 @@ class Robust(Episodes):
     robots: tuple[int, ...] = (16, 32)
     """Numbers of robots."""
     disturbance: tuple[str, ...] = tuple(DISTURBANCES)
-    """What to disturb; each is held against the undisturbed world, which is driven in any case."""
+    """Disturbances, each compared with the undisturbed world, which is always driven."""
     episodes: int = 3
-    """Episodes of each disturbance, policy, floor and number of robots; all have the same seeds."""
+    """Episodes of each disturbance, policy, floor and number of robots, with the same seeds."""
     seconds: float = 300.0
     """Simulated time of an episode [s]."""
     out: Path = Path("results/robust")

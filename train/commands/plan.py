@@ -34,13 +34,13 @@ _ROUNDING = 0.01  # [cells], of recorded lengths
 
 @dataclass(frozen=True)
 class PlanCommand(Checked):
-    """Compare planners on the tasks of a map: how often they find the shortest path, with how many turns, how fast."""
+    """Compare planners on the tasks of a map: share of shortest paths, turns, time."""
 
     layout: Annotated[str | None, BY_MAP] = None
     """The floor (paper46): a name of `warehouse layouts`, a file NAME.map or NAME.yaml, or your own, FILE.py:FUNCTION;
     its named tasks are planned unless other tasks are given."""
     scen: Path | None = None
-    """A MovingAI .scen file with tasks for the floor; if none is given, the map of that name beside it is used."""
+    """A MovingAI .scen file with tasks; without --layout, the map of that name beside it is used."""
     planner: tuple[str, ...] = ("pf_aco", "aco", "astar_turns", "astar")
     """Planners to compare: names of `warehouse planners`, with parameters if need be, as in pf_aco:ants=20, or your
     own, FILE.py:CLASS or MODULE:CLASS."""
@@ -49,13 +49,13 @@ class PlanCommand(Checked):
     goal: str | None = None
     """Goal of a single task, as ROW,COLUMN."""
     tasks: int | None = None
-    """Number of tasks: drawn from the scenario file where one is given, else at random from the floor."""
+    """Number of tasks, drawn from the scenario file if there is one, else at random from the floor."""
     runs: int = 30
     """Runs of each planner on each task, each with its own seed."""
     seed: int = 0
     """Seed of the runs, and of tasks that are drawn."""
     json: Path | None = None
-    """Write the rows, one a run, to this file as JSON lines."""
+    """Write the rows, one per run, to this file as JSON lines."""
     out: Path = Path("results/plan")
     """Folder for the table and the pictures of the paths and of the convergence."""
     pictures: bool = True
@@ -131,7 +131,7 @@ class PlanJob(Job):
     titled = "{label} · {task.name}"
 
     def run(self, tick: Tick) -> Result:
-        """Plan; a first plan of each planner, which may compile, is thrown away. more: the run."""
+        """Plan; the first plan of each planner may compile and is discarded. `more` is the run."""
         if self.number == self.number_of_run == 0:
             self.planner.plan(self.grid, self.task.start, self.task.goal, np.random.default_rng(self.seed))
         run = plan_once(self.grid, self.planner, self.task, self.number, self.number_of_run, self.seed, self.label)

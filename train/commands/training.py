@@ -1,4 +1,4 @@
-"""`warehouse train reinforce`, `ppo` and `threaded_ppo`: the trainers' own options; `warehouse curves`: how it went."""
+"""`warehouse train reinforce`, `ppo` and `threaded_ppo`, and `warehouse curves`."""
 
 from __future__ import annotations
 
@@ -38,12 +38,12 @@ class _Train:
     module: ClassVar[str]  # with a function `train`, imported when it is called, for it needs torch
 
     recipe: Recipe = "shipped"
-    """What the other options are where they are left out. shipped: those of the shipped weights; bare: without field,
-    live routes and shared rewards, as in the papers. `--recipe NAME --help` shows them."""
+    """Defaults of the other options. shipped: those of the shipped weights; bare: without shield, live routes and
+    shared rewards, as in the papers. `--recipe NAME --help` shows them."""
 
     fleet: Path | None = None
-    """Train with robots of other kinds: a JSON file, as [{"share": 0.25, "robot": {"length": 1.4}}]; "share": 1 makes
-    all of them so, "count": 8 instead eight of each world's."""
+    """Train with other kinds of robots: a JSON file, as [{"share": 0.25, "robot": {"length": 1.4}}]; "share": 1 changes
+    all robots, "count": 8 eight robots of each world."""
 
     json: Path | None = None
     """Also write the rows of the training's progress to this file as JSON lines."""
@@ -58,7 +58,7 @@ class _Train:
 
     @classmethod
     def defaults_for(cls, arguments: Sequence[str]) -> Self:
-        """Return the options by the recipe that a command line names; what else it says overrides them."""
+        """Return the options of the recipe that a command line names."""
         kinds = get_type_hints(cls)
         named = make_dataclass("named", [("recipe", kinds["recipe"], cls.recipe)])
         words = [word for word in arguments if word not in ("-h", "--help")]
@@ -66,10 +66,10 @@ class _Train:
         return cls(config=by_recipe(kinds["config"], recipe), recipe=recipe)
 
     def run(self) -> None:
-        """Train; the last line says what was written and where, after Ctrl-C as well."""
+        """Train; the last line says what was written where, also after Ctrl-C."""
         if not 1 <= self.seeds <= 10_000:
             raise ConfigError(f"--seeds {self.seeds} must lie between 1 and 10,000")
-        if self.fleet is not None:  # goes into the configuration, which is kept, as what it says
+        if self.fleet is not None:  # the configuration keeps the content of the file
             config = dataclasses.replace(self.config, fleet=read_fleet(self.fleet))
             dataclasses.replace(self, fleet=None, config=config).run()
             return
@@ -147,9 +147,9 @@ class TrainThreadedPPO(_Train):
 
     module = "train.threaded_ppo"
     recipe: ThreadedPPORecipe = "shipped"  # type: ignore[assignment]
-    """What the other options are where they are left out. shipped: those of the shipped weights; bare: without field,
-    live routes and shared rewards, as in the papers; unshielded: those of that policy, without field and right of way,
-    with dear contacts. `--recipe NAME --help` shows them."""
+    """Defaults of the other options. shipped: those of the shipped weights; bare: without shield, live routes and
+    shared rewards, as in the papers; unshielded: those of the policy `unshielded`, with large contact penalties instead
+    of the shield. `--recipe NAME --help` shows them."""
     config: Annotated[ThreadedPPOConfig, tyro.conf.arg(name="")] = field(default_factory=ThreadedPPOConfig)
 
 
@@ -168,16 +168,16 @@ def _end(directory: Path, json: Path | None) -> str:
 
 @dataclass(frozen=True)
 class Curves(Checked):
-    """Draw goals, collisions and entropy of runs of training over their steps, those of an algorithm in one colour."""
+    """Draw goals, collisions and entropy of training runs over their steps, one colour per algorithm."""
 
     runs: tyro.conf.Positional[tuple[Path, ...]]
     """Folders of runs, as `warehouse train` makes them."""
     seed: tuple[int, ...] = ()
-    """Seeds of training; runs with others are left out (none if left out)."""
+    """Draw only runs with these training seeds (default: all runs)."""
     out: Path = Path("results/curves.png")
     """File for the picture."""
     json: Path | None = None
-    """File for what is drawn, a row a point, as JSON lines."""
+    """File for the points, one row each, as JSON lines."""
 
     def run(self) -> None:
         """Read all runs, then draw them."""
