@@ -1,4 +1,4 @@
-"""Runs side by side: what two evaluations differ by over the episodes that both have, as paired differences."""
+"""Compare evaluations by paired differences over the episodes that both have."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from train.reporting.report import Table, difference, grouped, short_names, with
 from train.reporting.rows import Interval, Row, is_told, paired, read_rows, select, values_of
 from warehouse_env.errors import WarehouseError
 
-EPISODE = ("layout", "robots", "tasks", "disturbance", "seed")  # what two rows must share to be of one episode
+EPISODE = ("layout", "robots", "tasks", "disturbance", "seed")  # fields that identify an episode
 _NEEDED = ("policy", "layout", "robots", "tasks", "planner", "seed", "robot_km", "collisions_per_km")
 _COMPARED = (
     "goals_per_robot_hour", "collisions_per_km", "stuck", "waiting_share", "longest_standing_s", "path_length_ratio",
@@ -41,13 +41,13 @@ _MORE_IS_BETTER = ("goals_per_robot_hour", "orders_per_hour")
 _NEITHER = ("station_utilisation",)  # measures of which more is neither better nor worse
 NOTE = (
     "Over the episodes that both have: the same floor, number of robots and seed. Difference: mean of the paired "
-    "differences [95% interval by Student's t], the run less the one it is held against; better and worse where the "
-    "interval leaves out 0, each interval for itself: of twenty differences that do not exist one will look told apart."
+    "differences [95% interval by Student's t], the run minus the run it is compared with; better or worse if the "
+    "interval excludes 0. Intervals are not corrected: one in twenty equal measures looks different."
 )
 
 
 class Run(NamedTuple):
-    """An evaluation that was written down."""
+    """An evaluation read from a file."""
 
     name: str
     path: Path
@@ -62,7 +62,7 @@ class System(NamedTuple):
 
 
 class Line(NamedTuple):
-    """A measure of one system, held against another's over their common episodes on one floor."""
+    """A measure of two systems, compared over their common episodes on one floor."""
 
     layout: str
     robots: int
@@ -75,7 +75,7 @@ class Line(NamedTuple):
 
     @property
     def verdict(self) -> str:
-        """Better, worse, more, less, equal in every episode, or not told apart."""
+        """Better, worse, more, less, equal in every episode, or not told apart (0 is in the interval)."""
         if self.difference.samples > 1 and self.difference[:3] == (0.0, 0.0, 0.0):
             return "equal"
         if not is_told(self.difference):
@@ -95,9 +95,9 @@ class Line(NamedTuple):
 
 
 def read_runs(paths: Sequence[Path]) -> list[Run]:
-    """Return the runs of files of rows, or of folders that hold rows.jsonl, by names that tell them apart.
+    """Return the runs in files of rows, or in folders that hold rows.jsonl, under distinct names.
 
-    Raises WarehouseError for fewer than two, for what is missing, and for rows that are none of an evaluation.
+    Raises WarehouseError for fewer than two, for missing files, and for rows that do not come from an evaluation.
     """
     if len(paths) < 2:
         raise WarehouseError("name two runs at least: files of rows that `warehouse evaluate` wrote, or their folders")
@@ -126,9 +126,9 @@ def _rows(file: Path) -> list[Row]:
 
 
 def compare(runs: Sequence[Run], policies: Sequence[str] = ()) -> list[Line]:
-    """Hold every further run against the first: each policy against the same one, or a single one against a single one.
+    """Compare every further run with the first: each policy with itself, or a single policy with a single one.
 
-    policies: those to look at, all if there are none. Raises WarehouseError where nothing can be paired.
+    policies: those to compare; empty: all. Raises WarehouseError if there is nothing to pair.
     """
     lines = []
     for run in runs[1:]:

@@ -88,7 +88,7 @@ class Table:
 
 
 def no_html(text: str) -> str:
-    """Return text for a cell of a Markdown table in which names are no tags and end no cell."""
+    """Return text for a cell of a Markdown table, with HTML and cell separators escaped."""
     return text.replace("&", "&amp;").replace("<", "&lt;").replace("|", "\\|")
 
 
@@ -110,7 +110,7 @@ def make_progress() -> Progress:
 
 
 def tell(text: str, console: Console | None = None) -> None:
-    """Print one line on stderr, above the bar where the console has one."""
+    """Print one line on stderr, above the progress bar of the console, if any."""
     (console or Console(stderr=True)).print(text, markup=False, highlight=False, soft_wrap=True)
 
 
@@ -160,7 +160,7 @@ def difference(found: Interval, factor: float = 1.0, digits: int = 3) -> str:
 
 _GROUP = ("layout", "robots", "tasks", "planner", "policy")
 FREE_FLOW = "free_flow_share"
-_FREE_FLOW_NOTE = " Free flow: late goals/robot-h as a share of those of one robot alone under the same policy."
+_FREE_FLOW_NOTE = " Free flow: late goals/robot-h as a share of those of one robot alone with the same policy."
 
 
 def grouped(rows: Iterable[Row], names: Sequence[str]) -> dict[tuple[object, ...], list[Row]]:
@@ -195,7 +195,7 @@ def _share(part: Interval, whole: Interval) -> Interval:
 
 
 def short_names(names: set[str]) -> dict[str, str]:
-    """Return for each name, where it is a path, its last part, unless two would then be the same."""
+    """Return the last part of each path, or the whole name if the last parts are not unique."""
     last = {name: Path(name).name or name for name in names}
     counts = Counter(last.values())
     return {name: short if counts[short] == 1 else name for name, short in last.items()}
@@ -204,7 +204,7 @@ def short_names(names: set[str]) -> dict[str, str]:
 def evaluation_table(rows: Sequence[Row]) -> Table:
     """Return the table of an evaluation: one line for each layout, robot count and policy.
 
-    Where some rows are of one robot alone, the others' share of its free flow is shown.
+    With rows of one robot alone, the other rows show their share of its free flow.
     """
     constant = [name for name in ("tasks", "planner") if len({row[name] for row in rows}) == 1]
     names = [name for name in _GROUP if name not in constant]
