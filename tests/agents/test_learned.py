@@ -25,7 +25,7 @@ from agents.networks import ActorCritic, tensors_of
 from agents.policy import Preferring, draw_discrete, ranked
 from agents.weights_folder import read_record
 from warehouse_env.config import EnvConfig, SensorSpec
-from warehouse_env.errors import ConfigError, WeightsError
+from warehouse_env.errors import WeightsError
 from warehouse_env.observation import observation_layout
 from warehouse_env.traffic_spec import TrafficSpec
 from warehouse_env.work import BatterySpec, ServiceSpec
@@ -141,19 +141,6 @@ def test_a_damaged_config_is_refused(folder: Path, changes: dict[str, Any], sent
     with pytest.raises(WeightsError, match=sentence) as error:
         make_policy(folder, EnvConfig())
     assert str(folder / "config.json") in str(error.value)
-
-
-def test_what_is_no_policy_is_named(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="unknown policy 'folow'; did you mean follow"):
-        make_policy("folow", EnvConfig())
-    with pytest.raises(ConfigError, match=r"unknown policy 'xxx.*known: "):
-        make_policy("x" * 5000, EnvConfig())
-    with pytest.raises(WeightsError, match="is no folder"):
-        make_policy(Path("x" * 5000), EnvConfig())
-    with pytest.raises(WeightsError, match="is no folder"):
-        make_policy("runs/nothing", EnvConfig())
-    with pytest.raises(WeightsError, match="not a policy folder"):
-        make_policy(tmp_path, EnvConfig())
 
 
 @pytest.mark.parametrize(

@@ -154,27 +154,6 @@ def test_no_pickle_is_opened(worlds: WarehouseVecEnv, tmp_path: Path) -> None:
     assert not sprung.exists()
 
 
-def test_what_cannot_be_read_is_one_sentence(worlds: WarehouseVecEnv, tmp_path: Path) -> None:
-    path = tmp_path / "model.zip"
-    for kind, shape, sentence in (
-        (PPO, {"activation_fn": NN.GELU}, "has the activation 'GELU'; known: tanh, relu"),
-        (PPO, {"net_arch": [8]}, None),
-    ):
-        model(worlds, kind, shape).save(path)
-        if sentence:
-            with pytest.raises(WeightsError, match=sentence):
-                policy_config(path, EnvConfig())
-    with pytest.raises(WeightsError, match=r"is no model of stable-baselines3"):
-        policy_config(edited(path, data=lambda data: data[:50]), EnvConfig())
-    with pytest.raises(WeightsError, match=r"plain tensors|no model of stable-baselines3"):
-        policy_config(edited(path, policy_pth=lambda data: data[:500]), EnvConfig())
-    path.write_bytes(path.read_bytes()[:900])
-    with pytest.raises(WeightsError, match="is no model of stable-baselines3"):
-        policy_config(path, EnvConfig())
-    with pytest.raises(WeightsError, match=r"there is no file 'gone\.zip'"):
-        policy_config("gone.zip", EnvConfig())
-
-
 def test_other_algorithms_and_observations_are_refused(tmp_path: Path) -> None:
     other = SAC("MlpPolicy", vec_env(1, SEEN.replace(action_type="continuous")), device="cpu", buffer_size=100)
     other.save(tmp_path / "sac.zip")

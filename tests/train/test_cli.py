@@ -20,8 +20,7 @@ from train.cli import COMMANDS, main
 from train.evaluation.jobs import Job, Result, Runner, Tick
 from train.reporting.rows import RowFile, read_rows
 from warehouse_env.errors import LostError
-from warehouse_env.maps.layouts import LAYOUTS
-from warehouse_env.maps.movingai import EXAMPLE_MAP, read_map
+from warehouse_env.maps.movingai import EXAMPLE_MAP
 from warehouse_env.planning import PLANNERS
 
 
@@ -145,22 +144,6 @@ def test_bad_input_gives_one_sentence(
     assert list(tmp_path.rglob("*")) == []  # nothing was written
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "",
-        "type octile\nheight 1\nwidth 3\nmap\n@@@\n",
-    ],
-)
-def test_bad_maps_are_named(text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = tmp_path / "bad.map"
-    path.write_text(text)
-    assert "bad.map" in fails(capsys, "layouts", "--check", str(path))
-    assert "bad.map" in fails(
-        capsys, "evaluate", "--policy", "brake", "--map", str(path), "--out", str(tmp_path / "out")
-    )
-
-
 def test_a_folder_where_a_file_should_be(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert "is a folder" in fails(capsys, "plan", "--planner", "astar", "--json", str(tmp_path))
     (tmp_path / "file").write_text("")
@@ -243,18 +226,3 @@ def test_a_slip_in_an_option_gets_the_nearest(capsys: pytest.CaptureFixture[str]
     said = capsys.readouterr().err
     assert "Perhaps you meant" in said
     assert "--layout" in said
-
-
-def test_layouts_are_drawn_checked_and_converted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    pytest.importorskip("matplotlib")
-    assert main(["layouts", "--draw", "narrow", "--png", str(tmp_path / "narrow.png")]) == 0
-    assert "##" in capsys.readouterr().out
-    assert (tmp_path / "narrow.png").read_bytes()[1:4] == b"PNG"
-    copy = tmp_path / "narrow.map"
-    assert main(["layouts", "--draw", "narrow", "--convert", str(copy)]) == 0
-    assert (read_map(copy).occupied == LAYOUTS["narrow"]().occupied).all()
-    capsys.readouterr()
-    for path in (copy, EXAMPLE_MAP):
-        assert main(["layouts", "--check", str(path)]) == 0
-        assert f"{path} is good" in capsys.readouterr().out
-    assert main(["layouts", "--draw", str(EXAMPLE_MAP)]) == 0

@@ -94,17 +94,6 @@ def test_a_seed_twice_is_refused_and_so_is_a_single_run(tmp_path: Path) -> None:
         read_runs([tmp_path / "twice.jsonl"])
 
 
-def test_runs_have_names_that_tell_them_apart(tmp_path: Path) -> None:
-    paths = []
-    for name in ("a/rows.jsonl", "b/rows.jsonl", "c.jsonl"):
-        write_rows(tmp_path / name, BEFORE)
-        paths.append(tmp_path / name)
-    assert [run.name for run in read_runs([paths[0].parent, *paths[1:]])] == ["a", "b", "c"]
-    write_rows(tmp_path / "d" / "a" / "rows.jsonl", BEFORE)
-    names = [run.name for run in read_runs([paths[0].parent, tmp_path / "d" / "a"])]
-    assert names == [str(tmp_path / "a"), str(tmp_path / "d" / "a")]
-
-
 def test_the_command_writes_table_rows_and_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("matplotlib")
     write_rows(tmp_path / "before.jsonl", BEFORE)
