@@ -21,6 +21,7 @@ class Processes(RemoteWorkers):
     """Processes that start when they are needed. Each is a pool of its own, so a killed one takes no others with it."""
 
     tries = 2
+    again_alone = True  # it may have been killed because the memory was full
 
     def __init__(self, processes: int) -> None:
         """Run up to `processes` jobs at a time."""

@@ -17,6 +17,7 @@ class RemoteWorkers(ABC):
     """Workers outside this process. A job whose worker is lost is sent again; what is lost each time is named."""
 
     tries: int  # of a job before it is given up
+    again_alone = False  # whether a job is sent again only when no other one is under way
     sent_again = 0  # jobs
 
     @property
@@ -50,6 +51,8 @@ class RemoteWorkers(ABC):
         tried, lost, done, title = Counter[int](), list[Job](), 0.0, "workers start"
         while waiting or under_way:
             while waiting and len(under_way) < self.room:
+                if self.again_alone and under_way and tried[waiting[0][0]]:
+                    break
                 number, job = waiting.popleft()
                 tried[number] += 1
                 under_way[self.send(job)] = number, job
