@@ -28,7 +28,8 @@ from train.held_out import held_out
 from train.learning import checkpoint
 from train.learning.config import PPOConfig
 from train.learning.timing import Split, set_threads
-from train.learning.training_run import network_of, run_training
+from train.learning.trainer import network_of
+from train.learning.training_run import run_training
 from train.learning.worlds import Tally, TrainingSimulator
 from warehouse_env.envs.vector import WarehouseVecEnv
 

@@ -23,7 +23,7 @@ from train.learning.actors import Actors
 from train.learning.config import ThreadedPPOConfig
 from train.learning.crew import CrewMaker, Threads
 from train.learning.recipes import by_recipe
-from train.learning.training_run import profile
+from train.learning.trainer import profile
 from train.reporting.report import Table, number
 from train.reporting.rows import Row, RowFile
 from train.threaded_ppo import ThreadedPpo

@@ -280,9 +280,7 @@ class ReinforceConfig(ThreadedConfig):
     """Train our policy gradient: REINFORCE over the next action command, with a learned value as baseline."""
 
     name: str = "reinforce"
-    """Name of the run; its folder is OUT/NAME."""
     minibatch: int = 2048
-    """Rows of one gradient step; every row is used once."""
 
 
 @dataclass(frozen=True)
@@ -290,25 +288,15 @@ class ThreadedPPOConfig(ThreadedConfig, ClippedConfig):
     """Train our own proximal policy optimisation, in threads."""
 
     name: str = "threaded_ppo"
-    """Name of the run; its folder is OUT/NAME."""
     layouts: _Floors = ("paper46", "narrow", "single_lane", *DRAWN)
-    """Layouts to train on, by name, or files NAME.map or NAME.yaml; each is mixed with each robot count."""
     robots: tuple[int, ...] = (64,)
-    """Robots in a world."""
     rows: int = 1216
-    """Robots stepped at a time over all worlds, rounded so that every mix has at least one world."""
     planner: str | None = None
-    """Planner of the routes in training; None: pf_aco with live routes, else astar_turns."""
     collision_last: float = -30.0
-    """Reward of a contact at the end; it changes linearly with the share of the budget spent."""
     hidden: tuple[int, ...] = (64, 64)
-    """Widths of the hidden tanh layers, of the actor and of the critic."""
     traffic: str = "assist"
-    """How robots meet where the policy is driven, as for `warehouse train ppo`."""
     learning_rate: float = 5e-4
-    """Adam's first step size, decayed linearly to a twentieth of it."""
     epochs: int = 3
-    """Passes over the rows of one rollout."""
 
 
 @dataclass(frozen=True)
@@ -316,6 +304,4 @@ class PPOConfig(ClippedConfig):
     """Train proximal policy optimisation, by stable-baselines3."""
 
     name: str = "ppo"
-    """Name of the run; its folder is OUT/NAME."""
     learning_rate: float = 2e-4
-    """Adam's first step size, decayed linearly to a twentieth of it."""

@@ -20,7 +20,7 @@ from agents.weights_folder import Network
 from train.learning.config import ThreadedConfig
 from train.learning.experience import Rollout, RolloutWorker
 from train.learning.timing import Split, set_threads
-from train.learning.training_run import network_of
+from train.learning.trainer import network_of
 from train.learning.worlds import Counts
 from warehouse_env.config import EnvConfig, RewardWeights
 

@@ -10,13 +10,11 @@ import time
 from collections.abc import Callable
 from contextlib import ExitStack, closing
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import TypeVar
 
-import gymnasium
 import numpy as np
-from numpy.typing import NDArray
 
-from agents.weights_folder import CONFIG, Network, PolicyRecord, read_record, save_policy
+from agents.weights_folder import CONFIG, PolicyRecord, read_record, save_policy
 from train.job_files import FileDigests, file_digests
 from train.learning import checkpoint
 from train.learning.card import write_card
@@ -24,14 +22,12 @@ from train.learning.config import TrainingConfig
 from train.learning.evaluations import Drive, Evaluations
 from train.learning.progress import ProgressLog
 from train.learning.stop import stop_signal
-from train.learning.timing import Split
+from train.learning.trainer import Trainer
 from train.reporting.lock import held
 from train.reporting.report import tell
-from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, LostError, WarehouseError, WeightsError
 from warehouse_env.files import check_writable
 from warehouse_env.own_parts import digests
-from warehouse_env.simulation.simulator import Simulator
 
 CHECKPOINT = "checkpoint"
 LOCK = ".lock"  # in a run's folder, while it is trained in
@@ -40,49 +36,6 @@ _MOST_LOST = 5  # losses of workers in a row without a checkpoint; one machine m
 _FREE_ON_RESUME = ("resume", "progress")  # options that do not change the schedule
 
 ConfigT = TypeVar("ConfigT", bound=TrainingConfig)
-
-
-class Trainer(Protocol):
-    """One algorithm: all that `run_training` needs to know of it."""
-
-    algorithm: str
-    env: EnvConfig  # what the policy needs of an environment
-    network: Network
-    rows: int  # robots stepped at a time
-    rollout: int  # decisions of each between two updates
-
-    @property
-    def split(self) -> Split:
-        """Where the time went so far."""
-        ...
-
-    def update(self, number: int, spent: float) -> dict[str, float]:
-        """Collect one rollout and learn from it; return losses and such, for the log.
-
-        number: updates done before; all chance of this update follows from it and the seed. spent: share of the budget
-        used, 0 to 1; the schedules follow it.
-        """
-        ...
-
-    def take_figures(self) -> dict[str, float]:
-        """Return what happened in the worlds since the last call: reward, goals and collisions."""
-        ...
-
-    def arrays(self) -> dict[str, NDArray[Any]]:
-        """Return all that `load` needs to go on."""
-        ...
-
-    def load(self, arrays: dict[str, NDArray[Any]]) -> None:
-        """Put back what `arrays` returned; the config is the same."""
-        ...
-
-    def policy_tensors(self) -> dict[str, NDArray[np.float32]]:
-        """Return the tensors of the policy as it stands, for a weights folder."""
-        ...
-
-    def close(self) -> None:
-        """End its threads and processes."""
-        ...
 
 
 @dataclasses.dataclass
@@ -110,14 +63,6 @@ class Position:
         if config.minutes is not None:
             shares.append(self.seconds / (60.0 * config.minutes))
         return min(max(shares), 1.0)
-
-
-def network_of(simulator: Simulator, hidden: tuple[int, ...]) -> Network:
-    """Return the sizes of the networks for one robot of `simulator`."""
-    space = simulator.action_space
-    discrete = isinstance(space, gymnasium.spaces.Discrete)
-    actions = int(space.n) if isinstance(space, gymnasium.spaces.Discrete) else (space.shape or (0,))[0]
-    return Network(simulator.layout.size, actions, discrete, hidden)
 
 
 def run_training(config: ConfigT, algorithm: str, make: Callable[[ConfigT], Trainer], drive: Drive) -> Path:
@@ -217,22 +162,6 @@ def is_done(config: TrainingConfig) -> bool:
     if dataclasses.replace(stored, resume=None, progress=config.progress) != config:
         raise ConfigError(f"{config.directory} was trained with other options: name another --out, or remove it")
     return bool(read_record(config.directory).training["spent"] >= 1)  # of the weights, written after the checkpoint
-
-
-def profile(trainer: Trainer, updates: int, warm_up: int = 1) -> dict[str, float]:
-    """Run some updates without writing anything; return where the time went.
-
-    Keys: "simulator_s", "policy_s", "update_s", "seconds" (all), "steps" (agent-steps) and "steps_per_second".
-    """
-    for number in range(warm_up):
-        trainer.update(number, 0.0)
-    before, begun = dict(trainer.split.seconds), time.perf_counter()
-    for number in range(warm_up, warm_up + updates):
-        trainer.update(number, 0.0)
-    seconds = time.perf_counter() - begun
-    steps = updates * trainer.rows * trainer.rollout
-    parts = {part: trainer.split.seconds[part] - before[part] for part in before}
-    return {**parts, "seconds": seconds, "steps": float(steps), "steps_per_second": steps / seconds}
 
 
 def _begin(config: ConfigT, algorithm: str) -> tuple[ConfigT, checkpoint.Checkpoint | None]:
