@@ -20,7 +20,7 @@ PIP := $(RUN)/python -m pip --disable-pip-version-check
 # Byte code of all packages takes longer than all else of the installing: imports make what is used, if they may.
 INSTALL := $(PIP) install --quiet --constraint $(CONSTRAINTS) $(if $(PYTHONDONTWRITEBYTECODE),,--no-compile)
 # What compiling kernels needs: it goes on while pip installs all else, torch above all.
-COMPILING := setuptools numba gymnasium pettingzoo pyyaml safetensors platformdirs tyro rich
+COMPILING := setuptools numba gymnasium pettingzoo pyyaml safetensors platformdirs tyro rich filelock
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:

@@ -47,10 +47,10 @@ class PolicyEntry:
 
 
 POLICIES: dict[str, PolicyEntry] = {
-    "follow": PolicyEntry("follows its route and nothing else", rule=Follow),
-    "brake": PolicyEntry("follows its route, stops for a robot ahead", rule=Brake),
+    "follow": PolicyEntry("follows its route and ignores other robots", rule=Follow),
+    "brake": PolicyEntry("follows its route and stops for a robot ahead", rule=Brake),
     "greedy": PolicyEntry("follows its route by right of way alone", rule=Greedy, needs={"traffic": "rules"}),
-    "apf": PolicyEntry("potential field: drawn along its route, pushed off by lidar and robots", rule=PotentialField),
+    "apf": PolicyEntry("potential field: attracted by its route, repelled by obstacles", rule=PotentialField),
     "orca": PolicyEntry("reciprocal velocity obstacles of discs, by the library pyrvo", rule=Reciprocal),
     "rules": PolicyEntry("paper 001's coordinator: waits by priority, steps aside, backs", rule=Rules),
     **{
@@ -58,7 +58,7 @@ POLICIES: dict[str, PolicyEntry] = {
         for name, summary in (
             ("reinforce", "our policy gradient, trained on this environment"),
             ("threaded_ppo", "our PPO, under the shield, with live routes, and right of way where robots stand"),
-            ("unshielded", "our PPO with live routes alone: no field, no right of way"),
+            ("unshielded", "our PPO with live routes only: no shield, no right of way"),
             ("ppo", "stable-baselines3 PPO, trained on this environment"),
         )
     },
@@ -66,9 +66,9 @@ POLICIES: dict[str, PolicyEntry] = {
 
 
 def add_policy(text: str) -> None:
-    """Load a policy of one's own, "my_policy.py:Mine" or "module:Mine", into POLICIES; ConfigError if it is none.
+    """Load the user's own policy, "my_policy.py:Mine" or "module:Mine", into POLICIES; ConfigError if it is none.
 
-    Made from an EnvConfig, as the rules are; an attribute `needs` has the fields that it needs otherwise than usual.
+    It is made from an EnvConfig, as the rules are. An attribute `needs` may hold the fields of EnvConfig that it needs.
     """
     part = own_parts.split(text)
     if text in POLICIES or part is None:
@@ -89,7 +89,7 @@ _ACT = "act(observation, rng)"
 
 
 def _own(name: str, made: Callable[[EnvConfig], Policy], config: EnvConfig) -> Policy:
-    """Make a policy of one's own once another was tried on empty observations; ConfigError where that fails."""
+    """Make an own policy after a trial of another instance on empty observations; ConfigError if that fails."""
     seen = np.zeros((1, config.num_agents, observation_layout(config).size), np.float32)
     with own_parts.running(name):
         policy = made(config)
@@ -103,7 +103,7 @@ def _own(name: str, made: Callable[[EnvConfig], Policy], config: EnvConfig) -> P
         what = "whole numbers" if discrete else "numbers"
         raise ConfigError(f"{name} must act by an array of {what} {list(wanted)} for {list(seen.shape)}, not by {got}")
     with own_parts.running(name):
-        return made(config)  # anew, for one that remembers has now seen what is nowhere
+        return made(config)  # a new one: the first may remember the empty observations
 
 
 def save_model(directory: Path | str, model: Any, config: EnvConfig | None = None, mode: Mode | None = None) -> Path:
@@ -135,7 +135,7 @@ def _entry(name_or_dir: str | Path) -> PolicyEntry:
 
 
 def policy_config(name_or_dir: str | Path, base: EnvConfig) -> EnvConfig:
-    """Return `base` with what the policy needs put in: action type, levels, repeat and sensor, or a rule's `needs`.
+    """Return `base` with what the policy needs: action type, levels, repeat and sensor, or a rule's `needs`.
 
     `base.max_steps` is kept: where the decision time may change, set it from seconds afterwards.
     Raises ConfigError for an unknown name and WeightsError for a folder that is none.

@@ -76,6 +76,15 @@ def two_nodes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
             cluster.shutdown()
 
 
+@pytest.fixture(scope="session")
+def connected_nodes(two_nodes: Any) -> Iterator[Any]:
+    """The same cluster with this process connected, so that its workers stay warm from one test to the next."""
+    from train.evaluation.cluster import connected
+
+    with connected(two_nodes.address):
+        yield two_nodes
+
+
 @pytest.fixture
 def registries(tmp_path: Path) -> Iterator[None]:
     """Put back the registries that a test adds to, and what was imported from its folder."""

@@ -15,8 +15,8 @@ import pytest
 from agents import add_policy, make_policy, policy_config
 from tests.train.test_cli import fails
 from train.cli import main
+from train.job_files import pack
 from train.learning import checkpoint
-from train.parcels import pack
 from train.reporting.rows import read_rows
 from warehouse_env import LAYOUTS, PLANNERS, EnvConfig, make_layout, make_planner
 from warehouse_env.errors import ConfigError
@@ -173,8 +173,8 @@ def test_what_it_imports_from_beside_is_its_own(here: Path) -> None:
     add_policy("my_policy.py:Slow")
     assert sys.modules["last"].SLOW == 0.25
     assert find_spec("my_planner") is None
-    parcel = pack([])
-    assert set(parcel["my_policy.py"]) == {
+    files = pack([])
+    assert set(files["my_policy.py"]) == {
         "my_policy.py", "helper_of_mine.py", "package_of_mine/inner.py", "last.py"
     }  # fmt: skip
 
@@ -262,8 +262,6 @@ def test_other_commands_take_them(capsys: pytest.CaptureFixture[str]) -> None:
     rows = read_rows(Path("plan.jsonl"))
     assert {row["planner"] for row in rows} == {"my_planner.py:Backwards", "astar"}
     assert all(row["gap"] == pytest.approx(0) for row in rows)
-    scenes = "scenes --scene crossing --policy my_policy.py:Slow --seeds 1 --seconds 3"
-    assert main([*scenes.split(), "--out", "scenes"]) == 0
     assert main(["layouts", "--draw", "my_layout.py:hall"]) == 0
     drive = "--policy my_policy.py:Slow --layout my_layout.py:hall --robots 2 --episodes 1 --seconds 3"
     assert main(["robust", *drive.split(), "--disturbance", "dropout", "--out", "robust"]) == 0

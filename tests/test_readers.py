@@ -239,7 +239,6 @@ MAY_READ = {
     "train.fleet.check": "ships with the package",
     "train.tables.runner": "sources of this package",
     "warehouse_env.render.video": "what it has just written",
-    "train.learning.away": "what the training beside it has just written",
     "train.reporting.rows": "counts what its own output replaces",
     "train.reporting.lock": "its own lock",
     "warehouse_env.routes.book": "its own cache",

@@ -1,4 +1,4 @@
-"""Route books that simulators on one floor share, so that a route is planned once in a process, whoever asks for it."""
+"""Route caches that simulators on one floor share, so that a process plans each route once."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from warehouse_env.planning.plan import Planner
 from warehouse_env.routes.book import RouteBook
 from warehouse_env.simulation.simulator import Simulator
 
-_MOST = 64  # books kept, the last ones asked for
+_MOST = 64  # books kept, the most recently used
 _books: dict[tuple[object, ...], RouteBook] = {}
 
 

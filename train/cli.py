@@ -1,6 +1,6 @@
-"""`warehouse COMMAND`: every command is a frozen dataclass, which is its options, with a method `run`.
+"""`warehouse COMMAND`: every command is a frozen dataclass of its options with a method `run`.
 
-A new command is one line in COMMANDS. Its module is imported only when it is called, so that help comes at once.
+A new command is one line in COMMANDS. Its module is imported only when it is called, so that help is quick.
 """
 
 from __future__ import annotations
@@ -46,51 +46,69 @@ class Command(NamedTuple):
 _COMMANDS = {
     "demo": ("commands.demo:Demo", "compare the shipped policies in three minutes: table, pictures, video"),
     "plan": ("commands.plan:PlanCommand", "compare planners on the tasks of a map"),
-    "tables papers": ("tables.runner:PapersTable", "make the papers' tables again, ours beside theirs, with verdicts"),
-    "tables planners": ("tables.runner:PlannersTable", "plan pairs of cells of five floors by every planner"),
-    "tables floors": ("tables.floors:FloorsTable", "drive policies and the rule on many floors, some drawn at random"),
+    "tables papers": ("tables.command:Papers", "reproduce the papers' tables, ours beside theirs, with verdicts"),
+    "tables benchmark": (
+        "tables.benchmark.command:Benchmark",
+        "plan the same pairs of cells on five floors with every planner",
+    ),
+    "tables traffic": (
+        "tables.traffic.command:Traffic",
+        "compare routes of several robots for conflicts, and drive them",
+    ),
+    "tables learning": (
+        "tables.learning.command:Learning",
+        "train several seeds of each algorithm and measure what learning adds",
+    ),
+    "tables floors": (
+        "tables.floors.command:Floors",
+        "drive policies and the rule on many floors, some drawn at random",
+    ),
     "layouts": ("commands.layouts:Layouts", "list, draw, check and convert maps"),
-    "places": ("commands.places:PlacesCommand", "propose pick faces and stations of a hall, draw and number them"),
+    "places": (
+        "commands.places:PlacesCommand",
+        "propose pick faces and stations of a hall, and draw them with numbers",
+    ),
     "policies": ("commands.parts:Policies", "list the policies"),
     "planners": ("commands.parts:Planners", "list the planners"),
     "train reinforce": ("commands.training:TrainReinforce", "train our policy gradient"),
-    "train ppo": ("commands.training:TrainPPO", "train PPO by stable-baselines3"),
-    "train threaded_ppo": ("commands.training:TrainThreadedPPO", "train our PPO, in threads"),
-    "orders": ("commands.orders:Orders", "draw orders for a floor, as a file that evaluate carries out"),
+    "train ppo": ("commands.training:TrainPPO", "train PPO of stable-baselines3"),
+    "train threaded_ppo": ("commands.training:TrainThreadedPPO", "train our own PPO, in threads"),
+    "orders": ("commands.orders:Orders", "draw random orders for a floor, as a file for evaluate"),
     "evaluate": ("commands.evaluate:Evaluate", "drive policies over held-out episodes and count collisions"),
-    "compare": ("commands.compare:Compare", "hold runs of evaluate against each other, in pairs"),
+    "compare": ("commands.compare:Compare", "compare runs of evaluate by paired differences"),
     "benchmark": (
         "commands.benchmark:Benchmark",
-        "drive policies through the fixed set that all drive, beside the shipped ones",
+        "drive a policy through the fixed benchmark set, and show the leaderboard",
     ),
-    "clmapf": ("commands.clmapf:Clmapf", "plan car-like robots' routes on a public benchmark, and check any solution"),
-    "advise": ("commands.advise:Advise", "say how many robots a floor bears, where they wait, what a change brings"),
-    "record": ("commands.replay:Record", "drive a policy through one episode and keep it as a file"),
+    "clmapf": ("commands.clmapf:Clmapf", "plan car-like robots on a public benchmark, and check any solution"),
+    "advise": (
+        "commands.advise:Advise",
+        "estimate how many robots a floor supports, the bottlenecks, and what changes bring",
+    ),
+    "record": ("commands.replay:Record", "drive a policy through one episode and save it to a file"),
     "replay": ("commands.replay:ReplayCommand", "show recorded episodes: a page for the browser, a video, a window"),
     "fleet": (
         "commands.fleet:FleetCommand",
-        "write an episode as VDA 5050 messages, check such a log, or judge what a real fleet says",
+        "write an episode as VDA 5050 messages, check such a log, or judge a real fleet",
     ),
-    "live": ("commands.live:Live", "run a simulation behind a page in the browser, and steer it there"),
-    "audit": ("commands.audit:AuditCommand", "check at every instant what robots drove: overlaps, limits, jumps"),
+    "live": ("commands.live:Live", "run a simulation and steer it from a page in the browser"),
+    "audit": ("commands.audit:AuditCommand", "check robots' motion at every instant: overlaps, limits, jumps"),
     "robust": (
         "commands.evaluate:Robust",
-        "drive policies with other bodies, worse sensors, lost messages: what holds?",
+        "drive policies with other bodies, worse sensors and lost messages",
     ),
-    "scenes": ("commands.evaluate:Scenes", "drive policies through symmetric scenes and count those that are resolved"),
     "curves": ("commands.training:Curves", "draw the learning curves of several runs in one picture"),
     "export": ("commands.export:Export", "write a trained policy as an ONNX model"),
-    "compile": ("commands.compile:Compile", "compile all kernels ahead of time, several at a time, and keep them"),
+    "compile": ("commands.compile:Compile", "compile all kernels ahead of time"),
     "bench": ("commands.bench:Bench", "measure the speed of the simulator, the planners and the trainers"),
 }
 COMMANDS = {name: Command(*line) for name, line in _COMMANDS.items()}
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run one command line; returns the exit code.
+    """Run one command line; return the exit code.
 
-    That is 0, 2 for bad input (one sentence on stderr), 3 if a job was lost or a broker stayed away, 130 after Ctrl-C,
-    and 143 after SIGTERM.
+    0: success; 2: bad input, with one sentence on stderr; 3: a lost job or a missing broker; 130: Ctrl-C; 143: SIGTERM.
     """
     arguments = list(sys.argv[1:] if argv is None else argv)
     _open_streams()
@@ -126,7 +144,7 @@ def _open_streams() -> None:
 
 
 def _noted_once() -> Callable[..., str]:
-    """Return what shows warnings as `_noted` does, and notes once: several simulators may have the same to say."""
+    """Return a formatter like `_noted` that shows each note once, however many simulators give it."""
     said = set[str]()
 
     def shown(message: Warning | str, category: type[Warning], *where: Any) -> str:
@@ -139,7 +157,7 @@ def _noted_once() -> Callable[..., str]:
 
 
 def _noted(message: Warning | str, category: type[Warning], filename: str, lineno: int, line: str | None = None) -> str:
-    """Return a warning as it is shown: what a map says that its floor does not hold, as one sentence."""
+    """Return a warning as it is shown: a MapWarning as one sentence."""
     if issubclass(category, MapWarning):
         return f"{PROGRAM}: note: {message}\n"
     return _USUAL(message, category, filename, lineno, line)
@@ -149,12 +167,12 @@ _USUAL = warnings.formatwarning
 
 
 class _TerminationError(KeyboardInterrupt):
-    """SIGTERM, by which a machine that goes down or a queue whose time is up ends a command: it stops as by Ctrl-C."""
+    """SIGTERM, by which a shutdown or a queue ends a command: it stops as after Ctrl-C."""
 
 
 @contextmanager
 def _terminable() -> Iterator[None]:
-    """Have SIGTERM stop what runs, in the main thread, where alone Python takes signals."""
+    """Let SIGTERM stop the command; only the main thread receives signals."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -199,7 +217,7 @@ _PARTS = {"policy": "policy", "planner": "planner", "layout": "layout", "layouts
 
 
 def _load_own(options: Any) -> None:
-    """Load the code of one's own that options name: what was typed here may run, what stands in files may not."""
+    """Load the user's own code that options name. Only typed names may run code, never those in files."""
     given = {**vars(options), **vars(getattr(options, "config", None) or SimpleNamespace())}
     values = {name: value if isinstance(value, tuple) else (value,) for name, value in given.items() if name in _PARTS}
     typed = [(_PARTS[name], text) for name, texts in values.items() for text in texts if text and ":" in text]
@@ -210,26 +228,26 @@ def _load_own(options: Any) -> None:
 
 
 def _options(options: Any, program: str, arguments: list[str]) -> Any:
-    """Return an instance of the dataclass made from a command line; what it refuses is raised as it is.
+    """Return the options made from a command line; errors of the dataclass are raised as they are.
 
-    Given a function, tyro leaves its errors alone; given the class, it would put them in a box of its own.
+    tyro passes on the errors of a function, but would frame those of a class.
     """
     import tyro
 
-    if {"--layout", "--map"} <= {word.partition("=")[0] for word in arguments}:  # of two, tyro would take the last
+    if {"--layout", "--map"} <= {word.partition("=")[0] for word in arguments}:  # tyro would take the last
         raise ConfigError("--map is another name of --layout: give all floors behind one of them")
 
     def made(chosen: Any) -> Any:
         return chosen
 
     made.__annotations__["chosen"] = Annotated[options, tyro.conf.arg(name="")]
-    if hasattr(options, "defaults_for"):  # one of the options says what the others are where they are left out
+    if hasattr(options, "defaults_for"):  # one option sets the defaults of the others
         made.__defaults__ = (options.defaults_for(arguments),)
     return tyro.cli(made, prog=program, description=options.__doc__, args=arguments)
 
 
 def _print_completion(shells: list[str]) -> None:
-    """Print a script that completes commands and options in a shell; every command is imported for it."""
+    """Print a script that completes commands and options in a shell; this imports every command."""
     from tyro.extras import subcommand_cli_from_dict
 
     if len(shells) != 1 or shells[0] not in SHELLS:
@@ -246,7 +264,7 @@ def _options_of(name: str) -> Any:
 
 
 def _group(name: str) -> Any:
-    """Return a function that stands for the commands that begin with a word: its argument is one of their options."""
+    """Return a function whose argument is the options of one of the commands that start with a word."""
     from tyro.conf import arg, subcommand
 
     def chosen(options: Any) -> None: ...
@@ -261,7 +279,7 @@ def _group(name: str) -> Any:
 
 
 def _no_command(arguments: list[str]) -> int:
-    """Help with the first word of a longer command (`warehouse train`), or say that there is no such command."""
+    """Print help for the first word of a longer command (`warehouse train`), or raise for an unknown command."""
     group = arguments[0]
     inner = [name.split()[1] for name in COMMANDS if name.split()[0] == group]
     if not inner:
@@ -277,7 +295,7 @@ def _help(prefix: str) -> str:
     chosen = {name: command for name, command in COMMANDS.items() if name.startswith(prefix)}
     width = max(map(len, chosen))
     lines = [f"  {PROGRAM} {name:{width}}  {command.summary}" for name, command in chosen.items()]
-    above = "Robots that drive through a warehouse together: plan routes, train how they avoid each other, measure it."
+    above = "Many robots in one warehouse: plan their routes, train how they avoid each other, and measure it."
     below = (
         f"`{PROGRAM} COMMAND --help` lists a command's options; `{PROGRAM} --version` prints the version;\n"
         f"`source <({PROGRAM} --print-completion bash)` lets the shell complete both (zsh and fish alike)."

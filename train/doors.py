@@ -1,4 +1,4 @@
-"""The files that a command's options name: what it reads is not written over, and no two outputs are one file."""
+"""The files that a command's options name: no input is overwritten, and no two outputs are the same file."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from train.parcels import files_behind
+from train.job_files import files_behind
 from warehouse_env.errors import ConfigError, WarehouseError
 from warehouse_env.files import check_writable, guarded, is_special
 
 OUTPUTS = {"json", "out", "html", "png", "video", "onnx", "report", "convert", "resume"}
-"""Names of the options that say where a command writes; any other path is one to read."""
+"""Options that name outputs; any other path is an input."""
 _NAMED = {"draw", "layout", "layouts", "listen", "map", "planner", "policy"}  # text that may name files
 
 
@@ -40,7 +40,7 @@ def checked(options: Any) -> Iterator[None]:
 
 
 def _given(options: Any) -> list[tuple[str, Any, bool]]:
-    """Return (name, value, whether it names a folder) of all options, with those of an inner `config`."""
+    """Return (name, value, whether it is a folder) of all options, those of an inner `config` included."""
     found = []
     for field in dataclasses.fields(options):
         value = getattr(options, field.name)

@@ -1,4 +1,4 @@
-"""How the policy of a training drives on seeds that neither a training uses nor an evaluation: is it getting better?"""
+"""Drive the policy of a training on seeds that no other training or evaluation uses."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ _EPISODES = 3  # on the first floors of the training, in turn
 
 
 def held_out(config: TrainingConfig) -> dict[str, float]:
-    """Drive the policy in the folder of a training as it is meant to be driven; return the means of FIGURES.
+    """Drive the policy in the folder of a training with its own options; return the means of FIGURES.
 
-    Three episodes, as long as those of the training, on its first floors in turn, with the most robots that it has.
+    Three episodes, as long as those of the training, on its first floors in turn, with its largest number of robots.
     """
     rows = []
     for number in range(_EPISODES):

@@ -1,4 +1,4 @@
-"""Kinds of robots by their shares of a fleet, or by count, and the fleets of any number of robots that this makes."""
+"""Kinds of robots by share or count, and the fleets of any size that they make."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Part(CheckedPart):
 
 @dataclass(frozen=True)
 class Kinds(Checked):
-    """The parts of a fleet, all by count or all by share; what they leave over is of RobotSpec's own kind."""
+    """The parts of a fleet, all by count or all by share; the rest are RobotSpec's default kind."""
 
     parts: tuple[Part, ...]
 
@@ -52,7 +52,7 @@ class Kinds(Checked):
 
     @property
     def by_share(self) -> bool:
-        """Whether there is such a fleet of any number of robots."""
+        """Whether the parts are shares, so that fleets of any size exist."""
         return self.parts[0].share is not None
 
     @property
@@ -62,17 +62,16 @@ class Kinds(Checked):
 
     @property
     def _shared(self) -> tuple[tuple[RobotSpec, Fraction], ...]:
-        """Each kind with its share of the fleet, 0 where it goes by count; RobotSpec's own first, if any is left."""
+        """Each kind with its share, 0 for parts by count; RobotSpec's default first, if any is left."""
         left = 1 - sum(part.exact_share for part in self.parts)
         own = ((RobotSpec(), Fraction(left)),) if left else ()
         return (*own, *((part.robot, part.exact_share) for part in self.parts))
 
     def of(self, robots: int, first: int = 0) -> dict[str, Any]:
-        """Return what EnvConfig's `robot` and `fleet` are for so many robots; those from number `first` on of a larger
-        fleet that goes by share.
+        """Return EnvConfig's `robot` and `fleet` for so many robots, from number `first` on in a larger fleet by share.
 
-        `robot`, by which policies and rules decide, is the first kind that there is a share of, however many robots
-        there are. ConfigError where the parts count more robots than there are.
+        `robot`, by which policies and rules decide, is always the first kind with a share. ConfigError if the parts
+        count more robots than there are.
         """
         if not self.by_share:
             counted = sum(part.count or 0 for part in self.parts)
@@ -87,14 +86,14 @@ class Kinds(Checked):
         return {"robot": kinds[0], "fleet": tuple(FleetPart(count, robot) for count, robot in parts if count)}
 
     def each(self) -> dict[str, Any]:
-        """Return EnvConfig's fields for one robot of each kind, of which anything that holds for all can be asked."""
+        """Return EnvConfig's fields for one robot of each kind, to check what must hold for all."""
         (first, _), *others = self._shared
         fleet = tuple(FleetPart(1, robot) for robot, _ in others)
         return {"robot": first, "fleet": fleet, "num_agents": 1 + len(fleet)}
 
     @property
     def words(self) -> str:
-        """What the robots are "of"."""
+        """A description of the kinds."""
         shared = self._shared
         if not self.mixed:
             return described(shared[0][0])
@@ -107,18 +106,17 @@ class Kinds(Checked):
 
 
 def described(robot: RobotSpec) -> str:
-    """Return what sets a kind apart, in a few words."""
+    """Return a short description of a kind."""
     size = f"{robot.length:g} x {robot.width:g} m"
     return f"{size}, up to {robot.max_speed:g} m/s, braking at {robot.max_acceleration:g} m/s²"
 
 
 @lru_cache(maxsize=4096)
 def _turns(shares: tuple[Fraction, ...], robots: int) -> Sequence[int]:
-    """Return the kind of each robot: it is of that which the robots so far, and one more, lack most of, the first of
-    equals.
+    """Return the kind of each robot: the kind that the robots so far, plus one, lack most of; the first of equals.
 
-    So the counts add up, a larger fleet is a smaller one and some more, and two kinds are as near to their shares as
-    whole robots can be. The largest remainders would take robots of a kind away where the fleet grows.
+    So the counts add up, a larger fleet contains the smaller one, and two kinds are as near to their shares as whole
+    robots can be. The method of largest remainders would remove robots of a kind as the fleet grows.
     """
     whole = math.lcm(*(share.denominator for share in shares))
     parts = [int(share * whole) for share in shares]

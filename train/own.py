@@ -1,4 +1,4 @@
-"""Parts of one's own that a command line names: loaded once, here and in the processes that work for it."""
+"""The user's own parts that a command line names, loaded once here and in worker processes."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ from warehouse_env.own_parts import LOADED, digests
 from warehouse_env.planning import add_planner
 
 Typed = tuple[str, str]
-"""A kind of part, and its name as it was typed."""
+"""A kind of part, and its name as typed."""
 
 _ADD: dict[str, Callable[[str], None]] = {"policy": add_policy, "planner": add_planner, "layout": add_layout}
 
 
 def take_in(typed: Iterable[Typed]) -> None:
-    """Put each part of one's own into its registry; ConfigError or WeightsError where one cannot be loaded."""
+    """Put each own part into its registry; ConfigError or WeightsError if it cannot be loaded."""
     for kind, text in typed:
         _ADD[kind](text)
 
 
 def taken_in() -> list[Typed]:
-    """Return all parts of one's own that are in the registries: what `take_in` needs in another process."""
+    """Return all own parts in the registries, for `take_in` in another process."""
     return [(part.kind, name) for name, part in LOADED.items()]
 
 
 def versions(policy: str, planner: str, layout: str, orders: str = "") -> dict[str, str]:
-    """Return name -> digest for what is not ours and may change under its name: code, a policy's weights, orders."""
+    """Return name -> digest of whatever may change under its name: own code, a policy's weights, orders."""
     found = digests(policy, planner, layout)
     if policy not in POLICIES:
         path = whereabouts(policy)

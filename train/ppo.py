@@ -1,8 +1,8 @@
 """Proximal policy optimisation by stable-baselines3 on `vec_env`; all robots share one policy.
 
-The library does the learning; this module gives it our worlds, schedules, clock and files. Its own save files hold
-pickles, so ours are used instead: a policy folder, and checkpoints of plain arrays. Going on from a checkpoint puts
-back the networks and the optimizer; the worlds start anew.
+The library learns; this module adds our worlds, schedules, clock and files. The library's files hold pickles, so ours
+are used instead: a policy folder, and checkpoints of plain arrays. Resuming restores the networks and the optimizer;
+the worlds start again.
 
     python -m train.ppo --minutes 10
 """
@@ -28,7 +28,8 @@ from train.held_out import held_out
 from train.learning import checkpoint
 from train.learning.config import PPOConfig
 from train.learning.timing import Split, set_threads
-from train.learning.training_run import network_of, run_training
+from train.learning.trainer import network_of
+from train.learning.training_run import run_training
 from train.learning.worlds import Tally, TrainingSimulator
 from warehouse_env.envs.vector import WarehouseVecEnv
 
@@ -53,7 +54,7 @@ class MeasuredVecEnv(VecEnvWrapper):
 
 
 class _Nothing(BaseCallback):
-    """The library asks for a callback at every step; the schedules are set between rollouts instead."""
+    """The library needs a callback; our schedules are set between rollouts instead."""
 
     def _on_step(self) -> bool:
         return True

@@ -1,7 +1,7 @@
 """REINFORCE over the next action command, with a learned value as baseline; all robots share one policy.
 
 Williams 1992, "Simple statistical gradient-following algorithms": ascend E[A grad log pi(a | o)]. Every row is used
-once, so the data are those of the present policy up to the few gradient steps within one update; no ratio, no clip.
+once, so the data are on-policy except for the few gradient steps within an update: no ratio, no clip.
 
     python -m train.reinforce --minutes 10
 """

@@ -1,9 +1,8 @@
-"""Proximal policy optimisation of our own: the clipped loss in the threads of `train reinforce`.
+"""Our own proximal policy optimisation: the clipped loss in the threads of `train reinforce`.
 
 Schulman et al. 2017, "Proximal policy optimization algorithms", eq. 7: ascend E[min(r A, clip(r, 1 - e, 1 + e) A)] with
-the ratio r = pi(a | o) / pi_old(a | o), some passes over each rollout. Beside stable-baselines3's (`train ppo`) it
-plays its worlds on all threads at once, computes the critic's values in one pass, and goes on from a checkpoint to the
-same bits.
+the ratio r = pi(a | o) / pi_old(a | o), in some passes over each rollout. Unlike `train ppo` (stable-baselines3) it
+plays worlds on all threads at once, computes the critic's values in one pass, and resumes to the same bits.
 
     python -m train.threaded_ppo --minutes 10
 """

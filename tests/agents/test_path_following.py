@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from agents import make_policy, policy_config
+from agents import make_policy
 from agents.path_following import Brake
-from agents.route_command import RouteCommand, cruise_output
+from agents.route_command import RouteCommand
 from tests.agents.conftest import Observe
 from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.observation import observation_layout
@@ -89,17 +89,3 @@ def test_the_cruise_action_is_the_simulators() -> None:
         command = RouteCommand(config)
         ours = command.at_speed(nothing, np.full(1, command.cruise_speed))[0]
         assert np.array_equal(ours, Simulator(config).cruise_action)
-
-
-def test_an_untrained_actor_prefers_to_cruise() -> None:
-    logits = cruise_output(EnvConfig(), bias=1.5)
-    assert logits.argmax() == 15
-    assert np.sort(logits)[-2:] == pytest.approx([1.5, 3.0])
-    assert not cruise_output(EnvConfig(action_type="continuous"), bias=1.5).any()
-
-
-def test_greedy_cruises_and_asks_for_the_right_of_way(observe: Observe) -> None:
-    base = EnvConfig(num_agents=3, max_steps=77)
-    config = policy_config("greedy", base)
-    assert config == base.replace(traffic="rules")
-    assert make_policy("greedy", config).act(observe(config, other=(0.9, 0.0)), RNG).tolist() == [[15]]

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from agents.potential_field import FieldGains, PotentialField
-from agents.surroundings import Surroundings
 from tests.agents.conftest import Observe
 from warehouse_env.config import EnvConfig
 from warehouse_env.observation import observation_layout
@@ -64,10 +63,3 @@ def test_actions_stay_within_their_bounds(action_type: str) -> None:
     action = PotentialField(config).act(observation, RNG)
     assert np.isfinite(action).all()
     assert action_type == "discrete" or np.abs(action).max() <= 1.0
-
-
-def test_gaps_are_from_the_bodys_edge() -> None:
-    config = EnvConfig()
-    reach = Surroundings(config).reach
-    assert reach[[0, 8, 16]] == pytest.approx([0.45, 0.3, 0.45])
-    assert reach[4] == pytest.approx(0.3 * np.sqrt(2))

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import sys
-
 import numpy as np
 import pytest
 
-from agents import make_policy
 from agents.reciprocal import Reciprocal, Reciprocity
 from tests.agents.conftest import Observe
 from tests.agents.test_potential_field import seen
 from warehouse_env.config import EnvConfig
-from warehouse_env.errors import WarehouseError
 from warehouse_env.observation import observation_layout
 
 RNG = np.random.default_rng(0)
@@ -46,9 +42,3 @@ def test_rows_do_not_see_each_other(observe: Observe) -> None:
     policy = Reciprocal(config)
     together, alone = policy.velocity(rows), [policy.velocity(rows[b : b + 1, n : n + 1]) for b, n in np.ndindex(2, 8)]
     assert np.array_equal(together.reshape(-1, 2), np.concatenate(alone).reshape(-1, 2))
-
-
-def test_without_the_library_the_error_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "pyrvo", None)
-    with pytest.raises(WarehouseError, match=r"pip install \"warehouse-env\[orca\]\""):
-        make_policy("orca", EnvConfig())

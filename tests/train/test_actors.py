@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import shutil
 import signal
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,7 +15,6 @@ ray = pytest.importorskip("ray")
 pytestmark = pytest.mark.xdist_group("ray")
 
 from train import reinforce, threaded_ppo  # noqa: E402
-from train.evaluation.cluster import connected  # noqa: E402
 from train.learning import progress  # noqa: E402
 from train.learning.actors import Actors  # noqa: E402
 from train.learning.config import ReinforceConfig, ThreadedPPOConfig  # noqa: E402
@@ -38,13 +36,6 @@ from warehouse_env.maps.generators import open_floor
 def hall():
     return open_floor()
 """
-
-
-@pytest.fixture(scope="module")
-def cluster(two_nodes: Any) -> Iterator[Any]:
-    """Two machines of two cores each, to which this process is connected."""
-    with connected(two_nodes.address):
-        yield two_nodes
 
 
 def weights(folder: Path) -> bytes:
@@ -77,7 +68,7 @@ def before_update(monkeypatch: pytest.MonkeyPatch, call: int, act: Any) -> None:
 
 
 def test_actors_learn_the_same_bits_as_threads_on_floors_of_files_and_code(
-    registries: None, cluster: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    registries: None, connected_nodes: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """With real-valued actions; the optimizer, the worlds and the figures in the log are the same as well."""
     monkeypatch.chdir(tmp_path)
@@ -97,8 +88,9 @@ def test_actors_learn_the_same_bits_as_threads_on_floors_of_files_and_code(
     assert {key: threads[key] for key in threads.keys() - times} == {key: actors[key] for key in actors.keys() - times}
 
 
+@pytest.mark.nightly
 def test_with_an_actor_killed_it_comes_to_the_same_bits(
-    cluster: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    connected_nodes: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """It goes back to the beginning, the last that was saved, and no row of the log is there twice."""
     monkeypatch.setattr(progress, "LOG_SECONDS", 0.0)
@@ -112,7 +104,8 @@ def test_with_an_actor_killed_it_comes_to_the_same_bits(
     assert [row["steps"] for row in read_rows(killed / "progress.jsonl")] == [96 * n for n in range(1, UPDATES + 1)]
 
 
-def test_what_a_worker_refuses_is_the_same_sentence(cluster: Any, tmp_path: Path) -> None:
+@pytest.mark.nightly
+def test_what_a_worker_refuses_is_the_same_sentence(connected_nodes: Any, tmp_path: Path) -> None:
     config = ReinforceConfig(out=tmp_path, **SMALL | {"layouts": ("nowhere.map",), "threads": 1})
     said = []
     for crew in ({}, {"crew": Actors}):
@@ -122,24 +115,25 @@ def test_what_a_worker_refuses_is_the_same_sentence(cluster: Any, tmp_path: Path
     assert said[0] == said[1]
 
 
-def test_too_few_cores_are_one_sentence(cluster: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_too_few_cores_are_one_sentence(connected_nodes: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("train.learning.actors._PATIENCE", 1.0)
     config = ReinforceConfig(out=tmp_path, **SMALL | {"threads": 5, "rows": 40})
     with pytest.raises(LostError, match=r"no core within 1 s for \d of the 5 workers \(--threads\); it has 4 in all"):
         Actors(config, reinforce.actor_loss)
 
 
+@pytest.mark.nightly
 def test_begun_with_threads_and_gone_on_with_actors_of_which_a_machine_is_lost(
-    cluster: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    connected_nodes: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def stop(_: ThreadedTrainer) -> None:
         raise KeyboardInterrupt
 
     def lose_machine(trainer: ThreadedTrainer) -> None:
         name = ask(trainer, 0, lambda _: ray.get_runtime_context().get_node_id())
-        node = next(node for node in cluster.worker_nodes if node.node_id == name)
-        cluster.remove_node(node, allow_graceful=False)
-        cluster.add_node(num_cpus=2)
+        node = next(node for node in connected_nodes.worker_nodes if node.node_id == name)
+        connected_nodes.remove_node(node, allow_graceful=False)
+        connected_nodes.add_node(num_cpus=2)
 
     config = ReinforceConfig(out=tmp_path, **SMALL, checkpoint_seconds=0.0)
     whole = reinforce.train(replace(config, name="whole"))

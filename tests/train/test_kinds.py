@@ -60,22 +60,12 @@ def test_a_larger_fleet_is_a_smaller_one_and_more(given: tuple[float, ...]) -> N
         before = found
 
 
-def test_robots_alone_in_turn_are_those_of_the_fleet() -> None:
-    kinds = shares(0.25, 0.15)
-    alone = Counter[RobotSpec]()
-    for turn in range(40):
-        alone += counted(kinds, 1, turn)
-    assert alone == counted(kinds, 40) == Counter({RobotSpec(): 24, LONG: 10, SMALL: 6})
-
-
 @pytest.mark.parametrize(
     ("text", "why"),
     [
-        ("[", "line 1: not valid"), ("{}", "must be a list"), ("[]", "must be a list"), ("[3]", "must be an object"),
-        ('[{"count": 2}]', "lacks the entry 'robot'"), ('[{"count": 0, "robot": {}}]', "from 1 to"),
+        ("{}", "must be a list"), ("[3]", "must be an object"),
+        ('[{"count": 2}]', "lacks the entry 'robot'"),
         ('[{"share": 0, "robot": {}}]', "share=0.0 must be a number above 0, up to 1"),
-        ('[{"share": -0.5, "robot": {}}]', "share=-0.5 must be"), ('[{"share": 1.01, "robot": {}}]', "up to 1"),
-        ('[{"share": NaN, "robot": {}}]', "a finite number"), ('[{"share": "1", "robot": {}}]', "a finite number"),
         ('[{"robot": {}}]', "one of the two"), ('[{"share": 1, "count": 1, "robot": {}}]', "one of the two"),
         ('[{"share": 0.6, "robot": {}}, {"share": 0.5, "robot": {}}]', "make 1.1 together, and must make 1 at most"),
         ('[{"share": 0.6, "robot": {}}, {"count": 2, "robot": {}}]', "all parts say"),
@@ -116,11 +106,3 @@ def test_what_asks_for_one_kind_refuses_several_at_once(
     assert main(["evaluate", *options, "--fleet", str(fleet), "--out", str(tmp_path / "out")]) == 2
     assert why in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
-
-
-def test_what_asks_for_one_kind_takes_a_whole_fleet_of_another(tmp_path: Path) -> None:
-    fleet = tmp_path / "fleet.json"
-    fleet.write_text('[{"share": 1, "robot": {"length": 1.4, "max_speed": 0.8}}]', encoding="utf-8")
-    found = Evaluate(policy=("central_pibt",), fleet=fleet).experiments()
-    found += Evaluate(policy=("greedy",), fleet=fleet, traffic="own:shield=lidar").experiments()
-    assert [one.config.robots for one in found] == [(LONG,) * 16] * 2

@@ -11,17 +11,12 @@ import numpy as np
 import pytest
 import torch
 from numpy.typing import NDArray
-from safetensors.numpy import load_file
 
 from agents import LearnedPolicy, PolicyRecord, save_policy
 from agents.networks import ActorCritic
-from agents.weights_folder import read_record
 from tests.agents.test_forward import exact
-from train import ppo
 from train.learning.config import PPOConfig
-from train.learning.training_run import profile
 from train.ppo import Ppo
-from warehouse_env.observation import observation_layout
 
 
 @pytest.fixture
@@ -77,15 +72,6 @@ def test_the_export_has_the_librarys_distribution(config: PPOConfig, tmp_path: P
         assert torch.allclose(log_probability, theirs.log_prob(action).sum(-1), atol=1e-5)
 
 
-def test_a_training_leaves_a_policy_and_goes_on(config: PPOConfig) -> None:
-    folder = ppo.train(config)
-    assert read_record(folder).algorithm == "ppo"
-    first = load_file(folder / "weights.safetensors")
-    again = ppo.train(PPOConfig(resume=folder, progress=False))  # the budget is used: nothing changes
-    assert again == folder
-    assert all(np.array_equal(first[name], array) for name, array in load_file(folder / "weights.safetensors").items())
-
-
 def test_a_checkpoint_puts_networks_and_optimizer_back(config: PPOConfig) -> None:
     trainer = Ppo(config)
     trainer.update(0, 0.0)
@@ -103,28 +89,3 @@ def test_the_schedules_reach_the_library_and_the_worlds(config: PPOConfig) -> No
     assert trainer.model.policy.optimizer.param_groups[0]["lr"] == pytest.approx(5e-5)
     assert trainer.model.ent_coef == 0.5
     assert {simulator.reward_weights.collision for simulator in trainer._simulators} == {-20.0}
-
-
-def test_an_untrained_policy_prefers_to_cruise(config: PPOConfig) -> None:
-    trainer = Ppo(replace(config, predictions=False))
-    with torch.no_grad():
-        observation = torch.from_numpy(observations(trainer))
-        probability = trainer.model.policy.get_distribution(observation).distribution.probs
-    assert (probability.argmax(-1) == 15).all()
-
-
-def test_with_predictions_an_untrained_policy_takes_the_fastest_free_command(config: PPOConfig) -> None:
-    trainer = Ppo(config)
-    observation = np.zeros((2, trainer.network.observation_size), np.float32)
-    free = observation[:, observation_layout(trainer.env).slices["predictions"]]  # [2, 20], levels -0.4 0 0.5 1.3 m/s
-    free[:] = 1.0
-    free[1, 15:] = 0.0  # a conflict at once at full speed
-    with torch.no_grad():
-        found = trainer.model.policy.get_distribution(torch.from_numpy(observation)).distribution.probs.argmax(-1)
-    assert found.tolist() == [15, 10]
-
-
-def test_profile_says_where_the_time_goes(config: PPOConfig) -> None:
-    split = profile(Ppo(config), updates=1)
-    assert split["steps"] == 64
-    assert all(split[part] > 0 for part in ("simulator_s", "policy_s", "update_s"))

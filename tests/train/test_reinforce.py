@@ -16,10 +16,8 @@ from agents.weights_folder import Network, read_record
 from train import reinforce
 from train.learning.config import HELD_OUT_SEED, ReinforceConfig
 from train.learning.experience import advantages
-from train.learning.threaded import joint_scale
-from train.learning.training_run import profile
 from train.learning.worlds import Tally, TrainingSimulator, TrainingWorlds
-from train.reinforce import Reinforce, policy_loss
+from train.reinforce import policy_loss
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, WeightsError
 from warehouse_env.traffic_spec import TRAFFIC
@@ -50,15 +48,6 @@ def test_the_gradient_of_one_step_is_the_hand_computed_one() -> None:
     assert gradient.numpy() == pytest.approx(np.outer(by_logit, observation), abs=1e-6)
 
 
-def test_real_valued_log_probabilities_are_the_normal_density() -> None:
-    net = ActorCritic(Network(2, 2, False, ()), np.zeros(2, np.float32), log_std=-0.3)
-    observation, action = torch.zeros(1, 2), torch.tensor([[0.4, -0.2]])
-    log_probability, entropy = net.log_probability(observation, action)
-    normal = torch.distributions.Normal(net.output(observation), np.exp(-0.3))
-    assert log_probability.item() == pytest.approx(normal.log_prob(action).sum().item(), abs=1e-5)
-    assert entropy.item() == pytest.approx(normal.entropy().sum().item(), abs=1e-5)
-
-
 def test_advantages_by_hand() -> None:
     reward = np.array([[1.0], [2.0], [4.0]], np.float32)
     value = np.array([[10.0], [20.0], [30.0], [40.0]], np.float32)
@@ -66,34 +55,6 @@ def test_advantages_by_hand() -> None:
     d0, d1, d2 = 1 + 0.5 * 20 - 10, 2 + 0.5 * 5 - 20, 4 + 0.5 * 40 - 30
     got = advantages(reward, value, ended, last, gamma=0.5, gae_lambda=0.8)
     assert got[:, 0] == pytest.approx([d0 + 0.4 * d1, d1, d2])
-
-
-def test_with_lambda_one_the_advantage_is_the_truncated_return_minus_the_baseline() -> None:
-    rng = np.random.default_rng(0)
-    reward, value = rng.normal(size=(5, 3)).astype(np.float32), rng.normal(size=(6, 3)).astype(np.float32)
-    never = np.zeros((5, 3), bool)
-    got = advantages(reward, value, never, np.zeros((5, 3), np.float32), gamma=0.9, gae_lambda=1.0)
-    powers = 0.9 ** np.arange(6)
-    expected = powers[:5] @ reward + powers[5] * value[5] - value[0]
-    assert got[0] == pytest.approx(expected, abs=1e-5)
-
-
-def test_it_learns_a_bandit_whose_best_arm_the_observation_names() -> None:
-    torch.manual_seed(0)
-    rng = np.random.default_rng(0)
-    net = ActorCritic(Network(3, 3, True, (16,)), np.zeros(3, np.float32))
-    optimizer = torch.optim.Adam(net.parameters(), lr=0.02)
-    for _ in range(60):
-        best = rng.integers(3, size=256)
-        observation = torch.from_numpy(np.eye(3, dtype=np.float32)[best])
-        action, _ = net.draw(observation, rng)
-        advantage = torch.from_numpy((action == best).astype(np.float32))
-        mean, spread = joint_scale([advantage])
-        log_probability, _ = net.log_probability(observation, torch.from_numpy(action))
-        optimizer.zero_grad()
-        policy_loss(log_probability, (advantage - mean) / spread).backward()
-        optimizer.step()
-    assert (net.draw(observation, rng)[0] == best).mean() > 0.95
 
 
 def test_a_training_leaves_a_policy_that_acts(config: ReinforceConfig) -> None:
@@ -104,16 +65,7 @@ def test_a_training_leaves_a_policy_that_acts(config: ReinforceConfig) -> None:
     training = read_record(folder).training
     assert (training["steps"], training["updates"], training["spent"]) == (config.steps, 4, 1.0)
     row = json.loads((folder / "progress.jsonl").read_text().splitlines()[-1])
-    assert {
-        "steps_per_second",
-        "reward",
-        "goals_per_robot_hour",
-        "collisions_per_km",
-        "path_length_ratio",
-        "stuck",
-        "worlds_jammed",
-        "entropy",
-    } <= set(row)
+    assert {"steps_per_second", "reward", "goals_per_robot_hour", "collisions_per_km", "stuck", "entropy"} <= set(row)
     card = (folder / "CARD.md").read_text()
     assert "192 agent-steps in 4 updates, seed 0" in card
     assert not [path.name for path in folder.rglob(".*")]
@@ -160,28 +112,6 @@ def test_resuming_from_nothing_or_from_damage_is_one_sentence(config: ReinforceC
     arrays.write_bytes(arrays.read_bytes()[:100])
     with pytest.raises(WeightsError, match="is damaged"):
         reinforce.train(ReinforceConfig(resume=folder))
-
-
-def test_profile_says_where_the_time_goes_and_writes_nothing(config: ReinforceConfig) -> None:
-    split = profile(Reinforce(config), updates=2)
-    assert split["steps"] == 2 * 6 * 8
-    assert 0 < split["simulator_s"] + split["policy_s"] + split["update_s"] <= split["seconds"] * 1.01
-    assert not list(config.out.iterdir())
-
-
-def test_the_schedules(config: ReinforceConfig) -> None:
-    config = replace(config, collision_first=-5.0, collision_last=-20.0, learning_rate=1e-3)
-    assert [config.reward(spent).collision for spent in (0.0, 0.5, 1.0)] == [-5.0, -12.5, -20.0]
-    assert config.step_size(0.0) == 1e-3
-    assert config.step_size(1.0) == pytest.approx(5e-5)
-
-
-def test_the_mix_shares_the_rows(config: ReinforceConfig) -> None:
-    config = replace(config, layouts=("open", "narrow"), robots=(8, 32))
-    mix = config.worlds(256)
-    assert [(env.layout, env.num_agents, worlds) for env, worlds in mix] == [
-        ("open", 8, 8), ("open", 32, 2), ("narrow", 8, 8), ("narrow", 32, 2),
-    ]  # fmt: skip
 
 
 def test_the_tally_counts_what_the_episode_counts() -> None:
@@ -259,27 +189,12 @@ def test_the_policy_asks_for_right_of_way_that_its_training_goes_without(config:
     assert (plain / "weights.safetensors").read_bytes() == (directory / "weights.safetensors").read_bytes()
 
 
-def test_the_policy_decides_twice_as_often_as_in_its_training(config: ReinforceConfig) -> None:
-    trained = config.env("open", 2)
-    driven = policy_config(reinforce.train(replace(config, steps=8 * 6)), trained)
-    assert (trained.action_repeat, driven.action_repeat) == (2, 1)
-    assert config.driven(trained).max_steps == 2 * trained.max_steps
-    assert [env.traffic_spec.routes for env in (trained, config.driven(trained))] == ["barred", True]
-    card = (config.directory / "CARD.md").read_text()
-    assert "(speed x offset from the route) every 0.1 s" in card
-    assert "a decision every 0.2 s, episodes of" in card
-
-
 @pytest.mark.parametrize(
     ("changes", "sentence"),
     [
         ({"minutes": -1.0}, "minutes=-1.0"),
-        ({"traffic": "routes:right_of_way=true"}, "False without a shield"),
         ({"traffic": "asist"}, "did you mean assist"),
-        ({"shared": 1.5}, "shared=1.5"),
-        ({"layouts": ("aisles:sed=3",)}, "did you mean seed"),
         ({"gamma": 1.5}, "gamma=1.5"),
-        ({"learning_rate": float("nan")}, "learning_rate=nan"),
         ({"rows": 0}, "rows=0"),
         ({"robots": ()}, r"robots=\(\)"),
         ({"name": "a/b"}, "name='a/b'"),

@@ -7,7 +7,6 @@ import signal
 import subprocess
 import sys
 import time
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -24,9 +23,6 @@ from warehouse_env.errors import WarehouseError
 
 ROOT = Path(__file__).parents[2]
 KILLS = int(os.environ.get("WAREHOUSE_TEST_KILLS", "3"))
-TRAINERS: Any = pytest.mark.parametrize(
-    ("trainer", "settings"), [(reinforce, ReinforceConfig), (ppo, PPOConfig)], ids=["reinforce", "ppo"]
-)
 SMALL: dict[str, Any] = {
     "layouts": ("open",), "robots": (2, 4), "rows": 8, "planner": "astar", "rollout": 6, "hidden": (24,),
     "episode_seconds": 3.0, "checkpoint_seconds": 0.0, "minibatch": 24, "threads": 1, "progress": False,
@@ -46,6 +42,7 @@ def arguments(config: ReinforceConfig) -> list[str]:
     return [*words, "--no-progress"]
 
 
+@pytest.mark.nightly
 def test_killed_again_and_again_it_comes_to_the_same_bits(tmp_path: Path) -> None:
     """In each round it is killed 0 to 0.1 s after its first save: between saves, in one, or some updates later.
 
@@ -75,9 +72,8 @@ def test_killed_again_and_again_it_comes_to_the_same_bits(tmp_path: Path) -> Non
         np.testing.assert_array_equal(weights(folder)[name], tensor)
 
 
-@TRAINERS
-def test_weights_that_are_no_numbers_are_not_saved(trainer: Any, settings: Any, tmp_path: Path) -> None:
-    begun = trainer.train(settings(out=tmp_path, steps=8 * 6, **SMALL))
+def test_weights_that_are_no_numbers_are_not_saved(tmp_path: Path) -> None:
+    begun = ppo.train(PPOConfig(out=tmp_path, steps=8 * 6, **SMALL))
     good = weights(begun)
     saved = checkpoint.read(begun / "checkpoint")
     data = saved.data | {"config": saved.data["config"] | {"learning_rate": 1e9, "gradient_clip": 1e9, "steps": 10**6}}
@@ -85,19 +81,18 @@ def test_weights_that_are_no_numbers_are_not_saved(trainer: Any, settings: Any, 
         name: array * 1e38 for name, array in saved.arrays.items() if "critic" in name and name.endswith("weight")
     }
     checkpoint.write(begun / "checkpoint", arrays, data)
-    config = settings(resume=begun, progress=False)
+    config = PPOConfig(resume=begun, progress=False)
     with pytest.raises(WarehouseError, match=r"weights that are not finite.*last good ones.*--learning-rate"):
-        trainer.train(config)
+        ppo.train(config)
     for name, tensor in weights(begun).items():
         np.testing.assert_array_equal(tensor, good[name])
     make_policy(begun, policy_config(begun, EnvConfig()))
 
 
-@TRAINERS
 def test_a_full_disk_is_one_sentence_and_the_last_checkpoint_stays(
-    trainer: Any, settings: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    folder = trainer.train(settings(out=tmp_path, steps=8 * 6, **SMALL))
+    folder = reinforce.train(ReinforceConfig(out=tmp_path, steps=8 * 6, **SMALL))
     before = (folder / "checkpoint" / "state.json").read_bytes()
     saved = checkpoint.read(folder / "checkpoint")
     longer = saved.data["config"] | {"steps": 8 * 6 * 4}
@@ -109,28 +104,9 @@ def test_a_full_disk_is_one_sentence_and_the_last_checkpoint_stays(
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(Path, "write_bytes", full)
-    config = settings(resume=folder, progress=False)
+    config = ReinforceConfig(resume=folder, progress=False)
     with pytest.raises(WarehouseError, match=r"cannot write .*No space left on device"):
-        trainer.train(config)
+        reinforce.train(config)
     assert (folder / "checkpoint" / "state.json").read_bytes() == kept
     monkeypatch.undo()
-    assert trainer.train(config) == folder
-
-
-def test_a_training_that_never_got_through_an_update_can_be_gone_on_with(tmp_path: Path) -> None:
-    config = ReinforceConfig(out=tmp_path, steps=8 * 6 * 2, **SMALL)
-
-    class KilledError(Exception):
-        pass
-
-    def die(*_: object) -> None:
-        raise KilledError
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(reinforce.Reinforce, "update", die)
-        with pytest.raises(KilledError):
-            reinforce.train(config)
-    folder = reinforce.train(ReinforceConfig(resume=config.directory, progress=False))
-    whole = reinforce.train(replace(config, name="whole"))
-    for name, tensor in weights(whole).items():
-        np.testing.assert_array_equal(weights(folder)[name], tensor)
+    assert reinforce.train(config) == folder

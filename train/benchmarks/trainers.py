@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from train.learning import config as configs
 from train.learning.recipes import by_recipe
 from train.learning.timing import PARTS
-from train.learning.training_run import Trainer, profile
+from train.learning.trainer import Trainer, profile
 from train.reporting.rows import Row
 
 TRAINERS = {  # name -> module, trainer, config

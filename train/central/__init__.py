@@ -1,4 +1,4 @@
-"""Central planners: they read a Simulator's whole state and map. No policies, but what those are held against."""
+"""Central planners read the whole state and map of a Simulator; policies are compared with them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from typing import Protocol
 import numpy as np
 
 from agents.policy import Action
-from train.central.pbcr import CentralPBCR
 from train.central.pibt import CentralPIBT
 from warehouse_env.config import ActionType, EnvConfig
 from warehouse_env.simulation.simulator import Simulator
@@ -18,21 +17,21 @@ __all__ = ["CENTRAL", "CentralEntry", "CentralPlanner", "central_config"]
 
 
 class CentralPlanner(Protocol):
-    """Decides for all robots at once, from all that the simulator knows; keeps plans between its decisions."""
+    """Decides for all robots at once from the whole state, and keeps plans between decisions."""
 
     name: str
 
     def act_on(self, simulator: Simulator, generators: Sequence[np.random.Generator]) -> Action:
-        """Return the next actions of all robots, as `Simulator.step` takes them; chance only from a world's generator.
+        """Return the next actions of all robots, for `Simulator.step`; random only by the world's generator.
 
-        It may set the robots' routes. A world that has just been reset begins anew; worlds do not know of each other.
+        It may set the robots' routes. A world that has just been reset starts a new plan; worlds are independent.
         """
         ...
 
 
 @dataclass(frozen=True)
 class CentralEntry:
-    """One line of the registry: how a planner is made, and the actions that it drives with."""
+    """One line of the registry: how to make a planner, and its type of action."""
 
     summary: str
     make: Callable[[EnvConfig], CentralPlanner]
@@ -40,11 +39,12 @@ class CentralEntry:
 
 
 CENTRAL: dict[str, CentralEntry] = {
-    "central_pibt": CentralEntry("PIBT on the cells, driven in the plan's order at each", CentralPIBT, "continuous"),
-    "central_pbcr": CentralEntry("PIBT over arcs of the body (PBCR), with a count of visits", CentralPBCR, "raw"),
+    "central_pibt": CentralEntry(
+        "PIBT on the cells, driven in the order of the plan at each cell", CentralPIBT, "continuous"
+    ),
 }
 
 
 def central_config(name: str, base: EnvConfig) -> EnvConfig:
-    """Return `base` with what the planner of CENTRAL needs put in: its action type, a decision every 0.2 s."""
+    """Return `base` with what the planner of CENTRAL needs: its action type and a decision every 0.2 s."""
     return base.replace(action_type=CENTRAL[name].action_type, action_repeat=max(1, round(0.2 / base.time_step)))

@@ -1,11 +1,11 @@
 """PIBT on the grid of cells for robots with a heading: one synchronous step, and the metric that it descends.
 
 A robot's place is a cell and a heading, 0 to 3 counter-clockwise from east. In a step it stays, drives into the cell
-ahead, to its left or its right (and then heads that way), or backs into the cell behind. No two robots are in a cell,
-none swap, and no closed ring of robots moves at once: bodies have no room for that.
+ahead, to its left or to its right (and turns that way), or backs into the cell behind. No two robots share a cell or
+swap cells, and no closed cycle of robots moves at once, for which bodies have no room.
 
 Source: Okumura, Machida, Defago, Tamura 2022, "Priority inheritance with backtracking for iterative multi-agent path
-finding". Adapted: places have headings, so that what is cheap is what a car-like body can drive; rings are refused.
+finding". Adapted: places have headings, so that cheap moves are those of a car-like body; cycles are refused.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _STEPS = np.array([(0, 1), (-1, 0), (0, -1), (1, 0)], dtype=np.int64)  # (d_row,
 
 
 class Choosing(NamedTuple):
-    """What one step of PIBT reads of N robots, and what it has chosen."""
+    """The input of one step of PIBT for N robots, and its choices so far."""
 
     cell: Any  # int64[N]
     heading: Any  # int64[N]
@@ -39,7 +39,7 @@ class Choosing(NamedTuple):
 
 @kernel
 def neighbour(cell, heading, blocked):
-    """Return the cell next to `cell` in a direction, or -1 where there is none; blocked: bool[H, W]."""
+    """Return the cell next to `cell` in a direction, or -1 if there is none; blocked: bool[H, W]."""
     columns = blocked.shape[1]
     row, column = cell // columns + _STEPS[heading, 0], cell % columns + _STEPS[heading, 1]
     if row < 0 or column < 0 or row >= blocked.shape[0] or column >= columns or blocked[row, column]:
@@ -49,7 +49,7 @@ def neighbour(cell, heading, blocked):
 
 @kernel
 def cost_to_go(blocked: NDArray[np.bool_], goal: int) -> NDArray[np.int32]:
-    """Return int32[4, H * W], the least cost from (heading, cell) to the goal cell, FAR where there is no way.
+    """Return int32[4, H * W], the least cost from (heading, cell) to the goal cell; FAR: unreachable.
 
     Label setting with buckets (Dial 1969), backwards from the goal in any heading.
     """
@@ -87,7 +87,7 @@ def cost_to_go(blocked: NDArray[np.bool_], goal: int) -> NDArray[np.int32]:
 
 @kernel
 def _choices(i, cell, heading, cost, noise, blocked, targets, moves):
-    """Write the robot's possible next cells and moves, best first; return how many there are."""
+    """Write the robot's possible next cells and moves, best first; return their number."""
     keys = np.empty(5, np.float64)
     count = 0
     for turn in range(5):
@@ -114,7 +114,7 @@ def _choices(i, cell, heading, cost, noise, blocked, targets, moves):
 
 @kernel
 def _closes_a_ring(i, target, cell, chosen, occupant):
-    """Whether robot i, driving into `target`, would follow a chain of movers that leads into its own cell."""
+    """Return whether robot i would close a cycle of moving robots by driving into `target`."""
     at = target
     while True:
         j = occupant[at]
@@ -127,7 +127,7 @@ def _closes_a_ring(i, target, cell, chosen, occupant):
 
 @kernel
 def _decide(i, step):
-    """Choose robot i's next cell; whoever stands there undecided chooses first. False: it must stay where it is."""
+    """Choose robot i's next cell; an undecided robot there chooses first. Return False if robot i must stay."""
     cell, heading, costs, noise, blocked, occupant, taken, chosen, moves = step
     own_targets, own_moves = np.empty(5, np.int64), np.empty(5, np.int64)
     count = _choices(i, cell, heading, costs[i], noise, blocked, own_targets, own_moves)
@@ -152,9 +152,9 @@ def _decide(i, step):
 def pibt_step(cell, heading, costs, order, held, tail, noise, blocked):
     """Return each robot's next cell int64[N] and move int64[N]: its next heading, + BACKWARDS in reverse.
 
-    cell int64[N], distinct; heading int64[N]; costs int32[N, 4, H * W], each robot's cost_to_go; order int64[N]: first
-    the highest priority; held bool[N]: robots that stay; tail int64[N]: a cell each that nobody else may enter, or -1;
-    noise float64[N, 5]: added to the costs of the moves, under .5 to break ties only; blocked bool[H, W].
+    cell int64[N], distinct; heading int64[N]; costs int32[N, 4, H * W], each robot's cost_to_go; order int64[N]:
+    highest priority first; held bool[N]: robots that stay; tail int64[N]: a cell that no other robot may enter, or -1;
+    noise float64[N, 5]: added to the costs of the moves, below 0.5 to break ties only; blocked bool[H, W].
     """
     n = cell.size
     occupant, taken = np.full(blocked.size, -1, np.int64), np.full(blocked.size, -1, np.int64)

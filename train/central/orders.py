@@ -1,8 +1,8 @@
-"""A plan on cells as an order at every cell: a robot enters one only after all that the plan lets in before have left.
+"""The order of visits at every cell: a robot enters a cell after all visits that the plan ranks before are over.
 
 Source: Hoenig, Kiesel, Tinka, Durham, Ayanian 2019, "Persistent and robust execution of MAPF schedules in warehouses"
-(action dependency graph). Adapted: the edges between robots are kept as a rank a visit and a count of visits done a
-cell; a visit is over when the body has left the cell.
+(action dependency graph). Adapted: each visit has a rank and each cell a count of visits that are over, instead of
+edges; a visit is over when the body has left the cell.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from warehouse_env.simulation.physics.geometry import Rectangle, rectangles_touc
 
 LENGTH = 64  # visits of a robot kept, in a ring
 REACHED = 0.6  # [cells] from a cell's centre to the axle, within which a robot may shift gears there
-SLACK = 0.1  # [m] by which a body may still reach into a cell that it has left
+SLACK = 0.1  # [m] that a body may reach into a cell after leaving it
 
 
 class Orders(NamedTuple):
@@ -58,7 +58,7 @@ def append(orders, cell, move, moves):
 
 @kernel
 def _may_enter(orders, i, visit):
-    """Whether all visits ranked before are over, or the robot's own."""
+    """Return whether all visits ranked before are over or the robot's own."""
     k = visit % LENGTH
     waiting = orders.rank[i, k] - orders.done[orders.cell[i, k]]
     for other in range(orders.first[i], visit):
@@ -69,13 +69,13 @@ def _may_enter(orders, i, visit):
 
 @kernel
 def goes_straight_on(orders, i, visit):
-    """Whether the plan holds what follows a visit, and that goes on in its direction and gear."""
+    """Return whether the plan has a next visit in the same direction and gear."""
     return visit + 1 < orders.end[i] and orders.move[i, visit % LENGTH] == orders.move[i, (visit + 1) % LENGTH]
 
 
 @kernel
 def _end_of_turn(orders, i, visit):
-    """Return the first visit from this one on in which a body can wait: not where it must turn to go on."""
+    """Return the first visit from this one on at which a body can wait: one without a turn."""
     while visit + 1 < orders.end[i] and not goes_straight_on(orders, i, visit):
         visit += 1
     return visit
@@ -83,7 +83,7 @@ def _end_of_turn(orders, i, visit):
 
 @kernel
 def advance(orders, axle, heading, centre, body, look):
-    """Note which visits have begun and which are over, and grant the next ones, `look` ahead of the axle at most.
+    """Update which visits have begun and which are over, and grant the next ones, at most `look` ahead of the axle.
 
     axle float64[N, 2] [m]; heading float64[N] [rad]; centre float64[H * W, 2] [m], of the cells; body: half length,
     half width and metres from the axle back to its centre.
@@ -130,7 +130,7 @@ def advance(orders, axle, heading, centre, body, look):
 
 @kernel
 def forget_future(orders):
-    """Drop all visits that are not yet granted, so that the plan begins anew from where the bodies stand."""
+    """Drop all visits that are not granted, so that planning restarts from the poses of the bodies."""
     orders.planned[:] = 0
     orders.done[:] = 0
     for i in range(orders.end.size):

@@ -1,6 +1,6 @@
-"""`central_pibt`: PIBT on the grid of cells, driven by the bodies in the order of the plan at every cell.
+"""`central_pibt`: PIBT on the cells, driven in the order of the plan at every cell.
 
-Visits of cells are lines and speeds, which the path follower of the environment drives.
+The environment's path follower drives the lines and speeds that the visits give.
 """
 
 from __future__ import annotations
@@ -24,18 +24,18 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 SPACING = 0.25  # [m] of the way-points
-REST = 0.2  # [cells] ahead of a cell's centre where a front axle stops: the body then hardly leaves the cell
-REST_TO_TURN = -0.1  # [cells], the same where it may have to turn from rest: it then hardly swings out of the cell
+REST = 0.2  # [cells] ahead of a cell's centre where a front axle stops: the body nearly stays in the cell
+REST_TO_TURN = -0.1  # [cells], the same before a turn from rest: the body hardly swings out of the cell
 BACK_SPEED = 0.4  # [m/s]
-BRAKE_SHARE = 0.8  # of the acceleration limit that stops are planned with
+BRAKE_SHARE = 0.8  # share of the acceleration limit for planned stops
 _WAYS = np.array([(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)])  # (x, y) of headings 0..3
 
 Line = tuple[NDArray[np.float32], float]
-"""Way-points float32[R, 2] [m], and where on them the axle must stop [m]."""
+"""Way-points float32[R, 2] [m], and the position on them at which the axle must stop [m]."""
 
 
 def line_of(orders: Orders, robot: int, centre: Floats, side: float) -> Line:
-    """Return the line of the visits in the present gear, from where the robot is to the last one granted."""
+    """Return the line of the visits in the present gear, from the robot's own to the last one granted."""
     at, last = int(orders.at[robot]), int(orders.granted[robot])
     move = orders.move[robot]
     gear = move[at % LENGTH] >= BACKWARDS
@@ -82,7 +82,7 @@ def rounded(points: Floats) -> Floats:
 
 
 def give_line(simulator: Simulator, world: int, robot: int, line: NDArray[np.float32]) -> None:
-    """Let a robot drive along a line float32[R, 2] [m] from now on, from the point nearest to its axle."""
+    """Give a robot a line float32[R, 2] [m] to drive, from the point nearest to its axle."""
     r = simulator.robots[world, robot]
     on_route = r["on_route"]
     nearest = int(np.argmin(np.hypot(line[:, 0] - r["motion"]["x"], line[:, 1] - r["motion"]["y"])))
@@ -94,20 +94,20 @@ def give_line(simulator: Simulator, world: int, robot: int, line: NDArray[np.flo
 
 
 def speed_for(way: float, period: float, acceleration: float) -> float:
-    """Return the speed [m/s] from which a robot can stop within `way` [m], after one more period [s] at it."""
+    """Return the speed [m/s] from which a robot can stop within `way` [m] after one more period [s]."""
     brake = BRAKE_SHARE * acceleration
     return -brake * period + math.sqrt((brake * period) ** 2 + 2.0 * brake * max(way, 0.0))
 
 
-LOOK = 5  # [cells] ahead of a robot that are planned and granted at most
-BARRED = 1.5  # [s] standing against something until a body backs off
+LOOK = 5  # most cells ahead of a robot that are planned and granted
+BARRED = 1.5  # [s] of standing against an obstacle before a body backs off
 BACKING = 1.0  # [s] of backing off
-RESTLESS = 10.0  # half-cells of detour by chance, for a robot that has been in one cell for over PATIENCE
-PATIENCE = 4.0  # [s] without a new cell until the plan begins anew from where the bodies stand
+RESTLESS = 10.0  # half-cells of random detour for a robot in one cell for over PATIENCE
+PATIENCE = 4.0  # [s] without a new cell before planning restarts from the poses of the bodies
 
 
 class GridPIBT:
-    """PIBT for one world, step by step, with goals that change: the plan alone, without bodies."""
+    """PIBT for one world with changing goals: the plan alone, without bodies."""
 
     def __init__(self, grid: GridMap, robots: int, rng: np.random.Generator) -> None:
         self._blocked = np.ascontiguousarray(grid.occupied)
@@ -154,11 +154,11 @@ class _World:
         self.seen = np.full((simulator.num_agents, 3), -1)  # at, granted, goes on: for which each robot has its line
         self.stop = np.zeros(simulator.num_agents)  # [m] on its line
         self.since = np.zeros(simulator.num_agents)  # [s] in one cell
-        self.since_forgotten = 0.0  # [s] since the plan began anew
+        self.since_forgotten = 0.0  # [s] since planning restarted
         self.barred = np.zeros(simulator.num_agents)  # [s] standing though it should drive; below 0: backing off
 
     def speeds(self, simulator: Simulator) -> Floats:
-        """Return the wanted speeds [m/s], float64[N], after planning on and renewing lines."""
+        """Extend the plan, renew lines, and return the wanted speeds [m/s], float64[N]."""
         config, robot, orders = simulator.config, simulator.config.robot, self.orders
         period = config.time_step * config.action_repeat
         state, world = simulator.state, self.world
@@ -175,7 +175,7 @@ class _World:
     def _back_off(
         self, wanted: Floats, speed: NDArray[np.float32], touching: NDArray[np.bool_], period: float
     ) -> Floats:
-        """Return the wanted speeds, turned round for a while where a body stands against something."""
+        """Return the wanted speeds, reversed for a while for bodies that stand against an obstacle."""
         standing = (np.abs(speed) < 0.05) & (touching | (np.abs(wanted) > 0.2))
         self.barred = np.where((self.barred < 0) | standing, self.barred + period, 0.0)
         begins = (self.barred > BARRED) & (self.plan.rng.random(len(speed)) < 0.3)  # not both of a pair at once
@@ -221,7 +221,7 @@ def _flat(cells: Ints, grid: GridMap) -> Ints:
 
 
 class CentralPIBT:
-    """Knows all poses and goals, and gives every robot its line, an order at every cell, and a speed."""
+    """Gives every robot a line, an order at every cell and a speed, from all poses and goals."""
 
     name = "central_pibt"
 
@@ -230,7 +230,7 @@ class CentralPIBT:
         self._worlds: dict[int, _World] = {}
 
     def act_on(self, simulator: Simulator, generators: Sequence[np.random.Generator]) -> Action:
-        """Return the actions of all robots of all worlds; a world that was reset begins a new plan."""
+        """Return the actions of all robots of all worlds; a reset world starts a new plan."""
         speeds = np.zeros((simulator.num_worlds, simulator.num_agents))
         for world in range(simulator.num_worlds):
             if simulator.steps[world] == 0 or world not in self._worlds:

@@ -41,7 +41,7 @@ def cells_table(rows: Sequence[Row]) -> Table:
         _line(group)
         for group in grouped(ordered, ("size", "obstacle", "agents")).values()
     ]  # fmt: skip
-    return Table("CL-MAPF, as stated", _HEADER, tuple(lines), NOTE, labels=3)
+    return Table("CL-MAPF, as stated", _HEADER, tuple(lines), NOTE)
 
 
 def _line(group: Sequence[Row]) -> tuple[str, ...]:

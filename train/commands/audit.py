@@ -1,4 +1,4 @@
-"""`warehouse audit`: is what robots drove free of overlaps at every instant? Of recordings, or while they drive."""
+"""`warehouse audit`: check recorded or driven episodes for overlaps at every instant."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ _SHOWN = 20  # faults in words; the rows have them all
 
 @dataclass(frozen=True)
 class AuditCommand(Episodes):
-    """Check at every instant what robots drove, apart from the engine: overlaps, limits, jumps; exit code 1 if any.
+    """Check robots' motion at every instant, independently of the engine: overlaps, limits, jumps; exit code 1 if any.
 
-    Of episode files (`warehouse record`), which are driven again, or with --policy of episodes as they are driven.
+    Checks episode files (`warehouse record`), which are driven again, or with --policy episodes as they are driven.
     """
 
     files: tyro.conf.Positional[tuple[Path, ...]] = ()
@@ -34,15 +34,13 @@ class AuditCommand(Episodes):
     policy: tuple[str, ...] = ()
     """Policies to drive and audit, named as for `warehouse evaluate`."""
     disturbance: tuple[str, ...] = ()
-    """With --policy, what to disturb: names of `warehouse robust`; nothing if left out."""
+    """With --policy: disturbances, named as for `warehouse robust` (default: none)."""
     out: Path = Path("results/audit")
     """Folder for the rows and the table."""
 
     def run(self) -> None:
         """Audit all, print the table and the faults, write the rows and the table; exit with 1 if there is a fault."""
         jobs = self._jobs()
-        if self.do_share(jobs):
-            return
         check_writable(self.out / "table.md")
         with (
             self.rows_file(resumes=not self.files) as file,
@@ -78,6 +76,6 @@ class AuditCommand(Episodes):
             experiments = [one for name in self._disturbances() for one in self.experiments(name)]
             configs = [one.config for one in experiments]
             jobs = [DrivenEpisodes(one) for one in experiments]
-        for config in configs:  # what cannot be audited is said before anything drives
+        for config in configs:  # raises before anything drives
             Audit(config)
         return jobs

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import tyro
 
-from train.reporting.comparison import Line, Run, compare, comparison_table, comparison_words, read_runs
+from train.reporting.comparison import Line, Run, compare, comparison_table, read_runs
 from train.reporting.page import Page, Part, Shown, made_by
 from train.reporting.report import require_charts, short_names
 from train.reporting.rows import RowFile
@@ -20,22 +20,22 @@ _DRAWN = ("goals_per_robot_hour", "collisions_per_km", "waiting_share", "orders_
 
 @dataclass(frozen=True)
 class Compare(Checked):
-    """Hold runs of `warehouse evaluate` against the first one, over the episodes that both have.
+    """Compare runs of `warehouse evaluate` with the first one, over the episodes that both have.
 
-    The same policy is held against itself in another run; where two runs have one policy each, these two. Example:
-    warehouse compare results/before results/after --html results/difference.html
+    Each policy is compared with itself in the other run; runs with a single policy each are compared as they are.
+    Example: warehouse compare results/before results/after --html results/difference.html
     """
 
     runs: tyro.conf.Positional[tuple[Path, ...]]
     """Files of rows that `warehouse evaluate` wrote, or folders with rows.jsonl in them (as a report is)."""
     policy: tuple[str, ...] = ()
-    """Policies to look at (all if left out)."""
+    """Compare only these policies (default: all)."""
     seed: tuple[int, ...] = ()
-    """Seeds of the episodes to look at (all if left out)."""
+    """Compare only episodes of these seeds (default: all)."""
     json: Path | None = None
-    """File for the figures, a row a measure of each pair and floor, as JSON lines."""
+    """File for the figures, a row for each measure, pair and floor, as JSON lines."""
     html: Path | None = None
-    """File for a page with the figures in words, a chart of the differences, and the table."""
+    """File for a page with a chart of the differences and the table."""
 
     def run(self) -> None:
         """Read all runs, print the table, write rows and page."""
@@ -69,7 +69,7 @@ def _page(lines: Sequence[Line], runs: Sequence[Run]) -> Page:
     title = f"{' and '.join(run.name for run in runs[1:])} against {runs[0].name}"
     drawn = Part("Differences", pictures=[_drawing(lines)])
     parts = [drawn, Part("Every figure", tables=[table]), Part("What was compared", facts=made_by(**facts))]
-    return Page(title, "Paired differences over the same episodes", comparison_words(lines), parts)
+    return Page(title, "Paired differences over the same episodes", parts=parts)
 
 
 def _drawing(lines: Sequence[Line]) -> Shown:

@@ -1,4 +1,4 @@
-"""`warehouse compile`: all kernels ahead of time, so that nothing later waits for them."""
+"""`warehouse compile`: compile all kernels ahead of time."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from warehouse_env.errors import ConfigError
 
 @dataclass(frozen=True)
 class Compile(Checked):
-    """Compile the simulator's kernels and keep them, in several processes, before anything else needs them.
+    """Compile all kernels in several processes and keep them on disk.
 
-    Once is enough for each version of the source and each kind of processor; kept kernels are only loaded.
+    Once is enough for each version of the source and each kind of processor; later, kernels are only loaded.
     """
 
     processes: int = field(default_factory=lambda: os.cpu_count() or 1)
-    """Parts to compile at a time, each in a process of its own."""
+    """Number of processes."""
     seed: int = 0
-    """Seed of the tiny runs that call the kernels."""
+    """Seed of the tiny runs that compile the kernels."""
     json: Path | None = None
     """Write the seconds of each part to this file as JSON lines."""
 

@@ -1,4 +1,4 @@
-"""`warehouse evaluate`, `robust` and `scenes`: policies over held-out episodes or scenes -> rows, a table, pictures."""
+"""`warehouse evaluate` and `robust`: policies over held-out episodes -> rows, a table, pictures."""
 
 from __future__ import annotations
 
@@ -11,20 +11,17 @@ from train.commands.kinds import Fleet
 from train.commands.layouts import BY_MAP
 from train.commands.orders import Work
 from train.evaluation.disturbances import DISTURBANCES, UNDISTURBED, known
-from train.evaluation.episodes import Episodes as EpisodesJob
 from train.evaluation.episodes import play
-from train.evaluation.jobs import Job, Runner
 from train.evaluation.places import NOTES, PAGE
 from train.evaluation.robustness import robust_table
-from train.evaluation.rollout import MOST, Experiment, Trace, make_experiment
-from train.evaluation.scenes import SCENES, SceneJob, scene_table
-from train.evaluation.workers import ShardOptions
+from train.evaluation.rollout import Experiment, Trace, make_experiment
+from train.evaluation.workers import WorkerOptions
 from train.learning.config import HELD_OUT_SEED
 from train.reporting.report import Table, evaluation_table, require_charts
 from train.reporting.rows import Row, RowFile, instead, whole_rows
 from warehouse_env.checked import Checked
 from warehouse_env.config import ArrivalMode, EnvConfig, TaskMode
-from warehouse_env.errors import ConfigError, unknown_name
+from warehouse_env.errors import ConfigError
 from warehouse_env.files import check_writable, write_text
 from warehouse_env.maps.layouts import make_layout
 from warehouse_env.planning import make_planner
@@ -33,24 +30,24 @@ from warehouse_env.traffic_spec import OWN, TRAFFIC, read_traffic
 
 @dataclass(frozen=True)
 class Drive(Checked):
-    """Options of worlds to drive in, and what of them is chosen against a policy's own."""
+    """Options of the worlds to drive in, which override those of a policy."""
 
     planner: str = EnvConfig.planner
     """Planner of the routes: a name of `warehouse planners`, or one of your own, FILE.py:CLASS or MODULE:CLASS."""
     traffic: str = OWN
-    """How robots meet. own: as the policy needs it; none; routes: they replan around others; shield: they also brake
-    before they could touch; assist: rules also settle who goes first, near robots that have stood for 12 s; rules:
-    everywhere. Switches of TrafficSpec may follow, as in own:routes=false or rules:shield=lidar."""
+    """How robots meet. own: as the policy needs; none; routes: replan around others; shield: also brake before a
+    contact; assist: also right of way near robots that have stood for 12 s; rules: right of way everywhere. Switches of
+    TrafficSpec may follow, as in own:routes=false or rules:shield=lidar."""
     people: int | None = None
-    """People who walk among the robots; none if left out."""
+    """Number of people who walk among the robots (default: none)."""
     arrival: ArrivalMode | None = None
-    """When a robot is at its goal. pass (if left out): once it drives by; stop: once it stands there; pose: once it
-    also faces the way it is to."""
+    """When a robot has reached its goal. pass (default): when it drives by; stop: when it stands there; pose: when it
+    also has the right heading."""
     seed: int = HELD_OUT_SEED
-    """The first seed, the next ones count on; no training uses seeds from the default on."""
+    """First seed, the others follow; no training uses seeds from the default on."""
 
     def chosen(self) -> dict[str, Any]:
-        """Return what options set of EnvConfig; `traffic` as a text of `read_traffic`, which is checked here."""
+        """Return the fields of EnvConfig that the options set; `traffic` is a checked text for `read_traffic`."""
         read_traffic(self.traffic, TRAFFIC["rules"])
         given = {name: getattr(self, name) for name in ("traffic", "people", "arrival")}
         return {name: value for name, value in given.items() if value not in (None, OWN)}
@@ -61,24 +58,23 @@ GOES_ON = "the same command with --resume goes on"
 
 @dataclass(frozen=True)
 class Working(Fleet, Work, Drive):
-    """Options of worlds whose robots may be of other kinds, be served, carry out orders, or charge."""
+    """Options of worlds with kinds of robots, service, orders or batteries."""
 
     def chosen_for(self, robots: int) -> dict[str, Any]:
-        """Return what options set of EnvConfig for so many robots."""
-        # where both have a word on arriving, --arrival says it
+        """Return the fields of EnvConfig that the options set for so many robots; --arrival overrides that of work."""
         return self.kinds_of(robots) | self.work() | self.chosen()
 
 
 @dataclass(frozen=True)
-class Episodes(Working, ShardOptions):
-    """Which episodes to drive, and where their rows go: what evaluate and robust share."""
+class Episodes(Working, WorkerOptions):
+    """Options of the episodes to drive and of the files to write."""
 
     policy: tuple[str, ...] = ("follow", "brake", "reinforce", "ppo", "threaded_ppo")
-    """Policies to compare: names of `warehouse policies`, folders of trained ones, models of stable-baselines3
+    """Policies to compare: names of `warehouse policies`, folders of trained policies, models of stable-baselines3
     (FILE.zip), or your own, FILE.py:CLASS or MODULE:CLASS."""
     layout: Annotated[tuple[str, ...], BY_MAP] = (EnvConfig.layout,)
-    """Floors to drive on: names of `warehouse layouts`, files NAME.map, or NAME.yaml of map_server with how it is read,
-    as in hall.yaml:cell=0.75, or your own, FILE.py:FUNCTION."""
+    """Floors to drive on: names of `warehouse layouts`, files NAME.map, NAME.yaml of map_server with parameters, as in
+    hall.yaml:cell=0.75, or your own, FILE.py:FUNCTION."""
     robots: tuple[int, ...] = (16,)
     """Numbers of robots."""
     episodes: int = 5
@@ -86,31 +82,30 @@ class Episodes(Working, ShardOptions):
     seconds: float = 600.0
     """Simulated time of an episode [s]."""
     tasks: TaskMode = "lifelong"
-    """lifelong: a new goal after every arrival; one_shot: one goal each, then parked."""
+    """lifelong: a new goal after every arrival; one_shot: one goal per robot, which then parks."""
     json: Path | None = None
-    """File for the rows, one an episode, as JSON lines (OUT/rows.jsonl if left out)."""
+    """File for the rows, one per episode, as JSON lines (default: OUT/rows.jsonl)."""
     out: Path = Path("results/evaluate")
     """Folder for the rows, the table and the pictures."""
     resume: bool = False
-    """Keep the rows that the file holds already, and play only the episodes that it lacks."""
+    """Keep the rows in the file, and play only the missing episodes."""
     overwrite: bool = False
-    """Replace the rows that the file holds already."""
+    """Replace the rows in the file."""
 
     @property
     def rows_path(self) -> Path:
         """Where the rows go."""
-        every = self.json or self.out / "rows.jsonl"
-        return every if self.share is None else self.share.beside(every)
+        return self.json or self.out / "rows.jsonl"
 
     def rows_file(self, resumes: bool = True) -> RowFile:
-        """Return the file of the rows, a context that asks before it replaces any; resumes: whether --resume helps."""
+        """Return the file of the rows, a context that refuses to replace any; resumes: whether --resume helps."""
         return RowFile(self.rows_path, keep=self.resume, instead=instead(self.overwrite, resumes))
 
     def tabulate(
         self, experiments: Sequence[Experiment], table_of: Callable[[Sequence[Row]], Table], traced: bool = False,
         notes: RowFile | None = None,
     ) -> tuple[list[Row], list[Trace]]:  # fmt: skip
-        """Play the experiments, print the table of their rows and write both; return what `play` does."""
+        """Play the experiments, print and write the table and the rows; return the result of `play`."""
         table_path = self.out / "table.md"
         check_writable(table_path)
         with self.rows_file() as file:
@@ -120,31 +115,14 @@ class Episodes(Working, ShardOptions):
         write_text(table_path, table.markdown())
         return rows, traces
 
-    def do_share(self, jobs: Sequence[Job]) -> bool:
-        """Do a share of jobs, if that is what is asked for, write its rows and say what is next; return whether it was.
-
-        There is no table of a share.
-        """
-        share = self.share
-        if share is None:
-            return False
-        with self.rows_file() as file, Runner(file, file.old(), self.workers(), goes_on=GOES_ON) as run:
-            rows = run(share.jobs(jobs))
-        every = self.json or self.out / "rows.jsonl"
-        print(
-            f"wrote {len(rows):,} rows to {self.rows_path}; {share.then(every)} the same command with --resume instead "
-            f"of --shard {self.shard} makes the table"
-        )
-        return True
-
     def experiments(self, disturbance: str | None = None) -> list[Experiment]:
-        """Return the product of floors, robot counts and policies; everything that can be checked now is."""
+        """Return the product of floors, robot counts and policies, checked as far as possible."""
         for name, values in (("policy", self.policy), ("robots", self.robots), ("layout", self.layout)):
             if not values:
                 raise ConfigError(f"--{name} needs at least one value")
         make_planner(self.planner)
         for name in self.layout:
-            self.note_orders(make_layout(name))  # a wrong name is said before anything drives
+            self.note_orders(make_layout(name))  # raises before anything drives
         experiments = []
         for layout in self.layout:
             for robots in dict.fromkeys(self.robots):
@@ -162,15 +140,13 @@ class Evaluate(Episodes):
     """Drive policies through held-out episodes on layouts or maps; print means with 95% intervals."""
 
     pictures: bool = True
-    """Draw the trajectories of one episode of each policy, and a chart of collisions and goals."""
+    """Draw the trajectories of one episode per policy, and a bar chart of collisions."""
     report: Path | None = None
-    """Folder for a page to read and share: what the figures show in words, charts, heat maps, the worst as replays."""
+    """Folder for a page to read and share: the table, charts, heat maps, and replays of the worst episodes."""
 
     def run(self) -> None:
         """Play all experiments, print the table, write rows, pictures and the report."""
         experiments = self.experiments()
-        if self.do_share([EpisodesJob(one) for one in experiments]):
-            return
         if self.pictures or self.report is not None:
             require_charts()
         if self.report is not None:
@@ -194,7 +170,7 @@ class Evaluate(Episodes):
 
 @dataclass(frozen=True)
 class Robust(Episodes):
-    """Drive policies with other bodies, worse sensors, lost messages, a broken robot; print what holds and breaks."""
+    """Drive policies with other bodies, worse sensors, lost messages or a broken robot; print what holds and breaks."""
 
     policy: tuple[str, ...] = ("greedy", "reinforce", "ppo", "threaded_ppo")
     """Policies to compare, named as for `warehouse evaluate`."""
@@ -203,9 +179,9 @@ class Robust(Episodes):
     robots: tuple[int, ...] = (16, 32)
     """Numbers of robots."""
     disturbance: tuple[str, ...] = tuple(DISTURBANCES)
-    """What to disturb; each is held against the undisturbed world, which is driven in any case."""
+    """Disturbances, each compared with the undisturbed world, which is always driven."""
     episodes: int = 3
-    """Episodes of each disturbance, policy, floor and number of robots; all have the same seeds."""
+    """Episodes of each disturbance, policy, floor and number of robots, with the same seeds."""
     seconds: float = 300.0
     """Simulated time of an episode [s]."""
     out: Path = Path("results/robust")
@@ -215,53 +191,5 @@ class Robust(Episodes):
         """Play everything, print the table, write rows and table."""
         names = dict.fromkeys((UNDISTURBED, *map(known, self.disturbance)))
         experiments = [experiment for name in names for experiment in self.experiments(name)]
-        if self.do_share([EpisodesJob(one) for one in experiments]):
-            return
         self.tabulate(experiments, robust_table)
         print(f"wrote the rows to {self.rows_path}, the table to {self.out}")
-
-
-@dataclass(frozen=True)
-class Scenes(Drive):
-    """Drive policies through symmetric scenes (head-on, crossing, circle swap); print the share that is resolved."""
-
-    scene: tuple[str, ...] = tuple(SCENES)
-    """Scenes to play."""
-    policy: tuple[str, ...] = ("ppo",)
-    """Policies to compare, named as for `warehouse evaluate`."""
-    seeds: int = 1000
-    """Seeds of each scene and policy."""
-    seconds: float = 120.0
-    """Simulated time within which all robots must have arrived [s]."""
-    json: Path | None = None
-    """File for the rows, one a seed, as JSON lines (OUT/rows.jsonl if left out)."""
-    overwrite: bool = False
-    """Replace the rows that the file holds already."""
-    out: Path = Path("results/scenes")
-    """Folder for the rows and the table."""
-
-    def run(self) -> None:
-        """Play everything, print the table, write rows and table."""
-        for name in self.scene:
-            if name not in SCENES:
-                raise unknown_name("scene", name, SCENES)
-        if not 1 <= self.seeds <= MOST:
-            raise ConfigError(f"--seeds {self.seeds} must lie between 1 and {MOST:,}")
-        make_planner(self.planner)
-        base, chosen = EnvConfig(planner=self.planner), self.chosen()
-        for policy in self.policy:  # finds what is wrong before the start
-            make_experiment(policy, base, self.seeds, self.seconds, self.seed, chosen)
-        check_writable(self.out / "table.md")
-        seeds = range(self.seed, self.seed + self.seeds)
-        jobs = [
-            SceneJob(name, policy, base, self.seconds, seeds, chosen)
-            for name in dict.fromkeys(self.scene)
-            for policy in dict.fromkeys(self.policy)
-        ]
-        kept = RowFile(self.json or self.out / "rows.jsonl", instead=instead(self.overwrite, resumes=False))
-        with kept as file, Runner(file) as run:
-            rows = run(jobs)
-        table = scene_table(rows)
-        table.print()
-        write_text(self.out / "table.md", table.markdown())
-        print(f"wrote the rows to {file.path} and the table to {self.out}")

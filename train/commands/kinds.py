@@ -17,25 +17,26 @@ _MOST = 1_000_000  # bytes of a file
 
 @dataclass(frozen=True)
 class Fleet(Checked):
-    """The option of commands whose robots may be of other kinds."""
+    """The option for other kinds of robots."""
 
     fleet: Path | None = None
-    """Let robots be of other kinds: a JSON file, as [{"share": 0.25, "robot": {"length": 1.4}}]; "share": 1 makes all
-    of them so, "count": 8 instead eight of them."""
+    """Drive other kinds of robots: a JSON file, as [{"share": 0.25, "robot": {"length": 1.4}}]; "share": 1 changes all
+    robots, "count": 8 eight robots."""
 
     def kinds(self) -> Kinds | None:
         """Return the kinds of robots; None where all are as RobotSpec has them."""
         return None if self.fleet is None else read_fleet(self.fleet)
 
     def kinds_of(self, robots: int) -> dict[str, Any]:
-        """Return what the option sets of EnvConfig for so many robots."""
+        """Return the fields of EnvConfig that the option sets for so many robots."""
         kinds = self.kinds()
         return {} if kinds is None else kinds.of(robots)
 
 
 def read_fleet(path: Path) -> Kinds:
-    """Return the kinds that a file lists as [{"share": 0.25, "robot": {"length": 1.4}}], say; what a robot leaves out
-    is as RobotSpec has it. ConfigError or MapError says what cannot be used.
+    """Return the kinds in a file such as [{"share": 0.25, "robot": {"length": 1.4}}]; missing fields are RobotSpec's.
+
+    Raises ConfigError or MapError for a file that cannot be used.
     """
     parts = read_json(path, "fleet", _MOST, ConfigError)
     if not isinstance(parts, list) or not parts:

@@ -1,4 +1,4 @@
-"""`warehouse orders`, which draws a file of orders, and the options of commands whose robots carry them out."""
+"""`warehouse orders`, which draws a file of orders, and the options of robots' work."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ from warehouse_env.work import BatterySpec, OrderSpec, ServiceSpec
 
 @dataclass(frozen=True)
 class Work(Checked):
-    """Options of what robots work at; all but these of EnvConfig.service, orders and battery are at their defaults."""
+    """Options of robots' work; the other fields of EnvConfig's service, orders and battery have their defaults."""
 
     service: float | None = None
-    """Let robots stand so long at every pick face and station [s] (none if left out)."""
+    """Service time at every pick face and station [s] (default: none)."""
     orders: Path | None = None
-    """Orders to carry out: a file as `warehouse orders` writes it, CSV or JSON lines."""
+    """Orders to carry out: a file of `warehouse orders`, CSV or JSON lines."""
     orders_per_hour: float | None = None
-    """Draw so many orders an hour instead, at random moments."""
+    """Draw this many random orders per hour instead."""
     allocation: str = OrderSpec.allocation
-    """Who gets which order: nearest, fifo or optimal."""
+    """Assignment of orders to robots: nearest, fifo or optimal."""
     battery: bool = False
-    """Let robots use up energy, and charge."""
+    """Simulate batteries and charging."""
 
     def work(self) -> dict[str, Any]:
-        """Return what these options set of EnvConfig; ConfigError for a file that holds no orders, say."""
+        """Return the fields of EnvConfig that the options set; ConfigError for a file without orders, say."""
         make_allocator(self.allocation)
         given: dict[str, Any] = {}
         if self.orders is not None and self.orders_per_hour is not None:
@@ -52,33 +52,33 @@ class Work(Checked):
         return given | {"arrival": "stop"} if given else given
 
     def note_orders(self, grid: GridMap) -> None:
-        """Warn of orders to cells of a floor that are neither pick faces nor stations, which workers do not."""
+        """Warn of orders to cells of a floor that are neither pick faces nor stations."""
         if self.orders is not None:
             note_strays(read_orders(self.orders), grid)
 
 
 @dataclass(frozen=True)
 class Orders(Checked):
-    """Draw orders for a floor and write them to a file, which `warehouse evaluate --orders` carries out."""
+    """Draw random orders for a floor and write them to a file for `warehouse evaluate --orders`."""
 
     layout: str = EnvConfig.layout
     """Floor: a name of `warehouse layouts`, a MovingAI file NAME.map, or your own, FILE.py:FUNCTION."""
     hours: float = 8.0
-    """How long orders come."""
+    """Hours in which orders arrive."""
     per_hour: float = OrderSpec.per_hour
-    """Orders an hour in the mean, at random moments."""
+    """Mean number of orders per hour, at random times."""
     demand: tuple[float, ...] = OrderSpec.demand
-    """Shares of the orders that want something of class A, B, C, ..."""
+    """Shares of the orders for goods of class A, B, C, ..."""
     faces: tuple[float, ...] = OrderSpec.faces
-    """Shares of the pick faces that are of these classes."""
+    """Shares of the pick faces with goods of these classes."""
     picks: int = OrderSpec.picks
-    """Pick faces that an order visits, from 1 to this many."""
+    """Most pick faces of an order, at least 1."""
     weight: float = OrderSpec.weight
-    """Weight of an order in the mean [kg]."""
+    """Mean weight of an order [kg]."""
     due: float = OrderSpec.due
-    """When it is due after its release [s]."""
+    """Time from release to due date [s]."""
     wave: float = OrderSpec.wave
-    """Seconds from one release of all that has come to the next; 0: each as it comes."""
+    """Time between two releases of all waiting orders [s]; 0: release each order at once."""
     seed: int = 0
     """Seed of the orders."""
     out: Path = Path("orders.csv")

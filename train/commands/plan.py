@@ -15,7 +15,7 @@ import numpy as np
 from train.commands.layouts import BY_MAP
 from train.evaluation.jobs import Job, Result, Runner, Tick
 from train.evaluation.pictures import plan_pictures
-from train.evaluation.planning_runs import OPTIMAL, Run, Task, is_optimal, make_task, plan_once
+from train.evaluation.planning_runs import Run, Task, is_optimal, make_task, plan_once
 from train.evaluation.rollout import MOST
 from train.reporting.report import Table, counted, grouped, number, require_charts, with_interval
 from train.reporting.rows import Row, RowFile, mean_interval
@@ -34,13 +34,13 @@ _ROUNDING = 0.01  # [cells], of recorded lengths
 
 @dataclass(frozen=True)
 class PlanCommand(Checked):
-    """Compare planners on the tasks of a map: how often they find the shortest path, with how many turns, how fast."""
+    """Compare planners on the tasks of a map: share of shortest paths, turns, time."""
 
     layout: Annotated[str | None, BY_MAP] = None
     """The floor (paper46): a name of `warehouse layouts`, a file NAME.map or NAME.yaml, or your own, FILE.py:FUNCTION;
     its named tasks are planned unless other tasks are given."""
     scen: Path | None = None
-    """A MovingAI .scen file with tasks for the floor; if none is given, the map of that name beside it is used."""
+    """A MovingAI .scen file with tasks; without --layout, the map of that name beside it is used."""
     planner: tuple[str, ...] = ("pf_aco", "aco", "astar_turns", "astar")
     """Planners to compare: names of `warehouse planners`, with parameters if need be, as in pf_aco:ants=20, or your
     own, FILE.py:CLASS or MODULE:CLASS."""
@@ -49,13 +49,13 @@ class PlanCommand(Checked):
     goal: str | None = None
     """Goal of a single task, as ROW,COLUMN."""
     tasks: int | None = None
-    """Number of tasks: drawn from the scenario file where one is given, else at random from the floor."""
+    """Number of tasks, drawn from the scenario file if there is one, else at random from the floor."""
     runs: int = 30
     """Runs of each planner on each task, each with its own seed."""
     seed: int = 0
     """Seed of the runs, and of tasks that are drawn."""
     json: Path | None = None
-    """Write the rows, one a run, to this file as JSON lines."""
+    """Write the rows, one per run, to this file as JSON lines."""
     out: Path = Path("results/plan")
     """Folder for the table and the pictures of the paths and of the convergence."""
     pictures: bool = True
@@ -82,7 +82,7 @@ class PlanCommand(Checked):
         ]
         with RowFile(self.json) as file, Runner(file, hear=lambda number, run: kept.append(run)) as run:
             rows = run(jobs)
-        table = plan_table(rows, plan_note(rows))
+        table = plan_table(rows)
         table.print()
         write_text(self.out / "table.md", table.markdown())
         if self.pictures:
@@ -131,7 +131,7 @@ class PlanJob(Job):
     titled = "{label} · {task.name}"
 
     def run(self, tick: Tick) -> Result:
-        """Plan; a first plan of each planner, which may compile, is thrown away. more: the run."""
+        """Plan; the first plan of each planner may compile and is discarded. `more` is the run."""
         if self.number == self.number_of_run == 0:
             self.planner.plan(self.grid, self.task.start, self.task.goal, np.random.default_rng(self.seed))
         run = plan_once(self.grid, self.planner, self.task, self.number, self.number_of_run, self.seed, self.label)
@@ -196,7 +196,7 @@ _HEADER = (
 )  # fmt: skip
 
 
-def plan_table(rows: Sequence[Row], note: str = "") -> Table:
+def plan_table(rows: Sequence[Row]) -> Table:
     """Return one line for each planner and task, means over its runs; a climb column where the floor is uneven."""
     uneven = any(row["climb_m"] for row in rows)
     cells = []
@@ -213,52 +213,7 @@ def plan_table(rows: Sequence[Row], note: str = "") -> Table:
     title = (
         f"Planners on {rows[0]['layout']}, {counted(runs, 'run')} each: means [95% interval by Student's t over runs]"
     )
-    return Table(title, _HEADER + (("climb [m]",) if uneven else ()), tuple(cells), note, labels=2)
-
-
-def plan_note(rows: Sequence[Row]) -> str:
-    """Say what the exact searches cost and find, and what every colony adds to them, in the figures of `rows`."""
-    every = {str(planner): group for (planner,), group in grouped(rows, ("planner",)).items()}
-    exact = {name: group for name, group in every.items() if name.partition(":")[0] in ("astar", "astar_turns")}
-    lines = [
-        f"{name} takes {number(_median_ms(group), 2)} ms and finds the shortest path in "
-        f"{_share(map(is_optimal, group))} of its runs, one with the fewest possible turns in "
-        f"{_share(map(_fewest, group))}."
-        for name, group in exact.items()
-    ]
-    if lines:
-        lines[0] = f"Plainly: {lines[0]}"
-    for name, group in every.items():
-        if any(row["iterations"] for row in group):
-            lines += _colony(name, group, exact)
-    return "\n".join(lines)
-
-
-def _colony(planner: str, group: Sequence[Row], exact: dict[str, list[Row]]) -> list[str]:
-    """Return the lines on one colony: its time and optimality, and what it adds to each exact search."""
-    ms = _median_ms(group)
-    shares = f"the shortest path in {_share(map(is_optimal, group))}, the fewest turns in {_share(map(_fewest, group))}"
-    lines = [f"{planner} takes {number(ms, 2)} ms and finds {shares} of its runs."]
-    for name, own in exact.items():
-        times = number(ms / _median_ms(own), 2)
-        lines.append(f"  Over {name}, which is {times} times as fast, it adds {_added(group, own)}.")
-    return lines
-
-
-def _added(group: Sequence[Row], exact: Sequence[Row]) -> str:
-    """Return where the colony's mean path is better than the exact search's: turns and climb; "nothing" if nowhere."""
-    better = [
-        f"{what} ({number(_mean(group, name))} against {number(_mean(exact, name))} {unit} a path)"
-        for what, name, unit in (("fewer turns", "turns", "turns"), ("a gentler floor", "climb_m", "m of climb"))
-        if _mean(group, name) < _mean(exact, name) * (1 - OPTIMAL)
-    ]
-    longer = _mean(group, "gap") - _mean(exact, "gap")
-    cost = f" for paths {number(100 * longer, 2)}% longer" if better and longer > OPTIMAL else ""
-    return (" and ".join(better) or "nothing") + cost
-
-
-def _fewest(row: Row) -> bool:
-    return is_optimal(row) and bool(row["turns"] <= row["min_turns"])
+    return Table(title, _HEADER + (("climb [m]",) if uneven else ()), tuple(cells))
 
 
 def _share(values: Iterable[bool]) -> str:

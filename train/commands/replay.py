@@ -1,4 +1,4 @@
-"""`warehouse record` and `replay`: an episode into a file, and one or two out of files as a page, a video, a window."""
+"""`warehouse record` and `replay`: save an episode to a file, and show one or two as a page, a video or a window."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Record(Working):
-    """Drive a policy through one episode and keep it as a file, for `warehouse replay`."""
+    """Drive a policy through one episode and save it to a file, for `warehouse replay`."""
 
     policy: str = "ppo"
     """Policy to drive, named as for `warehouse evaluate`."""
@@ -53,7 +53,7 @@ class Record(Working):
     """File for the episode."""
 
     def run(self) -> None:
-        """Drive and write; say what happened, and how to look at it."""
+        """Drive, write the file, and print the command that shows it."""
         base = EnvConfig(self.layout, self.robots, self.planner, self.tasks)
         experiment = make_experiment(self.policy, base, 1, self.seconds, self.seed, self.chosen_for(self.robots))
         file = RowFile(self.json)
@@ -83,25 +83,25 @@ class ReplayCommand(Checked):
     episodes: tyro.conf.Positional[tuple[Path, ...]]
     """One or two files of `warehouse record`, or of `warehouse fleet --listen`."""
     html: Path | None = None
-    """Write one HTML file, which any browser shows without a network."""
+    """Write one HTML file, which any browser shows offline."""
     video: Path | None = None
     """Write a video, .mp4 or .gif."""
     window: bool = False
-    """Show it in a window, until it ends or is closed."""
+    """Show the episodes in a window until they end or it is closed."""
     title: str = ""
-    """Title of the page or the window (what is shown, if left out)."""
+    """Title of the page or the window (default: the names of the policies)."""
     robot: int | None = None
-    """Robot that the page begins with."""
+    """Robot that the page selects at first."""
     speed: float = 4.0
-    """Simulated seconds that a second of the video or the window shows."""
+    """Simulated seconds per second of the video or the window."""
     pixels: int = 736
     """Longest side of a floor in the video or the window [px]."""
     seed: int | None = None
-    """Which of an episode's worlds to show, by its seed (its first, if left out)."""
+    """Seed of the world to show (default: the first world)."""
     planner: tuple[str, ...] = ()
-    """Planners of your own by which episodes were recorded, as they were named then: a file's word runs no code."""
+    """Your own planners that the episodes were recorded with, under the same names: files alone never run code."""
     policy: tuple[str, ...] = ()
-    """Policies of your own that drove in the episodes, likewise, to show what they like."""
+    """Your own policies that drove the episodes, under the same names, to show their preferences."""
     json: Path | None = None
     """Write a row about each episode to this file as JSON lines."""
 
@@ -217,7 +217,7 @@ def pace(episodes: Sequence[Episode], speed: float) -> tuple[float, float]:
 def frames(
     episodes: Sequence[Episode], worlds: Sequence[int], names: Sequence[str], every: float, pixels: int
 ) -> Iterator[NDArray[np.uint8]]:
-    """Yield pictures uint8[H, W, 3] of all episodes side by side; one that is over waits for the other."""
+    """Yield pictures uint8[H, W, 3] of all episodes side by side; a finished one shows its last frame."""
     from warehouse_env.render.floor import scale_for
     from warehouse_env.render.frame import draw
 

@@ -1,13 +1,15 @@
-"""`warehouse train reinforce`, `ppo` and `threaded_ppo`: the trainers' own options; `warehouse curves`: how it went."""
+"""`warehouse train reinforce`, `ppo` and `threaded_ppo`, and `warehouse curves`."""
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import importlib
 import os
 import shlex
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, make_dataclass
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self, get_type_hints
 
@@ -16,16 +18,15 @@ import tyro
 from agents.weights_folder import read_record
 from train.commands.kinds import read_fleet
 from train.evaluation.workers import check_address
-from train.learning.config import PPOConfig, ReinforceConfig, ThreadedPPOConfig, TrainingConfig
+from train.learning.config import PPOConfig, ReinforceConfig, ThreadedConfig, ThreadedPPOConfig, TrainingConfig
 from train.learning.curves import read_run
+from train.learning.progress import ROWS
 from train.learning.recipes import Recipe, ThreadedPPORecipe, by_recipe
 from train.reporting.report import require_charts
 from train.reporting.rows import RowFile, read_rows
 from warehouse_env.checked import Checked
 from warehouse_env.errors import ConfigError
 from warehouse_env.render.learning_curves import learning_curves
-
-_ROWS = "progress.jsonl"  # in a run's folder
 
 
 @dataclass(frozen=True)
@@ -37,28 +38,27 @@ class _Train:
     module: ClassVar[str]  # with a function `train`, imported when it is called, for it needs torch
 
     recipe: Recipe = "shipped"
-    """What the other options are where they are left out. shipped: those of the shipped weights; bare: without field,
-    live routes and shared rewards, as in the papers. `--recipe NAME --help` shows them."""
+    """Defaults of the other options. shipped: those of the shipped weights; bare: without shield, live routes and
+    shared rewards, as in the papers. `--recipe NAME --help` shows them."""
 
     fleet: Path | None = None
-    """Train with robots of other kinds: a JSON file, as [{"share": 0.25, "robot": {"length": 1.4}}]; "share": 1 makes
-    all of them so, "count": 8 instead eight of each world's."""
+    """Train with other kinds of robots: a JSON file, as [{"share": 0.25, "robot": {"length": 1.4}}]; "share": 1 changes
+    all robots, "count": 8 eight robots of each world."""
 
     json: Path | None = None
     """Also write the rows of the training's progress to this file as JSON lines."""
 
     seeds: int = 1
-    """Train under so many seeds from --seed on, each in a folder NAME-SEED, and show a table; what was stopped goes on,
-    what has ended stands."""
+    """Train under so many seeds from --seed on, one after the other, each in a folder NAME-SEED, and show a table. A
+    stopped training goes on; a finished one is kept."""
 
     ray: str | None = None
-    """Use a Ray cluster: auto (the one this machine belongs to), HOST:PORT, or local (this machine). Several seeds are
-    trained side by side; a single one, by reinforce and threaded_ppo, has each of its --threads on a core of the
-    cluster, and learns the same to the bit on equal processors."""
+    """Run each of the --threads of reinforce or threaded_ppo on a core of a Ray cluster: auto (the one this machine
+    belongs to), HOST:PORT, or local (this machine). On equal processors it learns the same to the bit."""
 
     @classmethod
     def defaults_for(cls, arguments: Sequence[str]) -> Self:
-        """Return the options by the recipe that a command line names; what else it says overrides them."""
+        """Return the options of the recipe that a command line names."""
         kinds = get_type_hints(cls)
         named = make_dataclass("named", [("recipe", kinds["recipe"], cls.recipe)])
         words = [word for word in arguments if word not in ("-h", "--help")]
@@ -66,72 +66,67 @@ class _Train:
         return cls(config=by_recipe(kinds["config"], recipe), recipe=recipe)
 
     def run(self) -> None:
-        """Train; the last line says what was written and where, after Ctrl-C as well."""
+        """Train; the last line says what was written where, also after Ctrl-C."""
         if not 1 <= self.seeds <= 10_000:
             raise ConfigError(f"--seeds {self.seeds} must lie between 1 and 10,000")
-        if self.fleet is not None:  # goes into the configuration, which is kept, as what it says
+        if self.fleet is not None:  # the configuration keeps the content of the file
             config = dataclasses.replace(self.config, fleet=read_fleet(self.fleet))
             dataclasses.replace(self, fleet=None, config=config).run()
             return
         if self.ray is not None:
             check_address(self.ray)
-        if self.seeds > 1:
-            self._train_seeds()
-            return
-        file, directory = RowFile(self.json), self.config.directory
-        try:
-            self._train()
-        except KeyboardInterrupt:
-            if (directory / _ROWS).exists():  # else nothing was begun
-                self._close(file)
-            raise
-        self._close(file)
+            if not isinstance(self.config, ThreadedConfig):
+                raise ConfigError("--ray must be left out: only reinforce and threaded_ppo train on several machines")
+        file = RowFile(self.json)
+        with self._trainer() as train:
+            if self.seeds > 1:
+                self._train_seeds(train, file)
+            else:
+                self._train(train, file)
 
-    def _train(self) -> None:
-        if self.ray is not None:
-            raise ConfigError(
-                "--ray needs --seeds above 1 here: only reinforce and threaded_ppo train on several machines"
-            )
-        importlib.import_module(self.module).train(self.config)
-
-    def _train_seeds(self) -> None:
-        from train.commands.seeds import of_seeds, seeds_table, train_here, train_on_cluster
-
-        file, configs = RowFile(self.json), of_seeds(self.config, self.seeds)
+    @contextlib.contextmanager
+    def _trainer(self) -> Iterator[Callable[[TrainingConfig], object]]:
+        """Yield the function that trains, on the cluster if there is one."""
+        train = importlib.import_module(self.module).train
         if self.ray is None:
-            train_here(self.module, configs)
-        else:
-            train_on_cluster(self.module, configs, self.ray)
-        for config in configs:
-            about = {"run": config.name, "training_seed": config.seed}
-            file.add([{**about, **row} for row in read_rows(config.directory / _ROWS)])
-        seeds_table(configs).print()
-        rows = "" if self.json is None else f", the rows to {self.json}"
-        print(f"wrote {self.seeds} policies to {configs[0].directory} and on{rows}")
-
-    def _close(self, file: RowFile) -> None:
-        file.add(read_rows(self.config.directory / _ROWS))
-        print(_end(self.config.directory, self.json))
-
-
-@dataclass(frozen=True)
-class _TrainThreaded(_Train):
-    """A trainer whose workers can be on several machines."""
-
-    def _train(self) -> None:
-        if self.ray is None:
-            super()._train()
+            yield train
             return
         from train.evaluation.cluster import joined
         from train.evaluation.kernels import compile_missing
         from train.learning.actors import Actors
 
         with joined(self.ray, compile_missing, max(self.config.threads, os.cpu_count() or 1)):
-            importlib.import_module(self.module).train(self.config, Actors)
+            yield partial(train, crew=Actors)
+
+    def _train(self, train: Callable[[TrainingConfig], object], file: RowFile) -> None:
+        directory = self.config.directory
+        try:
+            train(self.config)
+        except KeyboardInterrupt:
+            if (directory / ROWS).exists():  # else nothing was begun
+                self._close(file)
+            raise
+        self._close(file)
+
+    def _close(self, file: RowFile) -> None:
+        file.add(read_rows(self.config.directory / ROWS))
+        print(_end(self.config.directory, self.json))
+
+    def _train_seeds(self, train: Callable[[TrainingConfig], object], file: RowFile) -> None:
+        from train.commands.seeds import of_seeds, seeds_table, train_missing
+
+        configs = of_seeds(self.config, self.seeds)
+        train_missing(train, configs)
+        for config in configs:
+            about = {"run": config.name, "training_seed": config.seed}
+            file.add([{**about, **row} for row in read_rows(config.directory / ROWS)])
+        seeds_table(configs).print()
+        rows = "" if self.json is None else f", the rows to {self.json}"
+        print(f"wrote {self.seeds} policies to {configs[0].directory} and on{rows}")
 
 
 @dataclass(frozen=True)
-class TrainReinforce(_TrainThreaded):
+class TrainReinforce(_Train):
     """Train our policy gradient: REINFORCE over the next action command, with a learned value as baseline."""
 
     module = "train.reinforce"
@@ -147,14 +142,14 @@ class TrainPPO(_Train):
 
 
 @dataclass(frozen=True)
-class TrainThreadedPPO(_TrainThreaded):
+class TrainThreadedPPO(_Train):
     """Train proximal policy optimisation of our own, in threads as REINFORCE is."""
 
     module = "train.threaded_ppo"
     recipe: ThreadedPPORecipe = "shipped"  # type: ignore[assignment]
-    """What the other options are where they are left out. shipped: those of the shipped weights; bare: without field,
-    live routes and shared rewards, as in the papers; unshielded: those of that policy, without field and right of way,
-    with dear contacts. `--recipe NAME --help` shows them."""
+    """Defaults of the other options. shipped: those of the shipped weights; bare: without shield, live routes and
+    shared rewards, as in the papers; unshielded: those of the policy `unshielded`, with large contact penalties instead
+    of the shield. `--recipe NAME --help` shows them."""
     config: Annotated[ThreadedPPOConfig, tyro.conf.arg(name="")] = field(default_factory=ThreadedPPOConfig)
 
 
@@ -173,16 +168,16 @@ def _end(directory: Path, json: Path | None) -> str:
 
 @dataclass(frozen=True)
 class Curves(Checked):
-    """Draw goals, collisions and entropy of runs of training over their steps, those of an algorithm in one colour."""
+    """Draw goals, collisions and entropy of training runs over their steps, one colour per algorithm."""
 
     runs: tyro.conf.Positional[tuple[Path, ...]]
     """Folders of runs, as `warehouse train` makes them."""
     seed: tuple[int, ...] = ()
-    """Seeds of training; runs with others are left out (none if left out)."""
+    """Draw only runs with these training seeds (default: all runs)."""
     out: Path = Path("results/curves.png")
     """File for the picture."""
     json: Path | None = None
-    """File for what is drawn, a row a point, as JSON lines."""
+    """File for the points, one row each, as JSON lines."""
 
     def run(self) -> None:
         """Read all runs, then draw them."""

@@ -1,9 +1,8 @@
-"""What is unlike the undisturbed world: other bodies, worse sensors, lost messages, a robot that breaks down, people.
+"""Disturbances: other bodies, worse sensors, lost messages, a robot that breaks down, people.
 
-Bodies, speeds, messages, errors and people are fields of EnvConfig. Lidar and delay spoil what the policy observes
-and nothing else: the path follower, the field and the right of way know a robot's own state exactly and at once.
-Latency is the field's, and changes nothing for policies without one.
-A new disturbance is a line in DISTURBANCES, and every table has its row.
+Bodies, speeds, messages, errors and people are fields of EnvConfig. Lidar and delay disturb only what the policy
+observes: the path follower, the shield and right of way know a robot's own state exactly and at once. Latency affects
+only the shield. A new disturbance is a line in DISTURBANCES.
 """
 
 from __future__ import annotations
@@ -33,17 +32,17 @@ _SENSES, _BREAKDOWN = 3, 4  # streams of a seed, apart from the world's, the pol
 
 @dataclass(frozen=True)
 class Disturbance:
-    """One row of the table: fields of EnvConfig that it sets, and what it does besides."""
+    """The fields of EnvConfig that a disturbance sets, and what else it does."""
 
     summary: str
     changes: Mapping[str, Any] = field(default_factory=dict)
     range_noise: float = 0.0  # [m], standard deviation of every range that lidar measures
     dropout: float = 0.0  # share of the rays that read "nothing there"
-    delay: float = 0.0  # [s] by which the whole observation is old
+    delay: float = 0.0  # [s], age of the whole observation
     breakdown: float | None = None  # [s] after which one robot of each world breaks down in an aisle
 
     def config(self, config: EnvConfig) -> EnvConfig:
-        """Return a policy's config with the changes; where they change the maximum speed, the fastest command is it."""
+        """Return a policy's config with the changes; the fastest command follows a changed maximum speed."""
         changed = config.replace(**self.changes)
         most, fastest = changed.robot.max_speed, max(config.speed_levels)
         if most == config.robot.max_speed:
@@ -52,12 +51,12 @@ class Disturbance:
 
     @property
     def strengths(self) -> dict[str, float]:
-        """What it does besides the changes, as JSON."""
+        """What it does besides the changes, in JSON types."""
         return {name: getattr(self, name) for name in ("range_noise", "dropout", "delay", "breakdown")}
 
 
 def body(length: float, front_steered: bool = False) -> RobotSpec:
-    """Return a robot of another length [m], axles in proportion; front-steered: the same one the other way round."""
+    """Return a robot of another length [m] with axles in proportion; front_steered: the same body turned round."""
     usual = RobotSpec()
     scale = length / usual.length
     overhang = scale * (usual.rear_reach if front_steered else usual.front_overhang)
@@ -107,7 +106,7 @@ def known(name: str) -> str:
 
 
 class Senses:
-    """What one world's robots see through their disturbed sensors; draws from a stream of the seed's own."""
+    """The disturbed sensors of one world's robots, with a random stream of their own."""
 
     def __init__(self, disturbance: Disturbance, config: EnvConfig, seed: int) -> None:
         self._disturbance = disturbance
@@ -118,9 +117,9 @@ class Senses:
         self._seen: deque[Observation] = deque(maxlen=late + 1)
 
     def see(self, observation: Observation) -> Observation:
-        """Return what the robots see, float32[..., D]; called once a decision, with what there is to see.
+        """Return the disturbed observation, float32[..., D]; called once per decision.
 
-        In the first decisions of a delay they see what was there at the start.
+        Until a delay has passed, robots see the start.
         """
         spoiled = self._spoil(observation)
         if self._seen.maxlen == 1:
@@ -141,7 +140,7 @@ class Senses:
         return spoiled
 
     def _noisy(self, rays: NDArray[np.float32], noise: float) -> NDArray[np.float32]:
-        """Return rays 1 / (1 + d) of ranges d that are off by `noise` [m]; where nothing is, nothing is measured."""
+        """Return rays 1 / (1 + d) with noise [m] on the range d; rays without an echo stay so."""
         ranges = 1.0 / rays.astype(np.float64) - 1.0
         off = np.maximum(ranges + noise * self._rng.standard_normal(rays.shape), 0.0)
         measured = np.maximum((1.0 / (1.0 + off)).astype(np.float32), self._nothing)
@@ -149,7 +148,7 @@ class Senses:
 
 
 def in_aisles(grid: GridMap) -> NDArray[np.bool_]:
-    """Return bool[H, W]: free cells with shelves on two opposite sides, no more than NARROW cells between them."""
+    """Return bool[H, W]: free cells between two shelves that are at most NARROW cells apart."""
     free = ~grid.occupied
     found = np.zeros_like(free)
     for cells, aisle in ((free, found), (free.T, found.T)):  # along rows, then along columns
@@ -162,8 +161,8 @@ def in_aisles(grid: GridMap) -> NDArray[np.bool_]:
 
 
 class Breakdown:
-    """A watcher that has one robot of each world break down: the first moment after `after` [s] that finds one in an
-    aisle; of several, one by chance, from a stream of the seed's own.
+    """A watcher that breaks down one robot of each world: a random one in an aisle, as soon as there is one after
+    `after` [s]. Draws from a random stream of its own.
     """
 
     def __init__(self, after: float, seeds: list[int]) -> None:
@@ -172,7 +171,7 @@ class Breakdown:
         self._aisles: NDArray[np.bool_] | None = None
 
     def __call__(self, simulator: Simulator, steps: int) -> None:
-        """Look for robots in aisles, in the worlds in which it is time."""
+        """Look for robots in aisles, in the worlds that are due."""
         if self._aisles is None:
             self._aisles = in_aisles(simulator.grid)
         for world in [world for world in self._waiting if simulator.seconds(world) >= self._after]:

@@ -1,4 +1,4 @@
-"""Experiments whose episodes are played as jobs: those that a file holds already are not played again."""
+"""Experiments whose episodes are played as jobs."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from train.reporting.rows import Row, RowFile
 from warehouse_env.simulation.simulator import Simulator
 
 TICK = 50  # steps between two notes of progress
-SIDE_BY_SIDE = 4  # episodes of a job at most: more are no faster, and a stop loses them
+SIDE_BY_SIDE = 4  # most episodes of a job; more are no faster, and a stop would lose them
 
 
 @dataclass(frozen=True)
 class Episodes(Job):
-    """The episodes of an experiment; whether the first is traced, and what `Places` sees in them noted."""
+    """The episodes of an experiment. traced: trace the first. noted: note the places."""
 
     experiment: Experiment
     traced: bool = False
@@ -29,13 +29,13 @@ class Episodes(Job):
 
     @property
     def title(self) -> str:
-        """What is driven, and which of its episodes."""
+        """The experiment and the numbers of its episodes."""
         first, *others = self.experiment.episodes
         return f"{self.experiment.title} · episode {first}" + (f" to {others[-1]}" if others else "")
 
     @property
     def identity(self) -> Row:
-        """What their rows share."""
+        """The fields that all rows share."""
         return identity(self.experiment)
 
     @property
@@ -51,7 +51,7 @@ class Episodes(Job):
         return self.experiment.policy, config.planner, config.layout, orders
 
     def left(self, rows: Sequence[Row]) -> tuple[Sequence[Row], Episodes | None]:
-        """Return the rows that stand, and the experiment of the missing episodes."""
+        """Return the valid rows, and a job for the missing episodes."""
         one = self.experiment
         by_seed = {row["seed"]: row for row in rows if isinstance(row.get("seed"), int)}
         drawn = ((k, by_seed.get(one.seed + k, {})) for k in one.episodes)
@@ -61,7 +61,7 @@ class Episodes(Job):
         return [found[k] for k in one.episodes if k in found], rest
 
     def parts(self, most: float) -> list[Episodes]:
-        """Return the experiment in jobs of few episodes; the first is traced, if any."""
+        """Return jobs of few episodes each."""
         one, count = self.experiment, len(self.experiment.episodes)
         each = max(1, min(SIDE_BY_SIDE, math.floor(most / one.config.max_steps)))
         return [
@@ -82,7 +82,7 @@ class Episodes(Job):
         return watch
 
     def run(self, tick: Tick) -> Result:
-        """Play; more: the trace, if there is one, and the notes."""
+        """Play the episodes; `more` is the trace, if any, and the notes."""
         trace = Trace(self.experiment) if self.traced else None
         places = Places(self.experiment) if self.noted else None
         watchers: list[Watcher] = [self.ticking(tick), *(one for one in (trace, places) if one is not None)]
@@ -94,11 +94,10 @@ def play(
     experiments: Sequence[Experiment], file: RowFile, old: Sequence[Row] = (), traced: bool = False,
     workers: Workers | None = None, notes: RowFile | None = None, goes_on: str = "",
 ) -> tuple[list[Row], list[Trace]]:  # fmt: skip
-    """Play experiments, and write the rows of each few episodes as soon as they end.
+    """Play experiments and write rows as episodes end; return all rows, and if `traced` the traces of first episodes.
 
-    Episodes whose rows are among `old` are not played again. workers: see `Runner`. notes: the file for what `Places`
-    notes of the others, where a stop may leave some without their rows. goes_on: see `Runner`. Returns all rows in the
-    order of the experiments, and if `traced` the traces of the first episodes played.
+    Episodes whose rows are among `old` are not played again. notes: the file for what `Places` notes of the others.
+    workers, goes_on: see `Runner`.
     """
     traces: dict[int, Trace] = {}
 

@@ -1,9 +1,7 @@
-"""Jobs -> rows: each job's rows in a file as soon as it ends, so that a stop loses the jobs at hand at most.
+"""Jobs and the runner that writes the rows of each job to a file as soon as the job ends.
 
-What a file holds already is not done again.
-
-What a job gives does not depend on where it is done, nor on what is done beside it: here, in several processes
-(processes.py) or on the nodes of a cluster (cluster.py).
+Jobs whose rows are in the file are not done again. The rows do not depend on who does the jobs: this process, several
+processes (processes.py) or the nodes of a cluster (cluster.py).
 """
 
 from __future__ import annotations
@@ -18,32 +16,31 @@ from train.reporting.report import make_progress
 from train.reporting.rows import Row, RowFile, write_rows
 from warehouse_env.errors import LostError
 
-WAIT = 0.2  # [s] between two looks at those who work
-_EACH = 4  # parts of jobs for each of those who work, so that none idles for long at the end
+_EACH = 4  # parts of jobs for each worker, so that none idles for long at the end
 
 Tick = Callable[[float], None]
 """Called by a job with how much of its size is done."""
 
 Progress = Callable[[float, str], None]
-"""Called with the size that is done in all, and the title of what is at hand."""
+"""Called with the size that is done in all, and a text for the progress bar."""
 
 
 class Result(NamedTuple):
-    """What a job gives: its rows, and what else it has made, which only this run's caller hears of."""
+    """The rows of a job, and whatever else it made for the caller of this run."""
 
     rows: list[Row]
     more: Any = None
 
 
 class Job:
-    """A piece of work that can be pickled; a subclass says its title and does it, and how its rows are known again."""
+    """A piece of work that can be pickled."""
 
     titled: ClassVar[str]  # with the job's fields in braces
-    times: ClassVar[tuple[str, ...]] = ()  # fields of its rows that are times, and so none where the machine is shared
+    times: ClassVar[tuple[str, ...]] = ()  # fields of its rows that are times, which are left empty on a cluster
 
     @property
     def identity(self) -> Row:
-        """What its rows have in common and are known by: equal identities mean equal rows, but for the times."""
+        """The fields that its rows share. Equal identities mean equal rows, except for times."""
         return {}
 
     @property
@@ -53,20 +50,20 @@ class Job:
 
     @property
     def size(self) -> float:
-        """How far it moves the progress bar."""
+        """The size of the job on the progress bar."""
         return 1.0
 
     @property
     def files(self) -> tuple[str, ...]:
-        """Names, as they were typed, of files and folders that it reads; among them may be names of other things."""
+        """Names, as typed, of the files and folders that it reads; names of other things do no harm."""
         return ()
 
     def left(self, rows: Sequence[Row]) -> tuple[Sequence[Row], Job | None]:
-        """Return which rows of its identity stand, and the job that is left to be done; None if nothing is."""
+        """Return the rows of its identity that are valid, and the job that is left to be done; None if nothing is."""
         return [], self
 
     def parts(self, most: float) -> Sequence[Job]:
-        """Return jobs that together give the same rows, each of at most so large a size if it can be had."""
+        """Return jobs that together give the same rows, if possible none larger than `most`."""
         return [self]
 
     def run(self, tick: Tick) -> Result:
@@ -75,11 +72,11 @@ class Job:
 
 
 Numbered = tuple[int, Job]
-"""A job, and the number by which who asked for it knows it."""
+"""A job, and its number among those that were asked for."""
 
 
 class Workers(Protocol):
-    """Those who do jobs."""
+    """Whoever does the jobs."""
 
     @property
     def width(self) -> int:
@@ -91,7 +88,7 @@ class Workers(Protocol):
         ...
 
     def close(self) -> None:
-        """Leave whatever is under way, and end."""
+        """Stop, whatever is under way."""
         ...
 
 
@@ -101,7 +98,7 @@ class Here:
     width = 1
 
     def each(self, jobs: Sequence[Numbered], moved: Progress) -> Iterator[tuple[int, Result]]:
-        """Do one after the other; errors are raised as they are."""
+        """Do one job after the other; errors are raised as they are."""
         done = 0.0
         for number, job in jobs:
             moved(done, job.title)
@@ -114,13 +111,13 @@ class Here:
 
 
 def in_parts(jobs: Sequence[Numbered], width: int) -> list[Numbered]:
-    """Return the parts of jobs for so many workers, each with the number of its job, in their order."""
+    """Return the parts of jobs for `width` workers, each with the number of its job, in order."""
     most = sum(job.size for _, job in jobs) / (_EACH * width)
     return [(number, part) for number, job in jobs for part in job.parts(most)]
 
 
 class Known:
-    """Rows by what they have in common, to find those of a job again."""
+    """Rows by identity, to find those of a job."""
 
     def __init__(self, rows: Sequence[Row]) -> None:
         self._rows = list(rows)
@@ -150,7 +147,7 @@ class Known:
 
 
 def of_all_runs(rows: Sequence[Row], runs: int) -> list[Row]:
-    """Return the row of each run, none at all where one is missing."""
+    """Return the row of each run, or nothing if one is missing."""
     own = {row["run"]: row for row in rows if isinstance(row.get("run"), int)}
     return [own[run] for run in range(runs)] if all(run in own for run in range(runs)) else []
 
@@ -160,10 +157,10 @@ def _key(row: Row, names: Sequence[str]) -> str:
 
 
 def go_on(file: RowFile, jobs: Sequence[Job], ours: Callable[[Row], bool], fresh: bool = False) -> list[Row]:
-    """Return the rows of a file that stand, as a `Runner` takes them; say how many jobs are done.
+    """Return the valid rows of a file, for `Runner`; print how many jobs are done.
 
-    Rows that are `ours` but of no job, made by other code or from other seeds, are taken out of the file; fresh: all
-    that are ours.
+    Rows that are `ours` but belong to no job, made by other code or from other seeds, are removed from the file. With
+    `fresh`, all rows that are ours are removed.
     """
     old = file.old()
     known = Known([] if fresh else old)
@@ -179,11 +176,10 @@ def go_on(file: RowFile, jobs: Sequence[Job], ours: Callable[[Row], bool], fresh
 
 
 class Runner:
-    """Does jobs whose rows are not there yet, and writes them as each ends; a context, which ends its workers.
+    """A context that does the jobs whose rows are missing and writes their rows; it stops its workers at the end.
 
-    Errors of a job are raised as they are. On Ctrl-C the KeyboardInterrupt says which rows are kept. A job whose
-    process is killed, say for its memory, is done once more; if that is killed as well, LostError names it, after all
-    other jobs.
+    Errors of a job are raised as they are. On Ctrl-C the KeyboardInterrupt says which rows are kept. A job whose worker
+    is killed, say for its memory, is done again. If that fails too, LostError names it after all other jobs.
     """
 
     def __init__(
@@ -191,12 +187,11 @@ class Runner:
         mixed: bool = False, progress: Progress | None = None,
         hear: Callable[[int, Any], None] = lambda number, more: None,
     ) -> None:  # fmt: skip
-        """Open with a file for the rows, and the old ones that are there already.
+        """Take a file for the rows, and the rows that it holds already.
 
-        workers: who does the jobs; this process if left out. goes_on: how a stopped command goes on, if it does. mixed:
-        do jobs by chance, always the same, so that the time that is left can be told from what is done. progress: hears
-        how far the jobs are; a bar on stderr if left out. hear: told a job's number and what a part of it made besides
-        rows, before these are written, so that no rows stand without it.
+        workers: this process by default. goes_on: how to resume a stopped command. mixed: shuffle the jobs, always the
+        same way, so that the progress bar can estimate the time. progress: a bar on stderr by default. hear: called
+        with a job's number and `Result.more` of a part before its rows are written.
         """
         self._file, self._known, self._workers = file, Known(old), workers or Here()
         self._goes_on, self._mixed, self._progress, self._hear = goes_on, mixed, progress, hear

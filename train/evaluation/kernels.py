@@ -1,7 +1,7 @@
-"""All kernels compiled ahead of time, in several processes, so that nothing later waits for them.
+"""Compile all kernels ahead of time, in several processes.
 
-A kernel is compiled by whoever first calls it, and kept on disk for all. So each part here is a tiny run that calls
-others first than those beside it do, and finds what these have kept meanwhile; no part knows of any kernel.
+The first call of a kernel compiles it and keeps it on disk. Each part here is a tiny run that calls other kernels first
+than the parts beside it, and loads what these have kept meanwhile. No part names a kernel.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ from warehouse_env.simulation.step import run as step_worlds
 from warehouse_env.simulation.traffic.live import FINDERS
 
 _BARE = EnvConfig(num_agents=4, layout="open", planner="astar", max_steps=20)
-_CROWD = EnvConfig(num_agents=24, layout="narrow")  # where robots stand, search and make room
-_SECONDS = 60.0  # that the crowd drives, in a second of ours
+_CROWD = EnvConfig(num_agents=24, layout="narrow")  # crowded: robots stand, replan and recover
+_SECONDS = 60.0  # [s] simulated, in about a second
 
 
 def is_compiled() -> bool:
-    """Return whether the step of this version is kept; other kernels are compiled when called."""
+    """Return whether the step of this version is on disk; other kernels are compiled when called."""
     return is_kept(step_worlds)
 
 
@@ -58,13 +58,13 @@ def compile_all(processes: int, seed: int = 0, file: RowFile | None = None) -> l
 
 
 def compile_missing() -> None:
-    """Compile all kernels, on all cores, unless some are kept."""
+    """Compile all kernels on all cores, unless the step is on disk."""
     if not is_compiled():
         compile_all(os.cpu_count() or 1)
 
 
 def _motion(seed: int) -> None:
-    """Robots that were never put anywhere do not move; the step is compiled without waiting for routes."""
+    """Compile the step without waiting for routes: robots without a reset do not move."""
     Simulator(_BARE).step(np.zeros((1, _BARE.num_agents), np.int64))
 
 
@@ -87,7 +87,7 @@ def _traffic(seed: int) -> None:
 
 
 def _each(seed: int) -> None:
-    """The step is compiled for each set of what it does and what is observed."""
+    """Compile the step for other sets of features and observations."""
     for policy in ("greedy", "ppo"):
         run(make_experiment(policy, _BARE, 1, _SECONDS, seed))
 

@@ -1,4 +1,4 @@
-"""What must be the same on two machines for the same rows, and what may differ."""
+"""The code and the library versions of a machine, which must be equal for equal rows."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import hashlib
 import importlib.metadata
 import importlib.util
 import platform
-from collections.abc import Iterator, Mapping
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple
@@ -19,7 +18,7 @@ _LIBRARIES = ("numpy", "numba", "llvmlite", "torch")
 
 
 class Node(NamedTuple):
-    """A machine as a program sees it."""
+    """What a machine runs."""
 
     source: str  # digest of our own code
     versions: tuple[tuple[str, str], ...]  # of Python, of this project and of what it computes with
@@ -28,7 +27,7 @@ class Node(NamedTuple):
 
 @cache
 def about_this_node() -> Node:
-    """Return what this process runs on."""
+    """Return what this process runs."""
     from llvmlite import binding
 
     found = [("python", platform.python_version())]
@@ -38,26 +37,16 @@ def about_this_node() -> Node:
     return Node(source[:16], tuple(found), binding.get_host_cpu_name())
 
 
-def check_nodes(here: Node, nodes: Mapping[str, Node]) -> Iterator[str]:
-    """Yield a note for each node with another processor; WarehouseError for one whose rows would be other code's."""
-    for address, node in nodes.items():
-        if node.source != here.source or node.versions != here.versions:
-            theirs, ours = _apart(node, here)
-            raise WarehouseError(f"node {address} has {theirs}, here it is {ours}: install the same on both")
-    for address, node in nodes.items():
-        if node.processor != here.processor:
-            yield (
-                f"node {address} has another processor ({node.processor}, here {here.processor}): figures may differ "
-                "in the last digits, and so, in the long run, may episodes"
-            )
-
-
-def _apart(node: Node, here: Node) -> tuple[str, str]:
-    """Return what differs, there and here, in words."""
-    pairs = [(a, b) for a, b in zip(node.versions, here.versions, strict=True) if a != b]
-    if not pairs:
-        return f"sources {node.source}", here.source
-    return ", ".join(" ".join(a) for a, _ in pairs), ", ".join(" ".join(b) for _, b in pairs)
+def check_node(here: Node, there: Node) -> None:
+    """Raise WarehouseError unless a node has the code and the library versions of this machine."""
+    if there.versions != here.versions:
+        pairs = [(a, b) for a, b in zip(there.versions, here.versions, strict=True) if a != b]
+        theirs, ours = (", ".join(" ".join(pair[side]) for pair in pairs) for side in (0, 1))
+    elif there.source != here.source:
+        theirs, ours = f"sources {there.source}", here.source
+    else:
+        return
+    raise WarehouseError(f"it has {theirs}, here it is {ours}")
 
 
 def _source_digest(package: Path) -> str:

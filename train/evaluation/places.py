@@ -1,4 +1,4 @@
-"""Where on the floor robots wait and touch, and how much longer than planned they drive: notes beside the rows."""
+"""Notes beside the rows: where on the floor robots wait and collide, and how their trips compare with the plan."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ KEY = ("policy", "layout", "robots", "tasks", "planner", "seed")  # of an episod
 
 
 class Places:
-    """A watcher that notes for every episode of an experiment what `Floor` sums up."""
+    """A watcher that notes what `Floor` sums up, for every episode of an experiment."""
 
     def __init__(self, experiment: Experiment) -> None:
         self._experiment = experiment
         self._over: list[float] = []  # [s]
 
     def __call__(self, simulator: Simulator, steps: int) -> None:
-        """Note what happened in the last step; step 0 begins."""
+        """Note what happened in the last step; step 0 starts the notes."""
         worlds, (rows, columns) = simulator.num_worlds, simulator.grid.shape
         if not steps:
             self._shape, self._cell = (rows, columns), simulator.grid.cell_size
@@ -61,7 +61,7 @@ class Places:
             self._contacts[world] += [(*xy, kind) for kind, places in found.items() for xy in places.tolist()]
 
     def rows(self) -> list[Row]:
-        """Return a note for each episode, in the order of the seeds: JSON values, waiting only where there is any."""
+        """Return a note of JSON values for each episode, in the order of the seeds."""
         one = self._experiment
         about = {
             "policy": one.policy, "layout": one.place, "robots": one.config.num_agents, "tasks": one.config.tasks,
@@ -79,16 +79,16 @@ class Places:
 
 
 class Floor(NamedTuple):
-    """What several episodes on one floor noted together."""
+    """The notes of several episodes on one floor, summed up."""
 
-    waiting: NDArray[np.float64]  # [H, W], how long an hour some robot stood there [s/h]
+    waiting: NDArray[np.float64]  # [H, W], seconds per hour that a robot stood there
     contacts: NDArray[np.float64]  # [K, 2] [m]
     ratios: NDArray[np.float64]  # driven / planned length of each trip
     hours: float  # simulated
 
 
 def floor_of_notes(notes: Sequence[Row]) -> Floor:
-    """Sum up the notes, at least one, of episodes on one floor."""
+    """Sum up one or more notes of episodes on one floor."""
     rows, columns = notes[0]["shape"]
     waiting = np.zeros(rows * columns)
     for note in notes:
@@ -101,11 +101,10 @@ def floor_of_notes(notes: Sequence[Row]) -> Floor:
 
 
 def peaks(heat: NDArray[np.float64], count: int, radius: int) -> list[tuple[int, int, float]]:
-    """Return up to `count` worst places of heat [H, W] as (row, column, its heat): the hottest squares, apart.
+    """Return up to `count` disjoint squares of the most heat [H, W] as (row, column, heat), hottest first.
 
-    A place is a square that reaches `radius` cells from a cell that has heat itself, its heat is all that lies in it;
-    the hottest comes first, then the hottest of what it leaves, and so on. Of equal squares the one whose own cell is
-    hotter is taken, then the first in reading order.
+    A square reaches `radius` cells from a cell that has heat itself; its heat is the sum of its cells. Of equal squares
+    the one with the hotter centre comes first, then the first in reading order.
     """
     left, found = heat.copy(), []
     for _ in range(count):

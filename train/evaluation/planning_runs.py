@@ -1,4 +1,4 @@
-"""One planner on one task, one run -> a checked plan and its row; shared by `plan`, the tables and the benchmark."""
+"""One run of a planner on a task: a checked plan and its row, for `plan`, the tables and the benchmark."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.planning import Plan, Planner, climb, min_turns, path_length, turns, validate
 from warehouse_env.planning.plan import validate_line
 
-OPTIMAL = 1e-9  # relative excess of a length that still counts as the optimum, for rounding
-_FAR = 5.0  # [cells] clearances beyond are not told apart
+OPTIMAL = 1e-9  # relative excess of a length that counts as rounding
+_FAR = 5.0  # [cells], largest clearance that is measured
 _BEND = math.radians(1.0)  # smaller changes of direction along a line are no turns
 
 
 class Task(NamedTuple):
-    """A start and a goal with the length that no path can beat and the fewest turns of a path of that length."""
+    """A start and a goal with the shortest length and the fewest turns of a path of that length."""
 
     name: str
     start: Cell
@@ -45,7 +45,7 @@ def make_task(grid: GridMap, name: str, start: Cell, goal: Cell) -> Task:
 
 @dataclass(frozen=True)
 class Run:
-    """One plan with its row; the plan's cells and convergence are for the pictures."""
+    """One plan with its row; the plan is for the pictures."""
 
     task: Task
     planner: str
@@ -54,9 +54,9 @@ class Run:
 
 
 def plan_once(grid: GridMap, planner: Planner, task: Task, number: int, run: int, seed: int, label: str = "") -> Run:
-    """Plan run `run` of task number `number` with random numbers of its own, and check the path without the planner.
+    """Plan run `run` of task number `number` with its own random numbers, and check the path independently.
 
-    Equal numbers give equal plans; PlanError where a path breaks the rules of the map. label: what to call the planner.
+    Equal numbers give equal plans; PlanError if a path breaks the rules of the map. label: name of the planner.
     """
     begin = time.thread_time()
     plan = planner.plan(grid, task.start, task.goal, np.random.default_rng([seed, number, run]))
@@ -96,7 +96,7 @@ def plan_once(grid: GridMap, planner: Planner, task: Task, number: int, run: int
 
 
 def _gap(length: float, optimal: float) -> float:
-    """Return by what share a path is longer than the shortest; one from a cell to itself is as short as can be."""
+    """Return the relative excess of a path over the shortest; 0 for a path from a cell to itself."""
     return length / optimal - 1 if optimal else length
 
 
@@ -113,17 +113,17 @@ def driven(plan: Plan) -> NDArray[np.float64]:
 
 
 def line_turns(line: NDArray[np.float64]) -> int:
-    """Return how often the direction of a polyline float64[K, 2] changes by more than a degree."""
+    """Return the number of changes of direction by more than a degree of a polyline float64[K, 2]."""
     return sum(bend > _BEND for bend in _bends(line))
 
 
 def turn_angle(line: NDArray[np.float64]) -> float:
-    """Return by how many degrees in all the direction of a polyline float64[K, 2] changes."""
+    """Return the sum of all changes of direction of a polyline float64[K, 2] [degrees]."""
     return math.degrees(sum(_bends(line)))
 
 
 def _bends(line: NDArray[np.float64]) -> list[float]:
-    """Return by how much the direction of a polyline changes at each of its inner points [rad]."""
+    """Return the change of direction of a polyline at each of its inner points [rad]."""
     steps = itertools.pairwise(np.diff(line, axis=0))
     return [abs(math.atan2(a[0] * b[1] - a[1] * b[0], a[0] * b[0] + a[1] * b[1])) for a, b in steps]
 

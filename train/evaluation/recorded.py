@@ -1,4 +1,4 @@
-"""Episodes kept to be looked at again: what a policy liked at every moment of one, and the worst of an evaluation."""
+"""Recorded episodes, with the policy's preferences at every moment, and the worst episodes of an evaluation."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ from warehouse_env.simulation.record.recording import Episode, Recorder
 
 
 def record(experiment: Experiment, moved: Callable[[], object] = lambda: None) -> Episode:
-    """Play the first episode of an experiment, to the bit as `run` does, and return it; moved: called after each step.
+    """Play the first episode of an experiment exactly as `run` does, and return it; moved: called after each step.
 
-    Raises ConfigError for what an episode cannot tell: robots that break down, central planners that set routes.
+    Raises ConfigError for what an episode file cannot hold: breakdowns, and central planners that set routes.
     """
     if experiment.policy in CENTRAL:
         raise ConfigError(f"{experiment.policy} sets the robots' routes as they drive, and no episode can be recorded")
@@ -55,10 +55,10 @@ def _made_of(policy: str) -> str:
 
 
 def shares_of(policy: str, config: EnvConfig, made_of: str = "") -> Shares | None:
-    """Return how much a policy likes each action, for `replay_of`; None if it has no preferences, or has no name.
+    """Return a policy's preferences over the actions, for `replay_of`; None if it has none, or no name.
 
-    Of a learned policy these are the chances; of a rule its order, 1 for the action liked best and 0 for the one liked
-    least. made_of: see Episode. Raises ConfigError or WeightsError for a policy that cannot be made, or is another.
+    These are the probabilities of a learned policy, or the order of a rule: 1 for its first choice, 0 for its last.
+    made_of: see Episode. Raises ConfigError or WeightsError for a policy that cannot be made or is not the same.
     """
     if not policy or policy in CENTRAL or config.action_type != "discrete":
         return None
@@ -85,8 +85,8 @@ FOLDER = "replays"  # beside the page
 def worst_episodes(rows: Sequence[Row], count: int) -> list[Row]:
     """Return the worst episodes: the worst of each policy, then the second of each, and so on; worst first in a turn.
 
-    Worse is who has more collisions per km, then more robots stuck at the end, then a robot that stood longer. Central
-    planners are left out: their episodes cannot be recorded.
+    Collisions per km count first, then robots stuck at the end, then the longest standing. Central planners are left
+    out: their episodes cannot be recorded.
     """
     own = [row for row in rows if row["policy"] not in CENTRAL]
     turns = [sorted(group, key=_badness, reverse=True) for group in grouped(own, ("policy",)).values()]
@@ -99,7 +99,7 @@ def _badness(row: Row) -> tuple[float, float, float]:
 
 
 def why(row: Row) -> str:
-    """Say why an episode is among the worst."""
+    """Return why an episode is among the worst."""
     hits = round(row["collisions_robot"] + row["collisions_shelf"] + row.get("collisions_person", 0))
     stuck = round(row["stuck"] * row["robots"])
     return (

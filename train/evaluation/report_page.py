@@ -9,24 +9,24 @@ from train.evaluation.pictures import MEASURES, bars
 from train.evaluation.places import KEY, PAGE, Floor, floor_of_notes
 from train.evaluation.recorded import worst_episodes, write_replays
 from train.evaluation.rollout import Experiment
-from train.evaluation.words import paragraph
 from train.reporting.page import Page, Part, Shown, made_by
 from train.reporting.report import counted, evaluation_table, grouped, make_progress, number, short_names
 from train.reporting.rows import Row, select, values_of, write_rows
 from warehouse_env.maps.loading import load_floor
 from warehouse_env.render.heat_maps import Panel, heat_maps
-from warehouse_env.render.report_charts import Bar, detours, over_robots
+from warehouse_env.render.report_charts import detours, over_robots
 
 ROWS = "rows.jsonl"
 WORST = 5  # episodes shown as replays
+CAVEAT = "Brackets are 95% intervals, each for itself: one in twenty misses the true value."
 
 
 def write_report(
     rows: Sequence[Row], notes: Sequence[Row], experiments: Sequence[Experiment], folder: Path, rows_path: Path
 ) -> Path:
-    """Write the page, the replays beside it, and a copy of the rows where they are elsewhere; return the page.
+    """Write the page, the replays beside it, and a copy of the rows if they are elsewhere; return the page.
 
-    notes: of all or some of the episodes; those of other episodes are left out, and all but one of the same episode.
+    notes: of all or some of the episodes; notes of other episodes and repeated ones are ignored.
     """
     known, noted = {values_of(row, KEY) for row in rows}, {values_of(note, KEY): note for note in notes}
     notes = [note for key, note in noted.items() if key in known]
@@ -38,7 +38,7 @@ def write_report(
     floors = _floors(rows, notes)
     parts = [
         Part("Table", tables=[evaluation_table(rows)]),
-        Part("Over the number of robots", pictures=[_over_robots(rows, short), *_orders_over_robots(rows, short)]),
+        Part("Over the number of robots", pictures=_over_robots(rows, short)),
         _where(experiments, rows, floors, short),
         Part("Detours", pictures=_detours(rows, floors, short)),
         Part("Worst episodes", _WORST, links=links),
@@ -49,55 +49,57 @@ def write_report(
     title = f"Evaluation: {', '.join(dict.fromkeys(short[str(row['policy'])] for row in rows))}"
     places = ", ".join(dict.fromkeys(short[str(row["layout"])] for row in rows))
     subtitle = f"{places}; {rows[0]['tasks']} tasks, routes by {rows[0]['planner']}"
-    Page(title, subtitle, paragraph(rows, floors), parts).write(folder / PAGE)
+    Page(title, subtitle, [CAVEAT], parts).write(folder / PAGE)
     return folder / PAGE
 
 
 _WORST = (
     "The worst episode of each policy, then the second worst of each: by collisions per km, then by robots stuck at "
-    "the end, then by the longest standing. Each opens as a replay; the file beside it (.npz) plays it again "
-    "to the bit."
+    "the end, then by the longest standing. Each opens as a replay; the .npz file beside it plays it again to the bit."
 )
 
 
 def _floors(rows: Sequence[Row], notes: Sequence[Row]) -> dict[str, Floor]:
-    """Return what was noted under each policy on each floor with the most robots there, by policy@layout."""
+    """Return the notes of each policy on each floor with the most robots there, by policy@layout."""
     most = {layout: max(row["robots"] for row in own) for (layout,), own in grouped(rows, ("layout",)).items()}
     full = grouped((note for note in notes if note["robots"] == most[note["layout"]]), ("policy", "layout"))
     return {f"{policy}@{layout}": floor_of_notes(own) for (policy, layout), own in full.items()}
 
 
-def _over_robots(rows: Sequence[Row], short: Mapping[str, str]) -> Shown:
-    label = "Collisions per robot-km and goals per robot-hour over the number of robots"
-    caption = f"{label}: means over episodes with 95% intervals. Fewer collisions and more goals are better."
-    return Shown(over_robots(_measured(rows, MEASURES, short), label), caption)
+# Charts over the number of robots: label, what is better, and the measures by their titles.
+_CHARTS = (
+    (
+        "Collisions per robot-km and goals per robot-hour over the number of robots",
+        "Fewer collisions and more goals are better.",
+        MEASURES,
+    ),
+    (
+        "Orders per hour of all robots, and late orders, over the number of robots",
+        "More orders, and fewer late ones, are better.",
+        {"orders an hour": "orders_per_hour", "late orders": "orders_late"},
+    ),
+)
 
 
-def _orders_over_robots(rows: Sequence[Row], short: Mapping[str, str]) -> list[Shown]:
-    """Return the same of orders, where there are some."""
-    ordered = [row for row in rows if "orders_per_hour" in row]
-    if not ordered:
-        return []
-    label = "Orders an hour of all robots, and late orders, over the number of robots"
-    caption = f"{label}: means over episodes with 95% intervals. More orders, and fewer late ones, are better."
-    measures = {"orders an hour": "orders_per_hour", "late orders": "orders_late"}
-    return [Shown(over_robots(_measured(ordered, measures, short), label), caption)]
-
-
-def _measured(
-    rows: Sequence[Row], measures: Mapping[str, str], short: Mapping[str, str]
-) -> dict[str, dict[str, list[Bar]]]:
-    """Return for each floor the bars of measures, given by their titles."""
-    return {
-        short[str(layout)]: {title: bars(own, name, short) for title, name in measures.items()}
-        for (layout,), own in grouped(rows, ("layout",)).items()
-    }
+def _over_robots(rows: Sequence[Row], short: Mapping[str, str]) -> list[Shown]:
+    """Return the charts of _CHARTS for which there are rows."""
+    pictures = []
+    for label, better, measures in _CHARTS:
+        known = [row for row in rows if set(measures.values()) <= row.keys()]
+        floors = {
+            short[str(layout)]: {title: bars(own, name, short) for title, name in measures.items()}
+            for (layout,), own in grouped(known, ("layout",)).items()
+        }
+        if floors:
+            caption = f"{label}: means over episodes with 95% intervals. {better}"
+            pictures.append(Shown(over_robots(floors, label), caption))
+    return pictures
 
 
 def _on_floors(
     rows: Sequence[Row], floors: Mapping[str, Floor], short: Mapping[str, str]
 ) -> Iterator[tuple[str, str, dict[str, Floor]]]:
-    """Yield each layout, "on it with so many robots", and what was noted there under each policy, by its short name."""
+    """Yield each layout, a phrase that names it, and the notes of each policy there by the policy's short name."""
     for layout in dict.fromkeys(str(row["layout"]) for row in rows):
         parts = {name.partition("@"): floor for name, floor in floors.items()}
         own = {short[policy]: floor for (policy, _, place), floor in parts.items() if place == layout}
@@ -117,8 +119,8 @@ def _where(
             label = f"Where robots wait and collide {there}"
             hours = number(sum(floor.hours for floor in own.values()) / len(own), 2)
             caption = (
-                f"{label}: colour is how long an hour a robot stands on a cell (its body's middle), red crosses are "
-                f"collisions in {hours} simulated hours a policy, blue squares are stations."
+                f"{label}: the colour is the seconds per hour that a robot's centre stands on a cell, red crosses are "
+                f"collisions in {hours} simulated hours per policy, blue squares are stations."
             )
             pictures.append(Shown(heat_maps(panels, "standing [s per hour]", label), caption))
     missing = "" if pictures else "No places were noted: the rows were kept from a run without a report."
@@ -134,8 +136,8 @@ def _detours(rows: Sequence[Row], floors: Mapping[str, Floor], short: Mapping[st
             label = f"Driven over planned length of trips {there}"
             trips = ", ".join(f"`{name}` {len(values):,}" for name, values in ratios.items())
             caption = (
-                f"{label}: the share of trips that are at most so many times as long as their first route was planned; "
-                f"left of 1 a robot cut corners or arrived within the goal's radius. Trips: {trips}."
+                f"{label}: the share of trips up to this ratio of driven length to the first planned route; left of 1 "
+                f"a robot cut corners or arrived within the goal's radius. Trips: {trips}."
             )
             pictures.append(Shown(detours(ratios, label), caption))
     return pictures

@@ -1,4 +1,4 @@
-"""What holds and what breaks: rows of disturbed episodes -> one table, each row held against the undisturbed ones."""
+"""The robustness table: rows of disturbed episodes, compared with the undisturbed ones."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from train.evaluation.disturbances import DISTURBANCES, UNDISTURBED
 from train.reporting.report import Table, counted, grouped, number, short_names, with_interval
 from train.reporting.rows import Interval, Row, mean_interval, select, stratified_interval
 
-SLOWER = 0.9  # of the undisturbed goals, under which a policy is slower
-MORE_CONTACTS = 1.5  # times the undisturbed contacts per kilometre, above which there are contacts
-JAMMED = 60.0  # [s] that the longest standing is longer than undisturbed, from which on robots jam
+SLOWER = 0.9  # share of the undisturbed goals below which a policy is slower
+MORE_CONTACTS = 1.5  # times the undisturbed contacts per kilometre above which the verdict is contacts
+JAMMED = 60.0  # [s], increase of the longest standing from which the verdict is jams
 _FLOOR = ("layout", "robots")
 _HEADER = (
     "disturbance", "policy", "goals/robot-h", "of undisturbed %", "worst floor %", "robot contacts/km",
@@ -24,11 +24,11 @@ NOTE = (
     "longest standing: of any robot within a metre of one place, mean over episodes. Verdict, the first that is true: "
     f"contacts: over {MORE_CONTACTS:g} times those of the undisturbed row per kilometre; jams: longest standing "
     f"{JAMMED:g} s longer or more; slower: under {100 * SLOWER:g}% of its goals; else holds. "
-    "Lidar and delay spoil what the policy sees, nothing else: the path follower, the field and right of way know each "
-    "robot's own state exactly, and greedy looks at nothing. A robot whose message is lost is seen by lidar alone, and "
-    "keeps under the field the stop that it said last. The one that breaks down, after 60 s in an aisle, still counts "
-    "among the robots, and nobody takes over its goal or avoids goals that it stands on. People are seen by lidar; the "
-    "field lets a robot drive only where it stands before anybody can be there, and live routes lead round who stands."
+    "Lidar and delay disturb only what the policy sees: the path follower, the shield and right of way know each "
+    "robot's own state exactly, and greedy does not look. A robot whose message is lost appears only in lidar, and the "
+    "shield keeps its last announced stop. The broken robot, after 60 s in an aisle, still counts among the robots; no "
+    "other robot takes its goal or avoids goals under it. Lidar sees people; the shield lets a robot drive only if it "
+    "stands before anybody can reach its place, and live routes avoid people who stand."
 )
 
 
@@ -69,7 +69,7 @@ def measure(rows: Sequence[Row]) -> Measured:
 
 
 def verdict(found: Measured, usual: Measured) -> str:
-    """Return in one word what a disturbance does to a policy, by the rules of NOTE."""
+    """Return the verdict on a policy under a disturbance, by the rules of NOTE."""
     if found.contacts > MORE_CONTACTS * usual.contacts:
         return "contacts"
     if found.standing >= usual.standing + JAMMED:
@@ -94,7 +94,7 @@ def robust_table(rows: Sequence[Row]) -> Table:
             DISTURBANCES[str(name)].summary, short[str(policy)], with_interval(found.goals),
             *(compared if known else ("", "")), *contacts, verdict(found, base) if known else "",
         ))  # fmt: skip
-    return Table(f"Robustness ({_about(rows)})", _HEADER, tuple(cells), NOTE, labels=2)
+    return Table(f"Robustness ({_about(rows)})", _HEADER, tuple(cells), NOTE)
 
 
 def _about(rows: Sequence[Row]) -> str:

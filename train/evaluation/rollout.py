@@ -17,8 +17,8 @@ from agents.policy import Action, Observation, Policy, Preferring, ranked
 from train.books import simulator_of
 from train.central import CENTRAL, central_config
 from train.evaluation.disturbances import DISTURBANCES, Breakdown, Senses
+from train.job_files import floor_digest
 from train.own import versions
-from train.parcels import floor_digest
 from train.reporting.report import counted
 from train.reporting.rows import Row, plain
 from warehouse_env import __version__
@@ -31,7 +31,7 @@ from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.traffic_spec import read_traffic
 
 Watcher = Callable[[Simulator, int], None]
-"""Called after the reset (step 0) and after every step with the simulator and the number of steps done."""
+"""Called with the simulator and the number of steps done, after the reset (step 0) and after every step."""
 
 Decider = Callable[[Simulator, Sequence[np.random.Generator]], NDArray[Any]]
 """The actions of all robots of all worlds, from the simulator and a generator a world."""
@@ -39,13 +39,13 @@ Decider = Callable[[Simulator, Sequence[np.random.Generator]], NDArray[Any]]
 Actor = Callable[[Observation, np.random.Generator], Action]
 """The actions of all robots of one world, from what they see and a generator."""
 
-MOST = 1_000_000  # episodes of an experiment, runs of a planner, tasks: whatever a command makes a list of
+MOST = 1_000_000  # episodes of an experiment, runs of a planner, tasks
 _POLICY_STREAM = 1  # apart from the world's own stream SeedSequence([seed, 0])
 
 
 @dataclass(frozen=True)
 class Experiment:
-    """Names and numbers only, so it is JSON: an environment with its planner, a policy, and the episodes' seeds."""
+    """An environment with its planner, a policy, and the seeds of the episodes."""
 
     policy: str  # a name of POLICIES, a policy folder, or a name of CENTRAL
     config: EnvConfig  # as the policy needs it; max_steps is the length of an episode
@@ -71,9 +71,9 @@ class Experiment:
 
 
 def config_of(policy: str, base: EnvConfig, chosen: Mapping[str, Any]) -> EnvConfig:
-    """Return `base` with what the policy needs put in, and over that the fields that a user has chosen.
+    """Return `base` with what the policy needs, overridden by the fields that a user has chosen.
 
-    `traffic` may be a text of `read_traffic` there, in which "own" stands for what the policy needs.
+    A chosen `traffic` may be a text for `read_traffic`, in which "own" stands for what the policy needs.
     """
     config = central_config(policy, base) if policy in CENTRAL else policy_config(policy, base)
     if isinstance(traffic := chosen.get("traffic"), str):
@@ -103,7 +103,7 @@ def make_experiment(
             raise ConfigError(f"{given} must be {must}")
     config = config_of(policy, base, chosen)
     if policy not in CENTRAL:
-        make_policy(policy, config)  # what is wrong with it is said before anything drives
+        make_policy(policy, config)  # raises before anything drives
     if disturbance is not None:
         config = DISTURBANCES[disturbance].config(config)
     steps = max(1, round(seconds / (config.time_step * config.action_repeat)))
@@ -115,11 +115,9 @@ def run(
 ) -> list[Row]:
     """Play all episodes side by side, one world each; return their rows in the order of their seeds.
 
-    grid, planner: instead of those that the config names.
-
-    An episode's numbers do not depend on which others are played beside it: every world has its own generators, and
-    the policy is asked for one world at a time. ms_per_step is the median time of one decision of all robots of
-    one world, policy and simulator together, so that a compilation at the start leaves no mark.
+    grid, planner: instead of those that the config names. An episode's numbers do not depend on the others: every world
+    has its own generators, and the policy sees one world at a time. ms_per_step is the median time of a decision of one
+    world, policy and simulator together, so that compiling does not count.
     """
     simulator = simulator_of(experiment.config, len(experiment.seeds), grid, planner)
     simulator.reset(experiment.seeds)
@@ -131,9 +129,9 @@ def play_out(
     experiment: Experiment, simulator: Simulator, watch: Sequence[Watcher] = (),
     step: Callable[[NDArray[Any]], object] | None = None,
 ) -> tuple[list[dict[str, Any]], float]:  # fmt: skip
-    """Drive the worlds of an experiment, which have just been reset, until all episodes are over.
+    """Drive the worlds of an experiment, just reset, until all episodes are over.
 
-    step: instead of the simulator's own. Returns each episode's metrics, with its deadlocks, and the median time of a
+    step: instead of the simulator's own. Returns each episode's metrics, deadlocks included, and the median time of a
     decision [ms].
     """
     decide, step = _decider(experiment), step or simulator.step
@@ -151,7 +149,7 @@ def play_out(
             log(simulator, steps)
         for watcher in watch:
             watcher(simulator, steps)
-        # A world that is over is measured at once; it then idles until the last one is over.
+        # A world is measured as soon as it is over; then it idles until the last one is over.
         over = simulator.terminated.all(axis=1) | (steps == experiment.config.max_steps)
         for world in [world for world in np.flatnonzero(over).tolist() if world not in metrics]:
             log.close(simulator, world)
@@ -162,7 +160,7 @@ def play_out(
 
 
 def _decider(experiment: Experiment) -> Decider:
-    """Return what chooses the actions: a central planner from all that is known, a policy from observations alone."""
+    """Return what chooses the actions: a central planner from the whole state, or a policy from observations."""
     config, name, eyes = experiment.config, experiment.disturbance, list[Senses]()
     if experiment.policy in CENTRAL:
         return CENTRAL[experiment.policy].make(config).act_on
@@ -184,10 +182,7 @@ def _decider(experiment: Experiment) -> Decider:
 
 
 def make_actors(name: str, config: EnvConfig, worlds: int) -> list[Actor]:
-    """Return an actor for each world: a policy of its own, which may remember what it has seen.
-
-    A learned policy remembers nothing: all worlds share one, so that its weights are read once.
-    """
+    """Return an actor for each world, which may keep a memory. All worlds share a learned policy, which has none."""
     first = make_policy(name, config)
     shared = isinstance(first, LearnedPolicy)
     return [_actor(first if shared or not world else make_policy(name, config), config) for world in range(worlds)]
@@ -199,14 +194,14 @@ def make_actor(name: str, config: EnvConfig) -> Actor:
 
 
 def _actor(policy: Policy, config: EnvConfig) -> Actor:
-    """Return what a policy gives Simulator.step: its preferences where right of way can use them, else its actions."""
+    """Return what a policy gives `Simulator.step`: preferences if right of way can use them, else actions."""
     if config.traffic_spec.right_of_way and config.action_type == "discrete" and isinstance(policy, Preferring):
         return lambda observation, rng, policy=policy: ranked(policy, observation, rng)  # type: ignore[misc]
     return policy.act
 
 
 def identity(experiment: Experiment) -> Row:
-    """Return the fields that all rows of an experiment share and by which they are found again in a file."""
+    """Return the fields that all rows of an experiment share and that identify them in a file."""
     config = experiment.config
     shared = {"policy": experiment.policy, "layout": experiment.place, "robots": config.num_agents}
     if experiment.disturbance is not None:
@@ -229,7 +224,7 @@ def _row(experiment: Experiment, episode: int, metrics: dict[str, Any], ms_per_s
 
 
 class Trace:
-    """A watcher that keeps where the robots of an experiment's first episode drove and where they touched something."""
+    """A watcher that keeps the poses and contacts of the robots in an experiment's first episode."""
 
     def __init__(self, experiment: Experiment) -> None:
         self.experiment = experiment

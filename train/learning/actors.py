@@ -1,8 +1,8 @@
-"""The workers of our own trainer as Ray actors: the same training, to the bit, on the cores of several machines.
+"""The workers of our own trainers as Ray actors: the same training, to the bit, on the cores of several machines.
 
-Each actor is a process with one core, a worker and a network of its own. With each call the network goes to all actors
-if it changed, about 100 kB; advantages, targets and gradients come back. Where an actor or its machine is gone, all are
-given up, and the training goes on from its last checkpoint with new ones (`run_training`).
+Each actor is a process with one core, a worker and a copy of the network. A changed network goes to all actors with the
+next call, about 100 kB; advantages, targets and gradients come back. If an actor or its machine is lost, all actors are
+given up, and the training resumes from its last checkpoint with new ones (`run_training`).
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ import torch
 from numpy.typing import NDArray
 
 from agents.networks import ActorCritic
+from train.job_files import JobFiles, pack, unpacked
 from train.learning.config import ThreadedConfig
 from train.learning.crew import ActorLoss, Worker
 from train.learning.timing import set_threads
 from train.own import Typed, take_in, taken_in
-from train.parcels import Parcel, pack, unpacked
 from warehouse_env.errors import LostError
 
 T = TypeVar("T")
@@ -31,7 +31,7 @@ class Actors:
     """Workers that are Ray actors (see `Crew`); this process is connected to Ray already."""
 
     def __init__(self, config: ThreadedConfig, actor_loss: ActorLoss) -> None:
-        """Start the actors and have them make their worlds; LostError where Ray finds no core for each in time."""
+        """Start the actors and let them make their worlds; LostError if Ray does not find a core for each in time."""
         import ray
 
         self._ray: Any = ray
@@ -47,7 +47,7 @@ class Actors:
             raise
 
     def share(self, net: ActorCritic) -> None:
-        """Have the network sent with the next piece of work (see `Crew.share`)."""
+        """Send the network with the next piece of work (see `Crew.share`)."""
         self._weights = _vector(net)
 
     def each(self, work: Callable[..., T], arguments: Sequence[tuple[Any, ...]]) -> list[T]:
@@ -93,9 +93,9 @@ class _Host:
         """Say that the actor has begun."""
 
     def make(
-        self, number: int, config: ThreadedConfig, actor_loss: ActorLoss, files: Parcel, parts: list[Typed]
+        self, number: int, config: ThreadedConfig, actor_loss: ActorLoss, files: JobFiles, parts: list[Typed]
     ) -> None:
-        """Make the worlds, with the files and the parts of one's own that the config names."""
+        """Make the worlds, with the files and the user's own parts that the config names."""
         set_threads(1)
         with unpacked(files):
             take_in(parts)
@@ -104,7 +104,7 @@ class _Host:
         self._worker.net = ActorCritic(network, np.zeros(network.actions, np.float32))
 
     def do(self, work: str, weights: NDArray[np.float32] | None, *given: Any) -> Any:
-        """Take over the network where it is sent, and do a piece of work."""
+        """Update the network if one was sent, and do a piece of work."""
         if weights is not None:
             _take_over(self._worker.net, weights)
         return getattr(self._worker, work)(*given)
@@ -116,7 +116,7 @@ def _vector(net: ActorCritic) -> NDArray[np.float32]:
 
 
 def _take_over(net: ActorCritic, weights: NDArray[np.float32]) -> None:
-    """Copy float32[P] into the network: where its tensors lie may change what a product of matrices rounds to."""
+    """Copy float32[P] into the network; new tensors elsewhere in memory might round matrix products otherwise."""
     parameters = list(net.parameters())
     pieces = torch.split(torch.tensor(weights), [parameter.numel() for parameter in parameters])
     with torch.no_grad():

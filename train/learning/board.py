@@ -10,28 +10,20 @@ FIGURES = ("goals_per_robot_hour", "collisions_per_km", "stuck")  # of an evalua
 
 
 class Board:
-    """The log of one run, or nothing where TensorBoard is not installed; then `is_open` is False."""
+    """The log of one run; nothing is written where TensorBoard is not installed, and `is_open` is False."""
 
     def __init__(self, directory: Path, settings: Mapping[str, Any], steps: int) -> None:
-        """Open it.
+        """Open the log in `directory`, and write the settings of the training as a text.
 
-        Args:
-            directory: of the log.
-            settings: of the training by name, for the tab HPARAMS.
-            steps: agent-steps done before; what a broken run wrote of later ones is hidden.
+        steps: agent-steps done before; what a broken run wrote of later ones is hidden.
         """
         self._writer: Any = None
         try:
             from torch.utils.tensorboard import SummaryWriter
-            from torch.utils.tensorboard.summary import hparams
         except ImportError:
             return
         self._writer = SummaryWriter(str(directory), purge_step=steps + 1 if steps else None)
-        plain = {name: one if type(one) in (int, float) else str(one) for name, one in settings.items()}
-        measured = {f"held_out/{name}": 0.0 for name in FIGURES}  # their values are the scalars of these names
-        begin, session, self._end = hparams(plain, measured)  # type: ignore[no-untyped-call]
-        for summary in (begin, session):
-            self._writer.file_writer.add_summary(summary)
+        self._writer.add_text("settings", "".join(f"- {name}: {value}\n" for name, value in settings.items()))
 
     @property
     def is_open(self) -> bool:
@@ -47,5 +39,4 @@ class Board:
     def close(self) -> None:
         """End the log."""
         if self.is_open:
-            self._writer.file_writer.add_summary(self._end)
             self._writer.close()

@@ -1,9 +1,7 @@
-"""CARD.md of a policy folder: what it was trained on, how long, and its measured figures."""
+"""CARD.md of a policy folder: what it was trained on, and for how long."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,27 +9,22 @@ from agents.weights_folder import PolicyRecord, read_record
 from train.kinds import Kinds
 from train.learning.config import HELD_OUT_SEED
 from train.reporting.report import no_html
-from train.reporting.rows import Row, mean_interval
 from warehouse_env.checked import from_plain
 from warehouse_env.files import write_text
 
 CARD = "CARD.md"
-_BY = ("policy", "layout", "robots")  # one line of the table each
-_FIGURES = ("collisions_per_km", "collisions_robot", "collisions_shelf", "goals_per_robot_hour", "stuck", "robot_km")
+_MEASURE = "## Measured\n\nNot measured yet: `warehouse evaluate --policy` this folder."
+_LIMITS = (
+    "## Limits\n\nOne training run in simulation with exact sensing. It lowers collisions, it does not exclude them: a "
+    "real vehicle needs its own certified protective field."
+)
 
 
-def write_card(directory: Path | str, rows: Sequence[Row] = ()) -> Path:
-    """Write the card of the policy in `directory` from its config.json; return its path.
-
-    Args:
-        directory: a policy folder (WeightsError if it is none).
-        rows: of an evaluation (`warehouse evaluate --json`), for the table of measured figures; without them the card
-            says that none were measured.
-    """
-    directory = Path(directory)
+def write_card(directory: Path) -> Path:
+    """Write the card of the policy in `directory` from its config.json; return its path. WeightsError if it is none."""
     record = read_record(directory)
-    parts = [f"# {record.algorithm}", _origin(record), _settings(record), _measured(rows), _limits(record)]
-    write_text(directory / CARD, "\n\n".join(part for part in parts if part) + "\n")
+    parts = [f"# {record.algorithm}", _origin(record), _settings(record), _MEASURE, _LIMITS]
+    write_text(directory / CARD, "\n\n".join(parts) + "\n")
     return directory / CARD
 
 
@@ -102,37 +95,5 @@ def _settings(record: PolicyRecord) -> str:
     return "\n".join(lines)
 
 
-def _measured(rows: Sequence[Row]) -> str:
-    head = "## Measured"
-    if not rows:
-        return f"{head}\n\nNot measured yet: `warehouse evaluate --policy` this folder."
-    groups: dict[tuple[Any, ...], list[Row]] = {}
-    for row in rows:
-        groups.setdefault(tuple(row.get(name) for name in _BY), []).append(row)
-    columns = (*_BY, "episodes", *_FIGURES)
-    lines = [head, "", "Held-out seeds; means over episodes with 95% intervals.", ""]
-    lines += ["| " + " | ".join(columns) + " |", "|" + "---|" * len(columns)]
-    for key, group in groups.items():
-        cells = [no_html(Path(str(value)).name) for value in key] + [str(len(group))]  # a map by its file's name
-        cells += [_cell([row.get(name) for row in group]) for name in _FIGURES]
-        lines.append("| " + " | ".join(cells) + " |")
-    return "\n".join(lines)
-
-
-def _cell(values: list[Any]) -> str:
-    interval = mean_interval(values)
-    if math.isnan(interval.mean):
-        return "-"
-    half = interval.high - interval.mean
-    return f"{interval.mean:.3g}" + (f" ± {half:.2g}" if not math.isnan(half) else "")
-
-
 def _list(values: Any) -> str:
     return ", ".join(no_html(str(value)) for value in values or ("?",))
-
-
-def _limits(record: PolicyRecord) -> str:
-    return (
-        "## Limits\n\nOne training run in simulation with exact sensing. It lowers collisions, it does not exclude "
-        "them: a real vehicle needs its own certified protective field."
-    )

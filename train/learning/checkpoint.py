@@ -1,6 +1,6 @@
 """Checkpoints without pickles: one safetensors file of arrays, and a JSON file that names it and is written last.
 
-A checkpoint is therefore either the old one or the new one, whenever the process is killed.
+So a killed process leaves either the old checkpoint or the new one.
 """
 
 from __future__ import annotations

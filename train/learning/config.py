@@ -1,8 +1,7 @@
-"""Every choice of a training, once: the dataclass is the command line, the record in the checkpoint and on the card.
+"""The options of a training: the dataclass is the command line, the record in the checkpoint and on the card.
 
-Defaults are the recipe of the shipped weights of each trainer; recipes.py has the others.
-Seeds: the worlds of a training are reset with seeds below HELD_OUT_SEED, an evaluation uses seeds from there on, so no
-measured episode was ever trained on.
+Defaults are the recipe of each trainer's shipped weights; recipes.py has the others. Training worlds use seeds below
+HELD_OUT_SEED and evaluations the seeds from there on, so no measured episode was trained on.
 """
 
 from __future__ import annotations
@@ -36,32 +35,31 @@ def _cores() -> int:
 
 @dataclass(frozen=True)
 class TrainingConfig(Checked):
-    """What both trainers share: the worlds, the budget, the reward schedule, the network, and where it all goes."""
+    """Options of all trainers: worlds, budget, reward schedule, network and folders."""
 
     name: str = "policy"
     """Name of the run; its folder is OUT/NAME."""
     out: Path = Path("runs")
     """Folder that holds the runs."""
     resume: Path | None = None
-    """Folder of a run to go on with, on its own schedule; other options must then be left out."""
+    """Folder of a run to resume on its own schedule; other options must be left out."""
     seed: int = 0
     """Seed of the networks, the worlds and the sampling."""
     minutes: float | None = None
-    """Budget of wall-clock time; with both this and STEPS, whichever ends first."""
+    """Budget of wall-clock time; with STEPS as well, whichever ends first."""
     steps: int | None = None
-    """Budget of agent-steps (one decision of one robot); 45 million if MINUTES is not given either."""
+    """Budget of agent-steps (one decision of one robot); 45 million without MINUTES."""
     layouts: _Floors = ("paper46", "narrow", "single_lane", *DRAWN[:4])
     """Floors to train on: names of `warehouse layouts`, files NAME.map or NAME.yaml, or your own, FILE.py:FUNCTION;
     each is mixed with each robot count."""
     robots: tuple[int, ...] = (16, 32)
     """Robots in a world."""
     fleet: Annotated[Kinds | None, tyro.conf.Suppress] = None
-    """The kinds that they are of; None: all are as RobotSpec has them."""
+    """The kinds of robots; None: all are RobotSpec's default."""
     rows: int = 1056
-    """Robots trained with at a time, over all worlds; rounded so that every mix has at least one world."""
+    """Robots stepped at a time over all worlds, rounded so that every mix has at least one world."""
     planner: str | None = "astar_turns"
-    """Planner of the routes in training; None: pf_aco with live routes and else astar_turns, whose routes are nearly
-    the same and take a fraction of the time."""
+    """Planner of the routes in training; None: pf_aco with live routes, else astar_turns."""
     keep_right: float = EnvConfig.keep_right
     """How far routes keep to the right of the planned path where there is room [m]."""
     action_type: ActionType = "discrete"
@@ -69,19 +67,19 @@ class TrainingConfig(Checked):
     episode_seconds: float = 200.0
     """Simulated time after which a world is reset [s]."""
     jam_seconds: float = 60.0
-    """A world is reset early once a fifth of its robots stand still for this long [s]."""
+    """Reset a world early once a fifth of its robots have stood still for this long [s]."""
     gamma: float = 0.98
     """Discount of one decision."""
     gae_lambda: float = 0.95
-    """Weight of longer returns in the advantage; 1 is the plain truncated return with the baseline."""
+    """Weight of longer returns in the advantage; 1 is the plain truncated return minus the baseline."""
     collision_first: float = -1.0
-    """Reward of a contact at the start: dear contacts there teach to park."""
+    """Reward of a contact at the start; large penalties there teach robots to park."""
     collision_last: float = -150.0
-    """Reward of a contact at the end; between, it changes linearly with the share of the budget spent."""
+    """Reward of a contact at the end; it changes linearly with the share of the budget spent."""
     contact: float = -0.5
-    """Reward of every decision in touch, unless told to stand: dear enough that pushing on does not pay."""
+    """Reward of every decision in contact unless the command is to stand; pushing on must not pay."""
     shared: float = 0.3
-    """Share of a robot's reward that is the mean over all within 6 m, so that giving way can pay."""
+    """Share of a robot's reward that is the mean over all robots within 6 m, so that giving way can pay."""
     reward_scale: float = 0.1
     """Factor on all rewards."""
     entropy_first: float = 0.01
@@ -89,19 +87,19 @@ class TrainingConfig(Checked):
     entropy_last: float = 0.002
     """Weight of the entropy bonus at the end."""
     learning_rate: float = 1.5e-4
-    """Adam's first step size, decayed linearly to a twentieth of it."""
+    """Adam's first step size; it decays linearly to a twentieth."""
     gradient_clip: float = 0.5
     """Largest norm of a gradient."""
     hidden: tuple[int, ...] = (128, 128)
     """Widths of the hidden tanh layers, of the actor and of the critic."""
     action_repeat: int = 2
-    """Physics steps between two decisions of the training; driven, the policy decides at every one."""
+    """Physics steps between two decisions in training; the finished policy decides at every step."""
     predictions: bool = True
-    """Let the robot predict, for every action, the time to a conflict; the untrained policy then avoids conflicts."""
+    """Observe for every action the time to a conflict; the untrained policy then avoids conflicts."""
     traffic: str = "routes"
-    """How robots meet where the policy is driven: none, routes, shield, rules or assist, with switches of TrafficSpec
-    behind it, as in assist:right_of_way_after=6. The training itself goes without right of way: that is quicker, and
-    what is learned could not be told apart. It replans only barred routes, which takes half the time."""
+    """How robots meet when the finished policy drives: none, routes, shield, rules or assist, with switches of
+    TrafficSpec behind it, as in assist:right_of_way_after=6. The training itself has no right of way, which is quicker
+    and made no measurable difference, and replans only barred routes, which takes half the time."""
     cruise_bias: float = 1.5
     """Without predictions: how strongly the untrained policy prefers to cruise on its route (logits)."""
     rollout: int = 24
@@ -111,12 +109,12 @@ class TrainingConfig(Checked):
     checkpoint_seconds: float = 60.0
     """Time between checkpoints [s]."""
     evaluation_seconds: float = 120.0
-    """Time between two evaluations on held-out seeds [s], or longer, so that they take at most 3% of the processor
-    time; 0: none. What is learned does not depend on them."""
+    """Least time between two evaluations on held-out seeds [s]; they take at most 3% of the processor time. 0: none.
+    They do not change what is learned."""
     threads: int = field(default_factory=_cores)
     """Threads of torch and of the simulator."""
     progress: bool = True
-    """Show the progress bar; without it, and where there is no terminal, a line a minute tells how it goes."""
+    """Show the progress bar; otherwise, or without a terminal, print a line every minute."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -137,7 +135,7 @@ class TrainingConfig(Checked):
         for name, most in (("layouts", 100), ("robots", 100), ("hidden", 16)):
             self._require(1 <= len(getattr(self, name)) <= most, name, f"1 to {most} values")
         for robots in self.robots:
-            EnvConfig(num_agents=robots, **self.kinds_of(robots))  # says what cannot be before anything is made
+            EnvConfig(num_agents=robots, **self.kinds_of(robots))  # raises before anything is made
         plain = Path(self.name).name == self.name not in ("", "..")
         self._require(plain, "name", "a plain folder name; the folder around it is --out")
 
@@ -162,13 +160,13 @@ class TrainingConfig(Checked):
         return self.planner or ("pf_aco" if self.traffic_spec.routes else "astar_turns")
 
     def worlds(self, rows: float) -> list[tuple[EnvConfig, int]]:
-        """Return the mix: one (environment, number of worlds) for every layout and robot count, of `rows` robots."""
+        """Return an (environment, number of worlds) for every layout and robot count, `rows` robots in all."""
         mixes = [(layout, robots) for layout in self.layouts for robots in self.robots]
         share = rows / len(mixes)
         return [(self.env(layout, robots), max(1, round(share / robots))) for layout, robots in mixes]
 
     def kinds_of(self, robots: int) -> dict[str, Any]:
-        """Return the fields of EnvConfig that say of which kinds so many robots are."""
+        """Return the fields of EnvConfig for the kinds of `robots` robots."""
         return {} if self.fleet is None else self.fleet.of(robots)
 
     def env(self, layout: str, robots: int) -> EnvConfig:
@@ -189,17 +187,16 @@ class TrainingConfig(Checked):
         return dataclasses.replace(spec, right_of_way=False, right_of_way_after=0.0, routes=barred)
 
     def driven(self, env: EnvConfig) -> EnvConfig:
-        """Return an environment of the training as the policy is to be driven in: deciding at every physics step, which
-        brought 1 to 6% more goals on trial seeds, or half of the contacts, and brought no more when trained so; and
-        with live routes that all robots look for, which would make the training take twice as long.
+        """Return an environment of the training as the policy is driven in: all robots replan, and the policy decides
+        at every physics step, which brought 1 to 6% more goals on trial seeds, or half of the contacts.
         """
         steps = env.max_steps * env.action_repeat
         return env.replace(action_repeat=1, max_steps=steps, traffic=self.traffic_spec)
 
     @property
     def mode(self) -> Mode:
-        """How the policy's actions are chosen: drawn, so that two alike do not wait for each other, or where right of
-        way sees to that the best (1 to 3% more goals on trial seeds).
+        """How actions are chosen: sampled, so that two equal robots do not wait for each other; or, with right of way,
+        the best (1 to 3% more goals on trial seeds).
         """
         return "greedy" if self.traffic_spec.right_of_way else "sample"
 
@@ -244,7 +241,7 @@ class TrainingConfig(Checked):
 
 @dataclass(frozen=True)
 class ThreadedConfig(TrainingConfig):
-    """What the trainers share whose threads have worlds of their own (threaded.py)."""
+    """Options of the trainers whose threads have worlds of their own (threaded.py)."""
 
     critic_factor: float = 4.0
     """The critic's step size, as a multiple of the actor's."""
@@ -254,8 +251,8 @@ class ThreadedConfig(TrainingConfig):
         self._between(0.0, 1e9, "critic_factor")
 
     def shares(self) -> list[list[tuple[EnvConfig, int]]]:
-        """Return what each thread trains on: mixes as a whole where they can be dealt out evenly, for a few large
-        simulators are faster than many small ones, else its share of each.
+        """Return what each thread trains on: whole mixes if they divide evenly, since a few large simulators are faster
+        than many small ones, else its share of each.
         """
         mixes = self.worlds(self.rows)
         if len(mixes) % self.threads == 0:
@@ -265,7 +262,7 @@ class ThreadedConfig(TrainingConfig):
 
 @dataclass(frozen=True)
 class ClippedConfig(TrainingConfig):
-    """What both PPOs share."""
+    """Options of both PPOs."""
 
     epochs: int = 2
     """Passes over the rows of one rollout."""
@@ -283,38 +280,23 @@ class ReinforceConfig(ThreadedConfig):
     """Train our policy gradient: REINFORCE over the next action command, with a learned value as baseline."""
 
     name: str = "reinforce"
-    """Name of the run; its folder is OUT/NAME."""
     minibatch: int = 2048
-    """Rows of one gradient step; every row is used once."""
 
 
 @dataclass(frozen=True)
 class ThreadedPPOConfig(ThreadedConfig, ClippedConfig):
-    """Train proximal policy optimisation of our own, in threads as REINFORCE is."""
+    """Train our own proximal policy optimisation, in threads."""
 
     name: str = "threaded_ppo"
-    """Name of the run; its folder is OUT/NAME."""
     layouts: _Floors = ("paper46", "narrow", "single_lane", *DRAWN)
-    """Layouts to train on, by name, or files NAME.map or NAME.yaml; each is mixed with each robot count."""
     robots: tuple[int, ...] = (64,)
-    """Robots in a world."""
     rows: int = 1216
-    """Robots trained with at a time, over all worlds; rounded so that every mix has at least one world."""
     planner: str | None = None
-    """Planner of the routes in training; None: pf_aco with live routes and else astar_turns, whose routes are nearly
-    the same and take a fraction of the time."""
     collision_last: float = -30.0
-    """Reward of a contact at the end; between, it changes linearly with the share of the budget spent."""
     hidden: tuple[int, ...] = (64, 64)
-    """Widths of the hidden tanh layers, of the actor and of the critic."""
     traffic: str = "assist"
-    """How robots meet where the policy is driven: none, routes, shield, rules or assist, with switches of TrafficSpec
-    behind it, as in assist:right_of_way_after=6. The training itself goes without right of way: that is quicker, and
-    what is learned could not be told apart. It replans only barred routes, which takes half the time."""
     learning_rate: float = 5e-4
-    """Adam's first step size, decayed linearly to a twentieth of it."""
     epochs: int = 3
-    """Passes over the rows of one rollout."""
 
 
 @dataclass(frozen=True)
@@ -322,6 +304,4 @@ class PPOConfig(ClippedConfig):
     """Train proximal policy optimisation, by stable-baselines3."""
 
     name: str = "ppo"
-    """Name of the run; its folder is OUT/NAME."""
     learning_rate: float = 2e-4
-    """Adam's first step size, decayed linearly to a twentieth of it."""

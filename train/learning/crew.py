@@ -1,7 +1,7 @@
-"""The workers of our own trainer, and who runs them: threads here, or processes on other machines (actors.py).
+"""The workers of our own trainers, run by threads here or by processes on other machines (actors.py).
 
-Each worker has worlds of its own, plays its own rollout and computes the gradient of its own rows. What it saw stays
-with it: only the network goes to it, and what is judged, and gradients, come back.
+Each worker has its own worlds, plays its own rollout and computes the gradient of its own rows. Observations stay with
+the worker: the network goes to it; advantages, targets and gradients come back.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from agents.weights_folder import Network
 from train.learning.config import ThreadedConfig
 from train.learning.experience import Rollout, RolloutWorker
 from train.learning.timing import Split, set_threads
-from train.learning.training_run import network_of
+from train.learning.trainer import network_of
 from train.learning.worlds import Counts
 from warehouse_env.config import EnvConfig, RewardWeights
 
@@ -35,7 +35,7 @@ advantage scaled to mean 0 and deviation 1. It can be pickled.
 
 
 class Facts(NamedTuple):
-    """What a trainer must know of a worker."""
+    """What a trainer needs to know of a worker."""
 
     rows: int  # robots stepped at a time
     env: EnvConfig
@@ -43,7 +43,7 @@ class Facts(NamedTuple):
 
 
 class Judged(NamedTuple):
-    """What a trainer must know of a rollout; rows are T x R."""
+    """What a trainer needs to know of a rollout; rows are T x R."""
 
     advantage: NDArray[np.float32]  # [T * R]
     target: NDArray[np.float32]  # [T * R]
@@ -71,7 +71,7 @@ class Worker:
         self._rollout: Rollout
 
     def facts(self) -> Facts:
-        """Return what the trainer must know."""
+        """Return what the trainer needs to know."""
         return self._facts
 
     def split(self) -> Split:
@@ -106,7 +106,7 @@ class Worker:
         return self.worlds.history()
 
     def replay(self, history: dict[str, NDArray[Any]]) -> None:
-        """Bring the worlds, just made, to where they stood when `history` was taken."""
+        """Bring the worlds, just made, to the state in which `history` was taken."""
         self.worlds.replay(history)
 
 
@@ -114,13 +114,13 @@ class Crew(Protocol):
     """All workers of a training, numbered from 0, and where they run."""
 
     def share(self, net: ActorCritic) -> None:
-        """Have all workers use the network as it stands at the next `each`."""
+        """Let all workers use the network as it is at the next `each`."""
         ...
 
     def each(self, work: Callable[..., T], arguments: Sequence[tuple[Any, ...]]) -> list[T]:
-        """Return `work(worker, *arguments[number])` for every worker by number, done side by side.
+        """Return `work(worker, *arguments[number])` for every worker, done side by side.
 
-        work: a method of Worker. LostError where a worker is gone; its crew is then of no more use.
+        work: a method of Worker. LostError if a worker is gone; the crew is useless then.
         """
         ...
 
@@ -147,7 +147,7 @@ class Threads:
             worker.net = net
 
     def each(self, work: Callable[..., T], arguments: Sequence[tuple[Any, ...]]) -> list[T]:
-        """Do a piece of work, each worker's on a thread of its own (see `Crew.each`)."""
+        """Do a piece of work, one thread per worker (see `Crew.each`)."""
         return list(self._pool.map(lambda worker, given: work(worker, *given), self._workers, arguments))
 
     def close(self) -> None:

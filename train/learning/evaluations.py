@@ -1,4 +1,4 @@
-"""Evaluations in the course of a training: when one is due, so that they take little of its time."""
+"""Evaluations during a training, spaced so that they take little of its time."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ Drive = Callable[[TrainingConfig], dict[str, float]]
 
 
 class Evaluations:
-    """Drives the policy of a training now and then, and notes how it went. What is learned does not depend on it."""
+    """Drives the policy of a training now and then, and logs the result. It does not change what is learned."""
 
     def __init__(self, config: TrainingConfig, drive: Drive, update: int | None) -> None:
-        """Begin to wait for the next one; update: after which the policy was driven last, if it was."""
+        """Start the clock; update: after which the policy was driven last, if any."""
         self._config, self._drive, self._update = config, drive, update
         self._ended, self._took = (time.monotonic(), time.process_time()), 0.0
 
     @property
     def due(self) -> bool:
-        """Whether it is time for the next one."""
+        """Whether the next evaluation is due."""
         every, (since, worked_since) = self._config.evaluation_seconds, self._ended
         worked = time.process_time() - worked_since  # of all threads; where others take the cores, it grows slowly
         return every > 0.0 and time.monotonic() - since >= every and worked * SHARE >= self._took
 
     def run(self, update: int, steps: int, log: ProgressLog) -> None:
-        """Drive the policy that was saved after an update and so many agent-steps, unless it was driven before."""
+        """Drive the policy that was saved after an update and `steps` agent-steps, unless this was done already."""
         if self._config.evaluation_seconds == 0.0 or update == self._update:
             return
         begun, worked = time.monotonic(), time.process_time()

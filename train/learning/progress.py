@@ -1,4 +1,4 @@
-"""How a training shows itself: a bar or a line a minute, rows in progress.jsonl, and TensorBoard (board.py)."""
+"""The progress of a training: a bar or a line every minute, rows in progress.jsonl, and TensorBoard (board.py)."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def _steps(row: Row) -> float:
 
 
 class ProgressLog:
-    """Averages over some seconds of updates go to the bar, to a file of rows and to TensorBoard.
+    """Writes averages over some seconds of updates to the bar, to a file of rows and to TensorBoard.
 
     Attributes:
         last: figures of the last row.

@@ -1,4 +1,4 @@
-"""Named settings of the trainers: what each changes of its options' defaults, which are the recipe `shipped`."""
+"""Recipes: named changes of the trainers' default options; the defaults are the recipe `shipped`."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ Config = TypeVar("Config", bound=TrainingConfig)
 Recipe = Literal["shipped", "bare"]
 ThreadedPPORecipe = Literal["shipped", "bare", "unshielded"]
 
-# Avoiding is all the policy's, as in the papers: without shield, live routes and shared rewards.
+# The policy alone avoids collisions, as in the papers: no shield, live routes or shared rewards.
 _BARE: dict[str, Any] = {
     "layouts": ("paper46", "narrow"), "planner": None, "collision_last": -30.0, "shared": 0.0,
     "traffic": "none",
 }  # fmt: skip
 _THREADED = {"robots": (16, 24, 32), "rows": 768, "hidden": (64, 64)}
-# Of the shipped policy of this name: live routes alone, and dear contacts.
+# The shipped policy of this name: live routes only, and large contact penalties.
 _UNSHIELDED = {
     "name": "unshielded", "steps": 100_000_000, "layouts": ("paper46", "narrow", "single_lane", *DRAWN[:4]),
     "robots": (16, 32), "rows": 1056, "planner": "astar_turns", "collision_last": -300.0, "hidden": (128, 128),

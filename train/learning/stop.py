@@ -11,9 +11,9 @@ from contextlib import contextmanager
 
 @contextmanager
 def stop_signal() -> Iterator[threading.Event]:
-    """Yield an event that Ctrl-C or a termination sets, so that the running update ends well; a second one is hard.
+    """Yield an event that Ctrl-C or SIGTERM sets, so that the running update ends; a second signal exits at once.
 
-    At the end the signal is raised once more, and then does what it would have done.
+    At the end the signal is raised again with its usual effect.
     """
     stop = threading.Event()
     if threading.current_thread() is not threading.main_thread():

@@ -1,11 +1,10 @@
-"""A policy-gradient trainer whose workers each have worlds of their own: REINFORCE and our PPO differ in their loss.
+"""The policy-gradient trainer behind REINFORCE and our PPO, which differ in their loss.
 
-Each worker, on a thread or a machine of its own, plays its own rollout, then computes the gradient of its own rows;
-they meet only to add the gradients, in the workers' order. That is faster than threads within each small operation,
-and stays so on a busy machine.
+Each worker, on its own thread or machine, plays its own rollout and computes the gradient of its own rows. Workers meet
+only to add the gradients, in order. That is faster than threads within each small operation, also on a busy machine.
 
-The return is cut after each rollout and continued by the critic's value; the advantage A is its generalised form
-(Schulman et al. 2016), which with gae_lambda = 1 is exactly the truncated return minus the baseline.
+The critic's value continues the return after each rollout. The advantage A is the generalised one (Schulman et al.
+2016); with gae_lambda = 1 it is exactly the truncated return minus the baseline.
 """
 
 from __future__ import annotations

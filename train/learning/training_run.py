@@ -1,4 +1,4 @@
-"""What both trainers need around their updates: folder, budget, log, checkpoints, and a clean stop on Ctrl-C."""
+"""A training around its updates: folder, budget, log, checkpoints, and a clean stop on Ctrl-C."""
 
 from __future__ import annotations
 
@@ -10,94 +10,42 @@ import time
 from collections.abc import Callable
 from contextlib import ExitStack, closing
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import TypeVar
 
-import gymnasium
 import numpy as np
-from numpy.typing import NDArray
 
-from agents.weights_folder import CONFIG, Network, PolicyRecord, read_record, save_policy
+from agents.weights_folder import CONFIG, PolicyRecord, read_record, save_policy
+from train.job_files import FileDigests, file_digests
 from train.learning import checkpoint
 from train.learning.card import write_card
 from train.learning.config import TrainingConfig
 from train.learning.evaluations import Drive, Evaluations
 from train.learning.progress import ProgressLog
 from train.learning.stop import stop_signal
-from train.learning.timing import Split
-from train.parcels import KeptFiles, check_kept, kept, staged
+from train.learning.trainer import Trainer
 from train.reporting.lock import held
 from train.reporting.report import tell
-from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, LostError, WarehouseError, WeightsError
 from warehouse_env.files import check_writable
 from warehouse_env.own_parts import digests
-from warehouse_env.simulation.simulator import Simulator
 
 CHECKPOINT = "checkpoint"
-FILES = "files"  # in a run's folder, the files of its floors
 LOCK = ".lock"  # in a run's folder, while it is trained in
 _NAMED = 3  # floors that the first line names
-_MOST_LOST = 5  # times in a row that workers are lost before another checkpoint is written; a machine may cost two
-_FREE_ON_RESUME = ("resume", "progress")  # what may differ without changing the schedule
+_MOST_LOST = 5  # losses of workers in a row without a checkpoint; one machine may cost two
+_FREE_ON_RESUME = ("resume", "progress")  # options that do not change the schedule
 
 ConfigT = TypeVar("ConfigT", bound=TrainingConfig)
 
 
-class Trainer(Protocol):
-    """One algorithm: all that `run_training` needs to know of it."""
-
-    algorithm: str
-    env: EnvConfig  # what the policy needs of an environment
-    network: Network
-    rows: int  # robots stepped at a time
-    rollout: int  # decisions of each between two updates
-
-    @property
-    def split(self) -> Split:
-        """Where the time went so far."""
-        ...
-
-    def update(self, number: int, spent: float) -> dict[str, float]:
-        """Collect one rollout and learn from it.
-
-        Args:
-            number: updates done before; all chance of this update follows from it and the seed.
-            spent: share of the budget used, 0 to 1; the schedules follow it.
-
-        Returns:
-            Losses and such, for the log.
-        """
-        ...
-
-    def take_figures(self) -> dict[str, float]:
-        """Return what happened in the worlds since the last call: reward, goals and collisions."""
-        ...
-
-    def arrays(self) -> dict[str, NDArray[Any]]:
-        """Return all that `load` needs to go on."""
-        ...
-
-    def load(self, arrays: dict[str, NDArray[Any]]) -> None:
-        """Put back what `arrays` returned; the config is the same."""
-        ...
-
-    def policy_tensors(self) -> dict[str, NDArray[np.float32]]:
-        """Return the tensors of the policy as it stands, for a weights folder."""
-        ...
-
-    def close(self) -> None:
-        """End its threads and processes."""
-        ...
-
-
 @dataclasses.dataclass
 class Position:
-    """How far a training has come; kept in the checkpoint."""
+    """The progress of a training, as the checkpoint holds it."""
 
     update: int = 0
     steps: int = 0  # agent-steps
     seconds: float = 0.0
-    files: KeptFiles = dataclasses.field(default_factory=dict)  # of floors, in FILES
+    files: FileDigests = dataclasses.field(default_factory=dict)  # of floors
     code: dict[str, str] = dataclasses.field(default_factory=dict)  # parts of one's own, each with its digest
 
     @classmethod
@@ -117,33 +65,23 @@ class Position:
         return min(max(shares), 1.0)
 
 
-def network_of(simulator: Simulator, hidden: tuple[int, ...]) -> Network:
-    """Return the sizes of the networks for one robot of `simulator`."""
-    space = simulator.action_space
-    discrete = isinstance(space, gymnasium.spaces.Discrete)
-    actions = int(space.n) if isinstance(space, gymnasium.spaces.Discrete) else (space.shape or (0,))[0]
-    return Network(simulator.layout.size, actions, discrete, hidden)
-
-
 def run_training(config: ConfigT, algorithm: str, make: Callable[[ConfigT], Trainer], drive: Drive) -> Path:
-    """Train until the budget is used or a stop is asked for; return the run's folder, which is a policy folder.
+    """Train until the budget is used or a signal stops it; return the run's folder, which is a policy folder.
 
-    make: the trainer. drive: see `Evaluations`.
+    make: makes the trainer. drive: see `Evaluations`. SIGINT and SIGTERM take effect once everything is saved.
 
-    SIGINT and SIGTERM stop it, and take their usual effect once all is saved, or raise KeyboardInterrupt.
-
-    Raises ConfigError if the folder holds a run already and `resume` is not given, WeightsError if the run to go on
-    with has no usable checkpoint or is of another algorithm, WarehouseError if another process trains in the folder or
-    it cannot be written.
+    Raises ConfigError if the folder holds a run already and `resume` is not given, WeightsError if the run to resume
+    has no usable checkpoint or is of another algorithm, WarehouseError if another process trains in the folder or it
+    cannot be written.
     """
     with ExitStack() as stack:
         if config.resume is None:
             check_writable(config.directory / CONFIG)
-        if config.resume is None or config.resume.is_dir():  # else there is nothing to go on with, which _begin says
+        if config.resume is None or config.resume.is_dir():  # else _begin raises
             stack.enter_context(held(config.directory / LOCK, config.directory))
         config, saved = _begin(config, algorithm)
         if saved is not None:
-            stack.enter_context(staged(_unchanged(config, Position.of(saved)), config.directory / FILES))
+            _check_unchanged(config, Position.of(saved))
         tell(_beginning(config))
         lost = 0
         while True:
@@ -162,11 +100,11 @@ def run_training(config: ConfigT, algorithm: str, make: Callable[[ConfigT], Trai
 def _run(
     config: ConfigT, saved: checkpoint.Checkpoint | None, make: Callable[[ConfigT], Trainer], drive: Drive
 ) -> None:
-    """Train from the beginning or a checkpoint; LostError where the trainer lost workers, what is saved stands."""
+    """Train from the beginning or a checkpoint; LostError if the trainer lost workers."""
     with ExitStack() as stack:
         trainer = stack.enter_context(closing(make(config)))
         if saved is None:
-            position = Position(files=kept(config.layouts, config.directory / FILES), code=_code(config))
+            position = Position(files=file_digests(config.layouts), code=_code(config))
         else:
             trainer.load(saved.arrays)
             position = Position.of(saved)
@@ -174,7 +112,7 @@ def _run(
         log = stack.enter_context(ProgressLog(config.directory, config.progress, position.steps, config.to_dict()))
         evaluations = Evaluations(config, drive, None if saved is None else position.update)
         if saved is None:
-            _save(config, trainer, position, log.last)  # from here on --resume goes on, whenever it is killed
+            _save(config, trainer, position, log.last)  # from here on it can be resumed
             evaluations.run(position.update, position.steps, log)
         _loop(config, trainer, position, log, evaluations, stop)
         _save(config, trainer, position, log.last)
@@ -188,16 +126,22 @@ def _code(config: TrainingConfig) -> dict[str, str]:
     return digests(*config.layouts, config.router)
 
 
-def _unchanged(config: TrainingConfig, position: Position) -> KeptFiles:
-    """Return the files of a run's floors; WeightsError where they, or code of one's own, are other than they were."""
-    check_kept(position.files, config.directory / FILES)
-    now = _code(config)
+def _check_unchanged(config: TrainingConfig, position: Position) -> None:
+    """Raise WeightsError where a floor's file or code of one's own is other than it was."""
+    if not isinstance(position.files, dict):
+        raise WeightsError(f"the list of files in the checkpoint of {config.directory} is damaged: begin anew")
+    files, code = file_digests(position.files), _code(config)
+    for name, known in position.files.items():
+        if files.get(name) != known:
+            raise WeightsError(
+                f"the files of {name} are missing or not those that {config.directory} was trained with: "
+                "put them back, or begin anew"
+            )
     for name, digest in position.code.items():
-        if now.get(name, digest) != digest:
+        if code.get(name, digest) != digest:
             raise WeightsError(
                 f"{name} is not the code that {config.directory} was trained with: take that, or begin anew"
             )
-    return position.files
 
 
 def _last(config: TrainingConfig) -> checkpoint.Checkpoint | None:
@@ -210,7 +154,7 @@ def _updates(saved: checkpoint.Checkpoint | None) -> int:
 
 
 def is_done(config: TrainingConfig) -> bool:
-    """Return whether a run was trained to the end of its budget; ConfigError if its folder holds another training."""
+    """Return whether a run has used its budget; ConfigError if its folder holds another training."""
     if not (config.directory / CONFIG).exists() or not checkpoint.exists(config.directory / CHECKPOINT):
         return False
     saved = checkpoint.read(config.directory / CHECKPOINT).data
@@ -220,25 +164,8 @@ def is_done(config: TrainingConfig) -> bool:
     return bool(read_record(config.directory).training["spent"] >= 1)  # of the weights, written after the checkpoint
 
 
-def profile(trainer: Trainer, updates: int, warm_up: int = 1) -> dict[str, float]:
-    """Run some updates and return where the time went, without writing anything.
-
-    Returns:
-        "simulator_s", "policy_s", "update_s", "seconds" (all), "steps" (agent-steps) and "steps_per_second".
-    """
-    for number in range(warm_up):
-        trainer.update(number, 0.0)
-    before, begun = dict(trainer.split.seconds), time.perf_counter()
-    for number in range(warm_up, warm_up + updates):
-        trainer.update(number, 0.0)
-    seconds = time.perf_counter() - begun
-    steps = updates * trainer.rows * trainer.rollout
-    parts = {part: trainer.split.seconds[part] - before[part] for part in before}
-    return {**parts, "seconds": seconds, "steps": float(steps), "steps_per_second": steps / seconds}
-
-
 def _begin(config: ConfigT, algorithm: str) -> tuple[ConfigT, checkpoint.Checkpoint | None]:
-    """Check the run's folder; return the config to train with and the checkpoint to go on from, if any."""
+    """Check the run's folder; return the config to train with, and the checkpoint to resume from, if any."""
     directory = config.directory
     if config.resume is None:
         if checkpoint.exists(directory / CHECKPOINT) or (directory / CONFIG).exists():
@@ -261,7 +188,7 @@ def _begin(config: ConfigT, algorithm: str) -> tuple[ConfigT, checkpoint.Checkpo
 
 
 def _beginning(config: TrainingConfig) -> str:
-    """Say what begins; compiling may keep it from showing itself for a minute."""
+    """Return the first line; compiling may delay the next one for a minute."""
     if config.resume is not None:
         return f"goes on with {config.resume}; Ctrl-C stops and keeps what is learned"
     budget = [f"{config.minutes:g} minutes"] if config.minutes is not None else []
@@ -297,27 +224,24 @@ def _loop(
 
 
 def _update(config: TrainingConfig, trainer: Trainer, position: Position, spent: float) -> dict[str, float]:
-    """Return an update's losses; WarehouseError if it leaves weights that are no numbers, and nothing is saved then."""
+    """Return an update's losses. WarehouseError if it leaves weights that are not finite; nothing is saved then."""
     try:
-        losses = trainer.update(position.update, spent)
-    except ValueError:  # so torch refuses to draw from what is no number
-        _check_weights(config, trainer, position)
-        raise
-    _check_weights(config, trainer, position)
-    return losses
-
-
-def _check_weights(config: TrainingConfig, trainer: Trainer, position: Position) -> None:
+        losses, failed = trainer.update(position.update, spent), None
+    except ValueError as error:  # torch does not draw from what is no number
+        losses, failed = {}, error
     if not all(np.isfinite(tensor).all() for tensor in trainer.policy_tensors().values()):
         raise WarehouseError(
             f"update {position.update} of {config.directory} left weights that are not finite, after "
             f"{position.steps:,} agent-steps; the folder holds the last good ones: try a smaller --learning-rate, or "
             "--gradient-clip"
         )
+    if failed is not None:
+        raise failed
+    return losses
 
 
 def _save(config: TrainingConfig, trainer: Trainer, position: Position, figures: dict[str, float]) -> None:
-    """Write the checkpoint and, beside it, the policy as it stands with its card."""
+    """Write the checkpoint, the policy as it stands and its card."""
     plain = {key: value for key, value in config.to_dict().items() if key != "resume"}
     data = {"algorithm": trainer.algorithm, "config": plain, **dataclasses.asdict(position)}
     directory = config.directory
@@ -333,7 +257,7 @@ def _save(config: TrainingConfig, trainer: Trainer, position: Position, figures:
 
 
 def _split(trainer: Trainer) -> str:
-    """Say where the time went."""
+    """Return a line that says where the time went."""
     parts = trainer.split.seconds
     total = max(sum(parts.values()), 1e-9)
     shares = ", ".join(f"{name.removesuffix('_s')} {100 * value / total:.0f}%" for name, value in parts.items())

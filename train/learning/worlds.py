@@ -1,8 +1,8 @@
-"""The worlds of our own trainer: several simulators of different layouts and robot counts, stepped as one block.
+"""The worlds of our own trainers: several simulators of different layouts and robot counts, stepped as one block.
 
-A world is reset after a fixed number of steps, with a seed that follows from (training seed, world, episode) alone; the
-worlds' ends are spread evenly over time, so that a batch holds fresh and crowded warehouses alike. Since nothing else
-enters, the actions since the last resets are enough to come back to the same state: that is what a checkpoint keeps.
+A world is reset after a fixed number of steps, with a seed that depends only on (training seed, world, episode). The
+ends are spread evenly over time, so that a batch holds fresh and crowded worlds. The actions since the last resets are
+therefore enough to restore the state; a checkpoint keeps them.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ NEAR = np.float32(6.0)  # [m] within which robots share rewards
 
 
 class TrainingSimulator(Simulator):
-    """Worlds whose episodes end at different times, and early when they jam: little is learned in a jam.
+    """Worlds whose episodes end at different times, and early in a jam, where little is learned.
 
     Attributes:
         stuck: robots that in the last step had not come forward for `stuck_after` of the config.
@@ -59,8 +59,8 @@ class TrainingSimulator(Simulator):
     def step(self, actions: ArrayLike) -> NDArray[np.float32]:
         """Step all worlds as `Simulator.step` does; `truncated` also tells the jammed ones.
 
-        A robot that was told to stand is not blamed for being touched, nor one that stood already for being run
-        into: else nobody would gain by giving way first.
+        A robot with the command to stand pays nothing for a contact, nor for a collision if it stood already: otherwise
+        giving way first would not pay.
         """
         stood = self.state.speed == 0
         observation = super().step(actions)
@@ -117,7 +117,7 @@ class Counts:
 
 
 class Tally:
-    """Counts what happens in some simulators; the cost is a few sums a step."""
+    """Counts what happens in some simulators."""
 
     def __init__(self, simulators: Sequence[TrainingSimulator]) -> None:
         self._simulators = simulators
@@ -141,7 +141,7 @@ class Tally:
             self._ends.extend(simulator.ends)
 
     def take(self) -> Counts:
-        """Return the counts since the last call, and start anew."""
+        """Return the counts since the last call, and start again from 0."""
         counts, self._counts = self._counts, Counts()
         counts.ends = tuple(self._ends)  # few end between two calls, so the last ones of before count again
         return counts

@@ -1,4 +1,4 @@
-"""The columns of an evaluation's table: how each is read from rows, its unit, and what it means."""
+"""The columns of an evaluation's table: how to read them from rows, their units and meanings."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Measure:
 
 
 def field_of(name: str) -> Callable[[Row], float | None]:
-    """Return what reads a field of a row, None where it has none."""
+    """Return a function that reads a field of a row; None if it is missing."""
     return lambda row: row.get(name)
 
 
@@ -74,25 +74,26 @@ _ONE_SHOT = (
 )
 MEASURES = {measure.name: measure for measure in _COLUMNS + _PEOPLE + _WORK + _ORDERS + _BATTERY}
 EVALUATION_NOTE = (
-    "Means over episodes [95% interval by Student's t over episodes, cut at what is possible]; a collision counts once "
-    "per contact and pair; late: goals/robot-h of the second half; stuck: share of robots that at the end have not "
-    "advanced for over a minute; deadlocks: circles of robots that waited for each other, an episode; longest "
-    "standing: of any robot within a metre of one place, in an episode."
+    "Means over episodes [95% interval by Student's t over episodes, cut at possible values]; a collision counts once "
+    "per contact and pair; late: goals/robot-h of the second half; stuck: share of robots that have not advanced for "
+    "over a minute at the end; deadlocks: wait cycles per episode; longest standing: of any robot within a metre of "
+    "one place, per episode."
 )
 _PEOPLE_NOTE = (
-    " Longest person kept: that anybody who wanted to walk had a robot half a metre away, without coming a metre."
+    " Longest person kept: longest time that a walking person had a robot within half a metre and advanced less than a "
+    "metre."
 )
 _WORK_NOTE = (
-    " Queueing: of the robots' time, waiting for a place that another holds; stations used: of the stations' time, "
-    "with a robot in service; empty driving: of the metres driven, those without a load."
+    " Queueing: share of the robots' time spent waiting for an occupied place; stations used: share of the stations' "
+    "time with a robot in service; empty driving: share of the metres driven without a load."
 )
-_ORDERS_NOTE = " Order median and 95%: from an order's release until it is dropped; late: dropped late, or due and not."
+_ORDERS_NOTE = " Order median and 95%: time from release to drop-off; late: dropped off late, or overdue."
 _NOTES = ((_PEOPLE, _PEOPLE_NOTE), (_WORK, _WORK_NOTE), (_ORDERS[:-1], _ORDERS_NOTE))
 
 
 def measures_for(rows: Sequence[Row]) -> tuple[Measure, ...]:
-    """Return the columns that say something about these rows: success and makespan only where tasks end, and
-    those of people, work, orders and batteries only where there are some.
+    """Return the columns that apply to these rows: those of one-shot tasks, people, work, orders and batteries only
+    if there are some.
     """
     parts = (_PEOPLE, _WORK, _ORDERS, _BATTERY)
     some = tuple(one for part in parts if any(part[0].name in row for row in rows) for one in part)
@@ -101,5 +102,5 @@ def measures_for(rows: Sequence[Row]) -> tuple[Measure, ...]:
 
 
 def note_for(shown: Sequence[Measure]) -> str:
-    """Return what is said under a table of these columns."""
+    """Return the note under a table of these columns."""
     return EVALUATION_NOTE + "".join(note for part, note in _NOTES if part[-1] in shown)

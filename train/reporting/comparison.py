@@ -1,4 +1,4 @@
-"""Runs side by side: what two evaluations differ by over the episodes that both have, as paired differences."""
+"""Compare evaluations by paired differences over the episodes that both have."""
 
 from __future__ import annotations
 
@@ -9,19 +9,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from train.reporting.columns import MEASURES, Measure
-from train.reporting.report import (
-    Table,
-    counted,
-    difference,
-    grouped,
-    number,
-    short_names,
-    with_interval,
-)
+from train.reporting.report import Table, difference, grouped, short_names, with_interval
 from train.reporting.rows import Interval, Row, is_told, paired, read_rows, select, values_of
 from warehouse_env.errors import WarehouseError
 
-EPISODE = ("layout", "robots", "tasks", "disturbance", "seed")  # what two rows must share to be of one episode
+EPISODE = ("layout", "robots", "tasks", "disturbance", "seed")  # fields that identify an episode
 _NEEDED = ("policy", "layout", "robots", "tasks", "planner", "seed", "robot_km", "collisions_per_km")
 _COMPARED = (
     "goals_per_robot_hour", "collisions_per_km", "stuck", "waiting_share", "longest_standing_s", "path_length_ratio",
@@ -49,13 +41,13 @@ _MORE_IS_BETTER = ("goals_per_robot_hour", "orders_per_hour")
 _NEITHER = ("station_utilisation",)  # measures of which more is neither better nor worse
 NOTE = (
     "Over the episodes that both have: the same floor, number of robots and seed. Difference: mean of the paired "
-    "differences [95% interval by Student's t], the run less the one it is held against; better and worse where the "
-    "interval leaves out 0, each interval for itself: of twenty differences that do not exist one will look told apart."
+    "differences [95% interval by Student's t], the run minus the run it is compared with; better or worse if the "
+    "interval excludes 0. Intervals are not corrected: one in twenty equal measures looks different."
 )
 
 
 class Run(NamedTuple):
-    """An evaluation that was written down."""
+    """An evaluation read from a file."""
 
     name: str
     path: Path
@@ -70,7 +62,7 @@ class System(NamedTuple):
 
 
 class Line(NamedTuple):
-    """A measure of one system, held against another's over their common episodes on one floor."""
+    """A measure of two systems, compared over their common episodes on one floor."""
 
     layout: str
     robots: int
@@ -83,7 +75,7 @@ class Line(NamedTuple):
 
     @property
     def verdict(self) -> str:
-        """Better, worse, more, less, equal in every episode, or not told apart."""
+        """Better, worse, more, less, equal in every episode, or not told apart (0 is in the interval)."""
         if self.difference.samples > 1 and self.difference[:3] == (0.0, 0.0, 0.0):
             return "equal"
         if not is_told(self.difference):
@@ -103,9 +95,9 @@ class Line(NamedTuple):
 
 
 def read_runs(paths: Sequence[Path]) -> list[Run]:
-    """Return the runs of files of rows, or of folders that hold rows.jsonl, by names that tell them apart.
+    """Return the runs in files of rows, or in folders that hold rows.jsonl, under distinct names.
 
-    Raises WarehouseError for fewer than two, for what is missing, and for rows that are none of an evaluation.
+    Raises WarehouseError for fewer than two, for missing files, and for rows that do not come from an evaluation.
     """
     if len(paths) < 2:
         raise WarehouseError("name two runs at least: files of rows that `warehouse evaluate` wrote, or their folders")
@@ -134,9 +126,9 @@ def _rows(file: Path) -> list[Row]:
 
 
 def compare(runs: Sequence[Run], policies: Sequence[str] = ()) -> list[Line]:
-    """Hold every further run against the first: each policy against the same one, or a single one against a single one.
+    """Compare every further run with the first: each policy with itself, or a single policy with a single one.
 
-    policies: those to look at, all if there are none. Raises WarehouseError where nothing can be paired.
+    policies: those to compare; empty: all. Raises WarehouseError if there is nothing to pair.
     """
     lines = []
     for run in runs[1:]:
@@ -195,27 +187,3 @@ def comparison_table(lines: Sequence[Line]) -> Table:
     policy = ("policy",) if same else ()
     header = ("floor", "robots", *policy, "measure", "run", "mean", "against", "its mean", "episodes", "difference", "")
     return Table("Comparison", header, tuple(cells), NOTE)
-
-
-def comparison_words(lines: Sequence[Line]) -> list[str]:
-    """Say for each pair and floor what is told apart, and what is not."""
-    short = short_names({name for line in lines for name in (line.layout, line.ours.policy, line.other.policy)})
-    texts = []
-    groups: dict[tuple[System, System, str, int], list[Line]] = {}
-    for line in lines:
-        groups.setdefault((line.ours, line.other, line.layout, line.robots), []).append(line)
-    for (ours, other, layout, robots), own in groups.items():
-        told = [line for line in own if line.verdict not in ("equal", "not told apart")]
-        open_ = [line.measure.heading for line in own if line.verdict == "not told apart"]
-        names = " and ".join(f"**{one.run}** (`{short[one.policy]}`)" for one in (ours, other))
-        episodes = counted(own[0].difference.samples, "episode")
-        text = f"{names} on {short[layout]} with {counted(robots, 'robot')}, {episodes} of both: "
-        said = []
-        for line in told:
-            share = f" ({number(100 * line.difference.mean / line.base.mean, 2)}%)" if line.base.mean > 0 else ""
-            found = difference(line.difference, line.measure.factor)
-            said.append(f"{line.measure.heading} {found}{share}, {line.verdict}")
-        text += "; ".join(said) if said else "nothing is told apart"
-        rest = f". *Not told apart*: {', '.join(open_)}" if said and open_ else ""
-        texts.append(f"{text}{rest}.")
-    return texts

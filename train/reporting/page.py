@@ -1,4 +1,4 @@
-"""Pages: words, tables and pictures as one HTML file that needs no other and no network, light or dark."""
+"""Pages: text, tables and pictures in one HTML file that works offline, light or dark."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from train.reporting.report import Table
 from warehouse_env import __version__
 from warehouse_env.files import write_text
 
-_BOUND_TO = ("numpy", "numba", "torch")  # packages on which figures may depend
+_BOUND_TO = ("numpy", "numba", "torch")  # packages that may affect figures
 
 
 class Shown(NamedTuple):
@@ -30,7 +30,7 @@ class Shown(NamedTuple):
 
 
 class Link(NamedTuple):
-    """Something to open: a path relative to the page, its title, and what it is."""
+    """A link: a path relative to the page, a title and a text."""
 
     target: str
     title: str
@@ -39,7 +39,7 @@ class Link(NamedTuple):
 
 @dataclass(frozen=True)
 class Part:
-    """What stands under a heading, in this order; text, captions and cells may hold Markdown's bold, italics, code."""
+    """The content under a heading, in this order; texts may use Markdown's bold, italics and code."""
 
     heading: str = ""
     text: str = ""
@@ -80,7 +80,7 @@ def _number(table: Table, column: int) -> Markup:
 
 
 def _inline(text: str) -> Markup:
-    """Return Markdown's bold, italics and code as HTML; a cell that says better or worse is coloured so."""
+    """Return Markdown's bold, italics and code as HTML; cells "better" and "worse" are coloured."""
     parts = str(escape(text))
     for sign, tag in (("**", "b"), ("*", "i"), ("`", "code")):
         pieces = parts.split(sign)
@@ -89,7 +89,7 @@ def _inline(text: str) -> Markup:
 
 
 def made_by(**facts: str) -> dict[str, str]:
-    """Return what was run: the facts given, the command as typed, and the versions of what its figures rest on."""
+    """Return the facts given with the command as typed and the versions of the packages."""
     command = shlex.join(["warehouse", *sys.argv[1:]])
     versions = [f"warehouse-env {__version__}", f"Python {platform.python_version()}"]
     versions += [f"{name} {version(name)}" for name in _BOUND_TO]

@@ -22,72 +22,57 @@ from warehouse_env.render.extras import load
 
 _PLAIN_WIDTH = 180  # [characters] where the output is no terminal, at the least: tables go to files and pipes whole
 _NUMBER = re.compile(r"[-+]?\d")
-_LEAST_TEXT = 12  # [characters] of a column of text, where it has so many
 
 
 @dataclass(frozen=True)
 class Table:
-    """A title, a heading for each column, rows of text, and a note below; `labels`: first columns that name a row."""
+    """A title, a heading for each column, rows of text, and a note below."""
 
     title: str
     header: tuple[str, ...]
     cells: tuple[tuple[str, ...], ...]
     note: str = ""
-    labels: int = 1
 
     def print(self, file: TextIO | None = None) -> None:
         """Print for reading, on stdout unless `file` is given; text columns to the left, numbers to the right.
 
-        Where a terminal is narrower than the table, the columns that have no room follow below, beside the labels
-        once more; texts go on in a next line, and no number is cut.
+        On a terminal that is too narrow for the table, text wraps; if that is not enough, every row becomes a list.
         """
         file = file or sys.stdout
-        console = make_console(file, _taken([self._width(index) for index in range(len(self.header))]))
-        for number, columns in enumerate(self.parts(console.width)):
-            table = RichTable(title=None if number else self.title, title_justify="left", title_style="bold")
-            for index, width in columns.items():
-                right = self.numeric(index)
-                table.add_column(self.header[index], justify="right" if right else "left", width=width, overflow="fold")
+        columns = range(len(self.header))
+        console = make_console(file, _table_width([self._width(index) for index in columns]))
+        if _table_width([self._least(index) for index in columns]) <= console.width:
+            shown = RichTable(title=self.title, title_justify="left", title_style="bold")
+            for index in columns:
+                right, least = self.numeric(index), self._least(index)
+                width = least if right else None
+                shown.add_column(
+                    self.header[index], justify="right" if right else "left", width=width, min_width=least,
+                    overflow="fold",
+                )  # fmt: skip
             for row in self.cells:
-                table.add_row(*(row[index] for index in columns))
-            console.print(table)
+                shown.add_row(*row)
+            console.print(shown)
+        else:
+            console.print(self.title, style="bold")
+            for row in self.cells:
+                listed = RichTable(show_header=False)
+                listed.add_column(overflow="fold")
+                listed.add_column(overflow="fold")
+                for name, cell in zip(self.header, row, strict=True):
+                    listed.add_row(name, cell)
+                console.print(listed)
         if self.note:
             console.print(self.note, highlight=False)
-
-    def parts(self, width: int) -> list[dict[int, int]]:
-        """Return the columns with their widths [characters] of each part, so that a part fits into `width`."""
-        least = [self._least(index) for index in range(len(self.header))]
-        labels = list(range(min(self.labels, len(least))))
-        parts = [[*labels]]
-        for index in range(len(labels), len(least)):
-            wide = _taken([least[k] for k in (*parts[-1], index)]) > width
-            if wide and len(parts[-1]) > len(labels):
-                parts.append([*labels])
-            parts[-1].append(index)
-        return [self._spread(columns, least, width) for columns in parts]
-
-    def _spread(self, columns: Sequence[int], least: Sequence[int], width: int) -> dict[int, int]:
-        """Return what each column takes: what it must have, and of what is left up to what it would like."""
-        widths = {index: least[index] for index in columns}
-        while _taken(list(widths.values())) > width and max(widths.values()) > 1:  # a word or number is too long
-            widths[max(widths, key=widths.__getitem__)] -= 1
-        room = width - _taken(list(widths.values()))
-        for index in columns:
-            more = max(0, min(room, self._width(index) - widths[index]))
-            widths[index] += more
-            room -= more
-        return widths
 
     def _width(self, index: int) -> int:
         return max(len(self.header[index]), *(len(row[index]) for row in self.cells), 1)
 
     def _least(self, index: int) -> int:
-        """Return the narrowest that a column can be read in: numbers on one line, of texts the longest word."""
-        pieces = [
-            piece for row in self.cells for piece in ([row[index]] if _NUMBER.match(row[index]) else row[index].split())
-        ]
-        longest = max(map(len, (*pieces, *self.header[index].split())), default=1)
-        return max(longest, min(self._width(index), _LEAST_TEXT))
+        """Return the width at which a column still shows numbers on one line and words whole."""
+        cells = [row[index] for row in self.cells]
+        pieces = cells if self.numeric(index) else [word for cell in cells for word in cell.split()]
+        return max(map(len, (*pieces, *self.header[index].split())), default=1)
 
     def markdown(self) -> str:
         """Return the table as Markdown."""
@@ -103,12 +88,12 @@ class Table:
 
 
 def no_html(text: str) -> str:
-    """Return text for a cell of a Markdown table in which names are no tags and end no cell."""
+    """Return text for a cell of a Markdown table, with HTML and cell separators escaped."""
     return text.replace("&", "&amp;").replace("<", "&lt;").replace("|", "\\|")
 
 
-def _taken(widths: Sequence[int]) -> int:
-    """Return how wide a table with columns of these widths is [characters], rules and spaces between them included."""
+def _table_width(widths: Sequence[int]) -> int:
+    """Return the width of a table [characters] with its rules and spaces."""
     return sum(widths) + 3 * len(widths) + 1
 
 
@@ -125,7 +110,7 @@ def make_progress() -> Progress:
 
 
 def tell(text: str, console: Console | None = None) -> None:
-    """Print one line on stderr, above the bar where the console has one."""
+    """Print one line on stderr, above the progress bar of the console, if any."""
     (console or Console(stderr=True)).print(text, markup=False, highlight=False, soft_wrap=True)
 
 
@@ -175,7 +160,7 @@ def difference(found: Interval, factor: float = 1.0, digits: int = 3) -> str:
 
 _GROUP = ("layout", "robots", "tasks", "planner", "policy")
 FREE_FLOW = "free_flow_share"
-_FREE_FLOW_NOTE = " Free flow: late goals/robot-h as a share of those of one robot alone under the same policy."
+_FREE_FLOW_NOTE = " Free flow: late goals/robot-h as a share of those of one robot alone with the same policy."
 
 
 def grouped(rows: Iterable[Row], names: Sequence[str]) -> dict[tuple[object, ...], list[Row]]:
@@ -210,7 +195,7 @@ def _share(part: Interval, whole: Interval) -> Interval:
 
 
 def short_names(names: set[str]) -> dict[str, str]:
-    """Return for each name, where it is a path, its last part, unless two would then be the same."""
+    """Return the last part of each path, or the whole name if the last parts are not unique."""
     last = {name: Path(name).name or name for name in names}
     counts = Counter(last.values())
     return {name: short if counts[short] == 1 else name for name, short in last.items()}
@@ -219,7 +204,7 @@ def short_names(names: set[str]) -> dict[str, str]:
 def evaluation_table(rows: Sequence[Row]) -> Table:
     """Return the table of an evaluation: one line for each layout, robot count and policy.
 
-    Where some rows are of one robot alone, the others' share of its free flow is shown.
+    With rows of one robot alone, the other rows show their share of its free flow.
     """
     constant = [name for name in ("tasks", "planner") if len({row[name] for row in rows}) == 1]
     names = [name for name in _GROUP if name not in constant]
@@ -236,4 +221,4 @@ def evaluation_table(rows: Sequence[Row]) -> Table:
     shared = ", ".join(f"{name} {rows[0][name]}" for name in constant)
     header = (*names, "episodes", *(m.heading for m in shown))
     note = note_for(shown) + (_FREE_FLOW_NOTE if flow else "")
-    return Table(f"Evaluation ({shared})" if shared else "Evaluation", header, tuple(cells), note, len(names))
+    return Table(f"Evaluation ({shared})" if shared else "Evaluation", header, tuple(cells), note)

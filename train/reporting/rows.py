@@ -1,4 +1,4 @@
-"""Rows of numbers: JSON lines in and out, files that are never left half written, means with their intervals.
+"""Rows of results: JSON lines in and out, safe files, means with intervals.
 
 A row is a flat dict of JSON values, one episode or one run each. Every table and picture is made from rows alone.
 """
@@ -24,7 +24,7 @@ _LONGEST = 64_000_000  # characters of a row
 
 
 def plain(value: Any) -> Any:
-    """Return `value` in JSON types; numbers that are not finite become None, since JSON has none of them."""
+    """Return `value` in JSON types; numbers that are not finite become None."""
     if isinstance(value, dict):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
@@ -39,11 +39,10 @@ def plain(value: Any) -> Any:
 
 
 class RowFile:
-    """A JSON-lines file that grows by whole rows; it is opened at the first row, so bad input leaves it as it was.
+    """A JSON-lines file that grows by whole rows; it is opened at the first row, so bad input leaves it unchanged.
 
-    With `path` None the rows are only counted. With `keep` rows that stand there already stay; else they are replaced,
-    or with `instead`, which says what to do instead, refused. A command that adds rows over some time does so in its
-    context, in which no other command can: WarehouseError says who is at it.
+    With `path` None rows are only counted. Existing rows are kept with `keep`, else replaced; with `instead`, the text
+    of an advice, they are refused. In its context no other command can write the file: WarehouseError names the other.
     """
 
     def __init__(self, path: Path | None, keep: bool = False, instead: str = "") -> None:
@@ -68,11 +67,11 @@ class RowFile:
         self._lock.close()
 
     def old(self) -> list[Row]:
-        """Return the rows that stand there already and stay (errors: `whole_rows`)."""
+        """Return the existing rows that are kept (errors: `whole_rows`)."""
         return whole_rows(self.path) if self._keep and self.path is not None else []
 
     def add(self, rows: Iterable[Row]) -> None:
-        """Append `rows` in one write and hand them to the disk."""
+        """Append `rows` in one write."""
         lines = [json.dumps(plain(row), allow_nan=False) + "\n" for row in rows]
         if self.path is not None and lines and is_special(self.path):
             self._stream = self._stream or self.path.open("w", encoding="utf-8")
@@ -86,18 +85,18 @@ class RowFile:
         self.count += len(lines)
 
     def written(self) -> str:
-        """Say what the file holds, as the last line of a command that writes nothing else."""
+        """Return the last line of a command that writes nothing else."""
         return "wrote no file; --json FILE keeps the rows" if self.path is None else f"wrote the rows to {self.path}"
 
     def kept(self) -> str:
-        """Say in a few words what an interrupted command leaves behind."""
+        """Return what an interrupted command leaves behind, in a few words."""
         if self.path is None or not self.count:
             return "no rows were kept"
         return f"{self.count} rows are kept in {self.path}"
 
 
 def instead(overwrite: bool, resumes: bool = True) -> str:
-    """Return what to do where rows would be replaced, for a RowFile; nothing where they may be."""
+    """Return the advice for a RowFile that refuses to replace rows; empty if it may."""
     goes_on = "--resume keeps them and goes on, " * resumes
     return "" if overwrite else f"{goes_on}--overwrite replaces them, another --out leaves them alone"
 
@@ -120,7 +119,7 @@ def read_rows(path: Path) -> list[Row]:
 
 
 def whole_rows(path: Path) -> list[Row]:
-    """Return the rows of a file and cut off a last line that a stop left unfinished; none where there is no file."""
+    """Return the rows of a file, none if there is no file; cut off an unfinished last line."""
     if not path.exists():
         return []
     _cut_torn_line(path)
@@ -187,7 +186,7 @@ def paired(
 
 
 def values_of(row: Row, names: Sequence[str]) -> tuple[object, ...]:
-    """Return the values of some fields of a row, None for those that it lacks."""
+    """Return the values of some fields of a row, None for missing ones."""
     return tuple(row.get(name) for name in names)
 
 
@@ -199,15 +198,15 @@ def apart(ours: Interval, theirs: Interval) -> Interval:
 
 
 def is_told(difference: Interval) -> bool:
-    """Return whether the interval of a difference leaves out 0."""
+    """Return whether the interval of a difference excludes 0."""
     return difference.low > 0 or difference.high < 0
 
 
 def stratified_interval(strata: Sequence[Sequence[float]]) -> Interval:
-    """Return the mean of the strata's means with its 95% interval, each weighing the same whatever its size.
+    """Return the mean of the strata's means, equally weighted, with its 95% interval.
 
-    By Student's t over the samples within strata, with the degrees of freedom of Welch (1947) rounded down; what the
-    strata differ by is no chance. `low` and `high` are NaN if one has fewer than two samples.
+    The interval is Student's t over the samples within strata, with the degrees of freedom of Welch (1947) rounded
+    down; differences between strata are not chance. `low` and `high` are NaN if a stratum has fewer than two samples.
     """
     count, samples = len(strata), sum(map(len, strata))
     mean = float(np.mean([np.mean(values) for values in strata]))
@@ -232,27 +231,10 @@ def wilson_interval(successes: int, trials: int) -> Interval:
 
 
 def t_quantile(freedom: int, coverage: float = 0.95) -> float:
-    """Return the t that Student's distribution keeps within +-t with probability `coverage`, by bisection."""
-    low, high = 0.0, 1.0
-    while _t_coverage(high, freedom) < coverage:
-        high *= 2.0
-    for _ in range(60):
-        middle = (low + high) / 2
-        low, high = (middle, high) if _t_coverage(middle, freedom) < coverage else (low, middle)
-    return (low + high) / 2
+    """Return the t that Student's distribution keeps within +-t with probability `coverage`."""
+    from scipy.special import stdtrit  # imported late: it takes a third of a second
 
-
-def _t_coverage(t: float, freedom: int) -> float:
-    """Return P(|T| < t) for whole degrees of freedom (Abramowitz and Stegun, 26.7.3 and 26.7.4)."""
-    angle = math.atan2(t, math.sqrt(freedom))
-    square = math.cos(angle) ** 2
-    odd = freedom % 2
-    term = math.cos(angle) if odd else 1.0
-    total = term if freedom > 1 else 0.0
-    for k in range(1 + odd, freedom - 2, 2):
-        term *= square * k / (k + 1)
-        total += term
-    return 2 / math.pi * (angle + math.sin(angle) * total) if odd else math.sin(angle) * total
+    return float(stdtrit(freedom, 0.5 + 0.5 * coverage))
 
 
 def select(rows: Sequence[Row], **values: Any) -> list[Row]:

@@ -10,7 +10,7 @@ from typing import ClassVar
 
 from train.evaluation.jobs import Job, Runner, go_on
 from train.evaluation.rollout import MOST
-from train.evaluation.workers import ShardOptions
+from train.evaluation.workers import WorkerOptions
 from train.reporting.report import Table
 from train.reporting.rows import Row, RowFile
 from warehouse_env.files import check_writable, write_text
@@ -20,7 +20,7 @@ GOES_ON = "the same command goes on from there"
 
 
 @dataclass(frozen=True)
-class TableOptions(ShardOptions):
+class TableOptions(WorkerOptions):
     """Options of every table; a subclass says what is run."""
 
     name: ClassVar[str] = ""  # of the folder in OUT
@@ -48,10 +48,6 @@ class TableOptions(ShardOptions):
     @property
     def rows_path(self) -> Path:
         """Where the rows go."""
-        return self._all_rows if self.share is None else self.share.beside(self._all_rows)
-
-    @property
-    def _all_rows(self) -> Path:
         return self.json or self.folder / "rows.jsonl"
 
     def check_writable(self) -> None:
@@ -62,18 +58,11 @@ class TableOptions(ShardOptions):
         """Return the rows of jobs, in their order; jobs whose rows the file holds are not done again.
 
         ours: which rows of the file are removed if no job has them, since other code or other seeds made them.
-        With --shard the command ends here: there is no table of a share.
         """
-        share = self.share
         with RowFile(self.rows_path, keep=ours is not None or not self.fresh) as file:
             kept = file.old() if ours is None else go_on(file, jobs, ours, self.fresh)
             with Runner(file, kept, self.workers(), goes_on=GOES_ON, mixed=True) as run:
-                rows = run(jobs if share is None else share.jobs(jobs))
-        if share is None:
-            return rows
-        then = f"{share.then(self._all_rows)} the same command without --shard makes the tables"
-        print(f"wrote {len(rows):,} rows to {self.rows_path}; {then}")
-        raise SystemExit(0)
+                return run(jobs)
 
     def write(self, title: str, tables: Sequence[Table], text: str = "") -> None:
         """Write the page: the title, some Markdown, and the tables; say where it is."""

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from train.parcels import pack, unpacked
+from train.job_files import pack, unpacked
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import MapError, MapWarning, WarehouseError
 from warehouse_env.maps.grid_map import GridMap
@@ -252,10 +252,10 @@ def test_a_wrong_way_of_reading_is_one_sentence(tmp_path: Path, how: str) -> Non
 def test_it_travels_with_jobs(tmp_path: Path) -> None:
     name = hall(tmp_path, room()) + ":keepout=m.yaml"
     write_occupancy(Occupancy(np.full((1, 1), 100, np.int8), 1.0, (-3.0, 2.0)), tmp_path / "m.yaml")
-    before, parcel = make_layout(name).key, pack([name])
+    before, files = make_layout(name).key, pack([name])
     for file in tmp_path.iterdir():
         file.unlink()
-    with unpacked(parcel):
+    with unpacked(files):
         assert make_layout(name).key == before
 
 

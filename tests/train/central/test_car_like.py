@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from train.central.car_like.floor import Body, Floor, floor_of, off_discs, stays_inside
-from train.central.car_like.together import Effort, plan_together, reversed_route
+from train.central.car_like.together import Effort, plan_together
 from train.central.car_like.traffic import (
     BEGIN,
     BEND,
@@ -99,17 +99,6 @@ def test_meetings_are_those_that_sampling_sees(own: list, other: list, dx: float
             ):  # the gap that is looked at is at least 0.7 of the true one
                 near |= {int(t), int(t + 0.03), int(max(t - 0.03, 0.0))}
         assert len(overlaps - {int(piece[END])}) <= count <= len(near) + 1
-
-
-def test_a_route_driven_the_other_way() -> None:
-    way = route((1.0, 0.0, 2.0), (-1.0, 1 / 3, 1.5), (1.0, -1 / 3, 1.0), start=(5.0, 5.0, 0.4))
-    back = reversed_route(way)
-    end = rolled(*way[-1, [X, Y, HEADING]], way[-1, RATE] * 1.0, way[-1, BEND])
-    assert back[0, [X, Y, HEADING]] == pytest.approx(end)
-    assert back[:, [BEGIN, END]].tolist() == [[0.0, 1.0], [1.0, 2.5], [2.5, 4.5]]
-    last = back[-1]
-    assert rolled(*last[[X, Y, HEADING]], last[RATE] * 2.0, last[BEND]) == pytest.approx((5.0, 5.0, 0.4))
-    assert reversed_route(back) == pytest.approx(way)
 
 
 def test_a_robot_alone_takes_the_shortest_curve() -> None:

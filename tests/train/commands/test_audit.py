@@ -64,22 +64,22 @@ def test_what_is_shipped_is_clean_as_it_drives(tmp_path: Path, capsys: pytest.Ca
 
 
 def test_what_is_disturbed_is_audited_as_it_is_then(tmp_path: Path) -> None:
-    words = ["--policy", "greedy", *DRIVE.split(), "--episodes", "1", "--disturbance", "none", "all_at_once"]
+    words = ["--policy", "greedy", *DRIVE.split(), "--episodes", "1", "--disturbance", "none", "slow"]
     assert audit(tmp_path, *words) == 0
     undisturbed, disturbed = read_rows(tmp_path / "rows.jsonl")
-    assert (undisturbed["disturbance"], disturbed["disturbance"]) == ("none", "all_at_once")
-    assert disturbed["config"]["uncertainty"]["pose_error"] == 0.02
+    assert (undisturbed["disturbance"], disturbed["disturbance"]) == ("none", "slow")
+    assert disturbed["config"]["robot"]["max_speed"] == 0.8
     assert disturbed["robot_km"] != undisturbed["robot_km"]
 
 
 @pytest.mark.parametrize(
     ("layout", "robots", "seed", "seconds"),
-    [("narrow", 16, 1_000_001, 5), ("random", 64, 1_000_100, 5), ("paper46", 8, 1_000_000, 65)],
+    [("narrow", 16, 1_000_001, 5), ("random", 64, 1_000_100, 5)],
 )
 def test_where_a_field_that_looked_at_samples_alone_let_bodies_overlap(
     layout: str, robots: int, seed: int, seconds: int, tmp_path: Path
 ) -> None:
-    """Found by audits: two robots, two robots, and one and a shelf, by up to 1.8 mm between two samples."""
+    """Found by audits: two robots by up to 1.8 mm between two samples."""
     floor = ["--layout", layout, "--robots", str(robots), "--seed", str(seed), "--seconds", str(seconds)]
     assert audit(tmp_path, "--policy", "threaded_ppo", *floor, "--episodes", "1") == 0
 
@@ -91,8 +91,6 @@ def test_where_a_field_that_looked_at_samples_alone_let_bodies_overlap(
         ("{recorded} --policy greedy", "name episode files to audit, or policies to drive"),
         ("{recorded} --resume", "--resume must be left out"),
         ("nothing.npz", "nothing.npz does not exist"),
-        ("--policy nobody", "nobody"),
-        ("--policy greedy --disturbance lateness", "unknown disturbance 'lateness'"),
         ("{recorded} --disturbance latency", "--disturbance must be left out"),
     ],
 )

@@ -40,13 +40,16 @@ print(sorted(compiled() - known, key=str))
 """
 
 
+@pytest.mark.nightly
 def test_nothing_is_left_to_compile() -> None:
     done = subprocess.run([sys.executable, "-c", NOTHING_IS_LEFT], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert done.stdout.strip() == "[]"
 
 
-def test_every_part_runs_in_processes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_every_part_runs_in_processes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     path = tmp_path / "rows.jsonl"
     assert main(["compile", "--processes", "2", "--json", str(path)]) == 0
     rows = read_rows(path)
@@ -54,10 +57,6 @@ def test_every_part_runs_in_processes(tmp_path: Path, capsys: pytest.CaptureFixt
     assert all(row["seconds"] > 0 for row in rows)
     assert "in 2 processes" in capsys.readouterr().out
     assert main(["compile", "--processes", "0"]) == 2
-
-
-def test_kept_kernels_are_seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    main(["compile"])
     assert is_compiled()
     monkeypatch.setattr("numba.config.CACHE_DIR", str(tmp_path))
     assert not is_compiled()

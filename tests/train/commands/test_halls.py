@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from train import cli
 from train.cli import main
-from warehouse_env import parallel_env, single_env, vec_env
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import MapWarning
 from warehouse_env.maps.halls.hall import read_hall
@@ -45,13 +43,6 @@ def test_it_is_drawn_checked_and_converted(hall: Path, capsys: pytest.CaptureFix
         assert run("layouts", "--draw", str(hall), "--convert", str(hall.parent / name)) == 0
     assert run("layouts", "--draw", str(hall), "--save", "h.txt") == 2
     assert "must end in .map, .yaml, .lif.json or .geojson" in capsys.readouterr().err
-
-
-def test_a_picture_with_its_resolution(hall: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    picture = str(hall.with_suffix(".pgm"))
-    assert run("layouts", "--draw", picture) == 2
-    assert "resolution=0.05" in capsys.readouterr().err
-    assert run("layouts", "--draw", picture, "--resolution", "0.25") == 0
 
 
 def test_places_are_written_once_and_edited(hall: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -91,21 +82,3 @@ def test_a_recording_keeps_where_the_floor_is(hall: Path, tmp_path: Path) -> Non
     recorder.step(np.zeros((1, 2), np.int64))
     recorder.episode.save(tmp_path / "e.npz")
     assert Episode.load(tmp_path / "e.npz").grid.origin == (-15.1, 2.0)
-
-
-def test_every_environment_drives_on_a_hall(hall: Path) -> None:
-    chosen: dict[str, Any] = {"layout": str(hall), "num_agents": 2, "planner": "astar"}
-    parallel, single, worlds = parallel_env(**chosen), single_env(**chosen), vec_env(2, **chosen)
-    for env in (parallel, single):
-        env.reset(seed=1)
-    parallel.step(dict.fromkeys(parallel.agents, 0))
-    single.step(0)
-    worlds.reset()
-    worlds.step(np.zeros(worlds.num_envs, np.int64))
-    assert {env.simulator.grid.name for env in (parallel, single)} == {"hall"}
-
-
-def test_training_takes_it_as_a_map(hall: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    words = "--robots 2 --rows 4 --planner astar --rollout 2 --minibatch 8 --steps 8 --hidden 20 --episode-seconds 1"
-    assert run("train", "reinforce", *words.split(), "--map", str(hall), "--out", str(tmp_path), "--no-progress") == 0
-    assert f"on {hall} with 2 robots" in capsys.readouterr().err

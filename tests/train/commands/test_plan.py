@@ -1,4 +1,4 @@
-"""`warehouse plan`: rows with all fields, the tasks it can take, and a note that is honest."""
+"""`warehouse plan`: rows with all fields, and the tasks it can take."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 
 from train.cli import main
-from train.commands.plan import plan_note, plan_table
+from train.commands.plan import plan_table
 from train.reporting.rows import read_rows
-from warehouse_env.maps.movingai import EXAMPLE_MAP, EXAMPLE_SCEN
+from warehouse_env.maps.movingai import EXAMPLE_SCEN
 
 FIELDS = {
     "planner", "start", "goal", "success", "length", "optimal_length", "gap", "turns", "min_turns", "converged_at",
@@ -38,9 +38,7 @@ def test_named_tasks_by_default(tmp_path: Path, capsys: pytest.CaptureFixture[st
     optima = {row["task"]: row["optimal_length"] for row in rows}
     assert optima["in_zone_1"] == pytest.approx(8 + 13 * math.sqrt(2))
     assert optima["cross_zone_2"] == pytest.approx(23 + 28 * math.sqrt(2))
-    printed = capsys.readouterr().out
-    assert "Plainly: astar takes" in printed
-    assert (tmp_path / "out" / "table.md").exists()
+    assert "| astar |" in (tmp_path / "out" / "table.md").read_text()
 
 
 def test_a_colony_reports_its_convergence(tmp_path: Path) -> None:
@@ -58,11 +56,6 @@ def test_same_seed_gives_the_same_plans(tmp_path: Path) -> None:
         assert one | timeless == other | timeless
 
 
-def test_random_tasks_on_a_map(tmp_path: Path) -> None:
-    rows = plan(tmp_path, "--map", str(EXAMPLE_MAP), "--planner", "astar", "--tasks", "3", "--runs", "1")
-    assert [row["task"] for row in rows] == ["random_1", "random_2", "random_3"]
-
-
 def test_tasks_of_a_scenario_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     rows = plan(tmp_path, "--scen", str(EXAMPLE_SCEN), "--planner", "astar", "--tasks", "2", "--runs", "1")
     assert len(rows) == 2
@@ -77,14 +70,11 @@ SCEN = "version 1\n0\tm.map\t3\t2\t0\t0\t2\t1\t{}\n"
     ("scen", "options", "code", "said"),
     [
         (SCEN.format(3), (), 0, ""),
-        (SCEN.format(3.0004), (), 0, ""),
         (SCEN.format(2.83), (), 0, "1 of 1 lengths are not those of the shortest paths"),
         (SCEN.format(3).replace("m.map", "x/other.map"), ("--map", "m.map"), 0, "are of map 'other', not 'm'"),
-        (SCEN.format(3), ("--layout", "m.map"), 0, ""),
         (SCEN.format(3), ("--layout", "open"), 2, "is for a map of 2 x 3 cells, but the map has 40 x 40"),
         (SCEN.format(3), ("--layout", "open", "--map", "m.map"), 2, "--map is another name of --layout"),
         ("version 1\n", (), 2, "s.scen holds no scenario"),
-        ("version 1\n", ("--map", "m.map"), 2, "s.scen holds no scenario"),
     ],
 )
 def test_a_scenario_file_that_does_not_fit_is_told_of(
@@ -104,7 +94,6 @@ def test_a_scenario_file_that_does_not_fit_is_told_of(
 def test_a_task_without_a_way_counts_as_solved(tmp_path: Path) -> None:
     rows = plan(tmp_path, "--layout", "open", "--start", "1,1", "--goal", "1,1", "--planner", "astar", "--runs", "1")
     assert (rows[0]["length"], rows[0]["gap"]) == (0, 0)
-    assert "finds the shortest path in 100%" in plan_note(rows)
 
 
 def test_pictures(tmp_path: Path) -> None:
@@ -133,31 +122,6 @@ def test_planners_that_differ_in_their_parameters_stay_apart(tmp_path: Path) -> 
         assert gentle["length"] > flat["length"]
     table = (tmp_path / "out" / "table.md").read_text()
     assert all(f"| {name} | ramp |" in table for name in both)
-    assert "astar_turns:gentleness=10 takes" in table
-
-
-def test_runs_that_stop_at_different_iterations_are_drawn(tmp_path: Path) -> None:
-    pytest.importorskip("matplotlib")
-    command = ["plan", "--planner", "pf_aco:ants=2,iterations=30,patience=1,elite=1", "--runs", "6", "--tasks", "1"]
-    json = tmp_path / "rows.jsonl"
-    assert main([*command, "--json", str(json), "--out", str(tmp_path / "out")]) == 0
-    assert len({row["iterations"] for row in read_rows(json)}) > 1
-    assert (tmp_path / "out" / "convergence_random_1.png").exists()
-
-
-def test_note_says_what_ants_add_and_what_not() -> None:
-    rows = [row("astar", 10, 4, 0.1), row("astar_turns", 10, 2, 0.2), row("pf_aco", 10, 2, 20, 100)]
-    note = plan_note(rows)
-    assert "astar takes 0.10 ms and finds the shortest path in 100%" in note
-    assert "Over astar, which is 200 times as fast, it adds fewer turns (2 against 4 turns a path)." in note
-    assert "Over astar_turns, which is 100 times as fast, it adds nothing." in note
-
-
-def test_note_names_the_price_of_a_gentle_floor() -> None:
-    rows = [row("astar_turns", 10, 2, 0.2, climb=0.5), row("pf_aco", 10.5, 4, 20, 100, climb=0.1)]
-    note = plan_note(rows)
-    assert "gentler floor (0.100 against 0.500 m of climb a path) for paths 5% longer" in note
-    assert "climb [m]" in plan_table(rows).header
 
 
 def test_table_of_failed_runs() -> None:

@@ -1,4 +1,4 @@
-"""Jobs: nothing that ends a process loses more than the job it was at, and none is waited for in vain."""
+"""Jobs: whatever ends a process loses only the job it was doing, and the rows are the same whoever does the jobs."""
 
 from __future__ import annotations
 
@@ -8,16 +8,20 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from train.evaluation.jobs import Job, Result, Runner, Tick, Workers
+from train.cli import main
+from train.evaluation.cluster import Cluster
+from train.evaluation.jobs import Here, Job, Result, Runner, Tick, Workers
+from train.evaluation.nodes import Node, about_this_node, check_node
 from train.evaluation.processes import Processes
 from train.reporting.rows import Row, RowFile, read_rows
-from warehouse_env.errors import LostError
+from warehouse_env.errors import LostError, WarehouseError
 
 ROOT = Path(__file__).parents[3]
 
@@ -43,6 +47,8 @@ class Square(Job):
             with contextlib.suppress(OSError):  # where there is no such folder it is never there
                 self.kills.touch()
             os.kill(os.getpid(), signal.SIGKILL)
+        if self.number < 0:
+            raise WarehouseError("nothing to square")
         tick(1.0)
         return Result([{"number": self.number, "part": part, "square": self.number**2} for part in range(2)])
 
@@ -61,33 +67,43 @@ class Sleep(Job):
         return Result([])
 
 
-def done(path: Path, jobs: Sequence[Job], processes: int = 1, workers: Workers | None = None) -> list[Row]:
-    workers = workers or (Processes(processes) if processes > 1 else None)
+def done(path: Path, jobs: Sequence[Job], workers: Workers | None = None) -> list[Row]:
     with RowFile(path, keep=True) as file, Runner(file, file.old(), workers, goes_on="again") as run:
         return run(jobs)
 
 
-def test_a_job_that_kills_its_process_is_named_and_all_others_are_kept(tmp_path: Path) -> None:
-    jobs = [Square(number, tmp_path / "none" / "x" if number == 2 else None) for number in range(6)]
-    with pytest.raises(LostError, match=r"1 of 6 jobs killed .*: square of 2; 10 rows are kept in .*; again"):
-        done(tmp_path / "rows.jsonl", jobs, 2)
+@pytest.fixture(params=["processes", pytest.param("cluster", marks=pytest.mark.xdist_group("ray"))])
+def make_workers(request: pytest.FixtureRequest) -> Callable[[], Workers]:
+    """Both kinds of workers that can be lost."""
+    if request.param == "processes":
+        return lambda: Processes(2)
+    address = request.getfixturevalue("connected_nodes").address
+    return lambda: Cluster(address)
+
+
+def test_a_killed_job_is_done_again_or_named_and_all_others_are_kept(
+    make_workers: Callable[[], Workers], tmp_path: Path
+) -> None:
+    never, once = tmp_path / "none" / "x", tmp_path / "once"
+    jobs = [Square(number, {1: once, 2: never}.get(number)) for number in range(6)]
+    with pytest.raises(LostError, match=r"1 of 6 jobs lost .* times: square of 2; 10 rows are kept in .*; again"):
+        done(tmp_path / "rows.jsonl", jobs, make_workers())
     assert sorted(row["number"] for row in read_rows(tmp_path / "rows.jsonl")) == [0, 0, 1, 1, 3, 3, 4, 4, 5, 5]
     jobs[2] = Square(2)
     assert [row["square"] for row in done(tmp_path / "rows.jsonl", jobs)] == [0, 0, 1, 1, 4, 4, 9, 9, 16, 16, 25, 25]
 
 
-def test_a_job_that_was_killed_once_is_done_again(tmp_path: Path) -> None:
-    jobs = [Square(number, tmp_path / "once" if number == 1 else None) for number in range(4)]
-    rows = done(tmp_path / "rows.jsonl", jobs, 2)
-    assert rows == done(tmp_path / "other.jsonl", jobs)
-    assert len(read_rows(tmp_path / "rows.jsonl")) == 8
+def test_errors_of_a_job_are_raised_as_they_are(make_workers: Callable[[], Workers], tmp_path: Path) -> None:
+    for workers in (Here(), make_workers()):
+        with pytest.raises(WarehouseError, match="nothing to square"):
+            done(tmp_path / "rows.jsonl", [Square(-1)], workers)
 
 
 def test_processes_end_with_the_one_that_began_them(tmp_path: Path) -> None:
     """Killed hard, it can tell them nothing."""
     body = (
-        "import sys; from pathlib import Path; from tests.train.evaluation.test_jobs import Sleep, done\n"
-        "if __name__ == '__main__': done(Path('rows.jsonl'), [Sleep(Path(sys.argv[1]))] * 2, 2)"
+        "import sys; from pathlib import Path; from tests.train.evaluation.test_jobs import Processes, Sleep, done\n"
+        "if __name__ == '__main__': done(Path('rows.jsonl'), [Sleep(Path(sys.argv[1]))] * 2, Processes(2))"
     )
     (tmp_path / "begin.py").write_text(body)
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
@@ -112,8 +128,7 @@ def _lives(process: int) -> bool:
         return False
 
 
-def _wait_until(over: object, seconds: float) -> None:
-    assert callable(over)
+def _wait_until(over: Callable[[], bool], seconds: float) -> None:
     deadline = time.monotonic() + seconds
     while not over() and time.monotonic() < deadline:
         time.sleep(0.05)
@@ -129,3 +144,47 @@ def test_any_prefix_of_the_file_comes_to_the_same_rows(tmp_path: Path) -> None:
         assert done(path, jobs) == rows
         written = read_rows(path)
         assert [row for k, row in enumerate(written) if row not in written[:k]] == rows
+
+
+DRIVE = ("evaluate", "--policy", "greedy", "follow", "--robots", "4", "--layout", "open", "--planner", "astar",
+         "--episodes", "5", "--seconds", "10", "--no-pictures")  # fmt: skip
+
+
+def driven(path: Path, *more: str) -> list[Row]:
+    """Return the sorted rows of DRIVE, without times."""
+    assert main([*DRIVE, "--out", str(path), *more]) == 0
+    rows = [{k: value for k, value in row.items() if k != "ms_per_step"} for row in read_rows(path / "rows.jsonl")]
+    return sorted(rows, key=lambda row: (row["policy"], row["episode"]))
+
+
+@pytest.mark.xdist_group("ray")
+def test_rows_are_the_same_here_in_processes_and_on_two_nodes(tmp_path: Path, connected_nodes: Any) -> None:
+    here = driven(tmp_path / "here")
+    assert len(here) == 10
+    assert here == driven(tmp_path / "two", "--processes", "2")
+    assert here == driven(tmp_path / "ray", "--ray", connected_nodes.address)
+    assert {row["ms_per_step"] for row in read_rows(tmp_path / "ray" / "rows.jsonl")} == {None}
+
+
+def test_a_node_with_other_code_is_an_error() -> None:
+    here = about_this_node()
+    check_node(here, here._replace(processor="abacus"))
+    with pytest.raises(WarehouseError, match=r"has sources 0123, here it is \w+"):
+        check_node(here, here._replace(source="0123"))
+    older = tuple((name, "0.1" if name == "numba" else version) for name, version in here.versions)
+    with pytest.raises(WarehouseError, match=r"has numba 0\.1, here it is numba \d"):
+        check_node(here, Node("other", older, here.processor))
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        (("--ray", "auto", "--processes", "2"), "--processes 2 must be left out with --ray"),
+        (("--ray", "somewhere"), "--ray 'somewhere' must be auto, local or HOST:PORT"),
+    ],
+)
+def test_wrong_options_are_said_in_one_sentence(
+    options: Sequence[str], sentence: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main([*DRIVE, "--out", str(tmp_path), *options]) == 2
+    assert sentence in capsys.readouterr().err

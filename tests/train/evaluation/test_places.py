@@ -29,12 +29,6 @@ def test_notes_agree_with_the_rows() -> None:
         assert len(note["ratios"]) == row["goals"]
 
 
-def test_notes_do_not_change_the_rows() -> None:
-    experiment = make_experiment("brake", EnvConfig(layout="open", num_agents=4, planner="astar"), 1, 20.0, seed=5)
-    (alone,), (watched,) = run(experiment), run(experiment, [Places(experiment)])
-    assert {**alone, "ms_per_step": 0} == {**watched, "ms_per_step": 0}
-
-
 def test_the_floor_of_two_notes_by_hand() -> None:
     one = {"shape": [2, 3], "seconds": 1800.0, "waited": [[0, 10.0], [5, 2.0]], "contacts": [[1.0, 2.0, "robot"]]}
     two = {"shape": [2, 3], "seconds": 1800.0, "waited": [[5, 4.0]], "contacts": []}

@@ -32,11 +32,6 @@ def test_what_is_recorded_is_what_is_evaluated(policy: str, chosen: dict[str, bo
     assert last.episode_metrics(0)["robot_km"] == row["robot_km"]
 
 
-def test_an_episode_ends_when_all_have_arrived() -> None:
-    experiment = make_experiment("brake", BASE.replace(tasks="one_shot", num_agents=2), 1, 300.0, 5)
-    assert 0 < len(record(experiment).actions) < experiment.config.max_steps
-
-
 @pytest.mark.parametrize(
     ("policy", "disturbance", "said"), [("brake", "breakdown", "break down"), ("central_pibt", None, "routes")]
 )
@@ -61,6 +56,7 @@ def test_shares_of_a_learned_policy_are_its_chances_and_of_a_rule_its_order() ->
         shares_of("no/such/folder", config)
 
 
+@pytest.mark.nightly
 def test_64_robots_over_2000_steps_are_under_5_mb(tmp_path: Path) -> None:
     base = EnvConfig(num_agents=64, planner="astar_turns")
     experiment = make_experiment("ppo", base, 1, 200.0, 3, FULL)

@@ -50,10 +50,6 @@ def test_verdicts(goals: tuple[float, ...], contacts: float, standing: float, wo
     assert verdict(measure(rows("delay", goals, contacts, standing)), measure(USUAL)) == word
 
 
-def test_one_contact_is_too_many_where_there_were_none() -> None:
-    assert verdict(measure(rows("delay", (100.0, 60.0), 0.01)), measure(rows("none", (100.0, 60.0), 0.0))) == "contacts"
-
-
 def test_a_line_for_each_disturbance() -> None:
     table = robust_table([*USUAL, *rows("delay", (90.0, 30.0))])
     assert "open with 16, narrow with 32 robots; 2 episodes of 300 s each" in table.title

@@ -10,10 +10,8 @@ from typing import Any
 import pytest
 
 from train import held_out, ppo, reinforce, threaded_ppo
-from train.commands.evaluate import Evaluate
-from train.held_out import SEED
 from train.learning import evaluations
-from train.learning.config import HELD_OUT_SEED, PPOConfig, ReinforceConfig, ThreadedPPOConfig, TrainingConfig
+from train.learning.config import PPOConfig, ReinforceConfig, ThreadedPPOConfig, TrainingConfig
 from train.learning.evaluations import Evaluations
 
 SMALL: dict[str, Any] = {
@@ -41,19 +39,6 @@ def test_what_is_learned_does_not_depend_on_them(
     often = module.train(replace(config, name="often", evaluation_seconds=1e-9))
     assert len(driven) == 1 + 6
     assert (often / "weights.safetensors").read_bytes() == (without / "weights.safetensors").read_bytes()
-
-
-def test_their_seeds_are_those_of_no_training_and_no_usual_evaluation() -> None:
-    assert Evaluate().seed == HELD_OUT_SEED
-    assert SEED - Evaluate().seed > 10 * 1_000_000  # episodes are counted from there on
-
-
-def test_they_give_the_same_figures_again(tmp_path: Path) -> None:
-    config = ReinforceConfig(out=tmp_path, **SMALL | {"evaluation_seconds": 0.0})
-    reinforce.train(config)
-    figures = held_out.held_out(config)
-    assert figures == held_out.held_out(config)
-    assert figures["goals_per_robot_hour"] >= 0.0
 
 
 class Log:

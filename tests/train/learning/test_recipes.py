@@ -66,11 +66,3 @@ def test_every_recipe_can_be_named_on_the_command_line(
     assert ran[-1].config == kind()
     assert main(["train", word, "--recipe", "brae"]) == 2
     assert "--recipe" in capsys.readouterr().err
-
-
-def test_help_shows_what_holds_by_the_recipe(capsys: pytest.CaptureFixture[str]) -> None:
-    for recipe, default in (("shipped", "assist"), ("bare", "none")):
-        assert main(["train", "threaded_ppo", "--recipe", recipe, "--help"]) == 0
-        shown = " ".join(capsys.readouterr().out.replace("│", " ").split())
-        (after,) = shown.split("--traffic ")[1:]
-        assert after.split("(default: ")[1].startswith(default)

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from train.cli import main
-from train.reporting.comparison import Line, Run, compare, comparison_words, read_runs
+from train.reporting.comparison import Line, Run, compare, read_runs
 from train.reporting.rows import Interval, apart, is_told, paired, read_rows, write_rows
 from warehouse_env.errors import WarehouseError
 
@@ -58,31 +58,6 @@ def test_only_common_episodes_count() -> None:
     assert goals.row()["difference_low"] == pytest.approx(10 - 2.4841, abs=1e-3)
 
 
-def test_orders_are_compared_where_there_are_some() -> None:
-    def ordered(rows: list[dict[str, Any]], orders: float, used: float) -> list[dict[str, Any]]:
-        more = {"orders_per_hour": orders, "order_median_s": 100.0, "station_utilisation": used}
-        return [{**one, **{name: value + one["seed"] * 0.01 for name, value in more.items()}} for one in rows]
-
-    lines = lines_of(ordered(BEFORE, 200.0, 0.5), ordered(AFTER, 240.0, 0.6))
-    assert (lines["orders_per_hour"].difference.mean, lines["orders_per_hour"].verdict) == (
-        pytest.approx(40.0),
-        "better",
-    )
-    assert lines["station_utilisation"].verdict == "more"  # which is neither good nor bad
-    assert lines["order_median_s"].verdict == "equal"
-    assert "orders_late" not in lines
-    (text,) = comparison_words(list(lines.values()))
-    assert "orders/h +40 (20%), better; stations used % +10 (19%), more." in text
-
-
-def test_words_of_a_comparison() -> None:
-    (text,) = comparison_words(list(lines_of(BEFORE, AFTER).values()))
-    assert text == (
-        "**after** (`ppo`) and **before** (`ppo`) on hall with 8 robots, 3 episodes of both: goals/robot-h "
-        "+10.0 [7.5, 12.5] (9.7%), better. *Not told apart*: collisions/km."
-    )
-
-
 def test_single_policies_pair_whatever_they_are_called() -> None:
     other = [{**one, "policy": "greedy"} for one in AFTER]
     line = lines_of(BEFORE, other)["goals_per_robot_hour"]
@@ -117,17 +92,6 @@ def test_a_seed_twice_is_refused_and_so_is_a_single_run(tmp_path: Path) -> None:
         read_runs([tmp_path / "twice.jsonl", tmp_path / "twice.jsonl"])
     with pytest.raises(WarehouseError, match="two runs at least"):
         read_runs([tmp_path / "twice.jsonl"])
-
-
-def test_runs_have_names_that_tell_them_apart(tmp_path: Path) -> None:
-    paths = []
-    for name in ("a/rows.jsonl", "b/rows.jsonl", "c.jsonl"):
-        write_rows(tmp_path / name, BEFORE)
-        paths.append(tmp_path / name)
-    assert [run.name for run in read_runs([paths[0].parent, *paths[1:]])] == ["a", "b", "c"]
-    write_rows(tmp_path / "d" / "a" / "rows.jsonl", BEFORE)
-    names = [run.name for run in read_runs([paths[0].parent, tmp_path / "d" / "a"])]
-    assert names == [str(tmp_path / "a"), str(tmp_path / "d" / "a")]
 
 
 def test_the_command_writes_table_rows_and_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

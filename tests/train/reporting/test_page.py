@@ -24,10 +24,3 @@ def test_a_page_holds_all_that_it_is_given(tmp_path: Path) -> None:
     ):  # fmt: skip
         assert text in page, text
     assert not re.search(r'src=|href="(?!a%20b)|url\(|@import|<script', page)
-
-
-def test_what_was_run_names_the_versions() -> None:
-    facts = made_by(Policy="p")
-    assert list(facts) == ["Command", "Policy", "Versions"]
-    assert facts["Command"].startswith("`warehouse")
-    assert all(name in facts["Versions"] for name in ("warehouse-env", "Python", "numpy", "numba", "torch"))

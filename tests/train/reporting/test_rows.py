@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from train.reporting.rows import RowFile, read_rows, whole_rows, write_rows
+from train.reporting.rows import RowFile, read_rows, whole_rows
 from warehouse_env.errors import WarehouseError
 
 
@@ -25,9 +25,3 @@ def test_a_damaged_line_is_named_and_left_in_the_file(tmp_path: Path) -> None:
     with pytest.raises(WarehouseError, match="line 2"):
         whole_rows(path)
     assert path.read_text() == '{"a": 1}\n[1]\n'
-
-
-def test_rows_are_written_as_json_has_them(tmp_path: Path) -> None:
-    path = tmp_path / "new" / "rows.jsonl"
-    write_rows(path, [{"a": float("nan"), "b": (1, 2)}])
-    assert read_rows(path) == [{"a": None, "b": [1, 2]}]

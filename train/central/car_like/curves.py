@@ -1,4 +1,4 @@
-"""Whole Reeds-Shepp curves from a node of a search to the goal, held against the best route so far."""
+"""Whole Reeds-Shepp curves from a node of a search to the goal, compared with the best route so far."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ _MANY = 1e6  # meetings, as good as no limit
 
 
 class Task(NamedTuple):
-    """What one robot is to find: a route to a gate, from where the tail leads to the goal."""
+    """The task of one robot: a route to a gate, from which the tail leads to the goal."""
 
     robot: int
     start: tuple[float, float, float]
-    gate: tuple[float, float, float]  # the goal itself, unless it is too tight for a search to end there
+    gate: tuple[float, float, float]  # the goal itself, unless a search cannot end in so tight a place
     tail: Any  # float64[K, PIECE], times from the gate on; K 0: the gate is the goal
     tail_seconds: float
     later: Any  # int32[S + 1], see traffic.passers
     price: float  # [s] of a meeting
     fine: int  # 1, 2, 4 or 8: steps to one of tree.TURN
-    stamp: int  # another whole number for each search in the same tree
+    stamp: int  # unique number of the search in its tree
 
 
 class WordCurve(NamedTuple):
@@ -58,7 +58,7 @@ def step_time(task, floor):
 
 @part
 def _is_free_curve(curve, floor):
-    """Whether the segments of a curve keep on the floor and off the discs."""
+    """Return whether the segments of a curve stay on the floor and off the discs."""
     x, y, heading, n, _, parts = curve
     for k in range(SEGMENTS):
         if parts[k] != 0.0:
@@ -71,7 +71,7 @@ def _is_free_curve(curve, floor):
 
 @part
 def _curve_meetings(task, curve, t, most, traffic, floor):
-    """Return how often a robot meets others on a curve begun at t [s] and on the tail, up to `most`."""
+    """Return the meetings of a robot on a curve from t [s] on and on the tail, counted up to `most`."""
     x, y, heading, n, _, parts = curve
     count = 0
     for k in range(SEGMENTS):
@@ -91,11 +91,10 @@ def _curve_meetings(task, curve, t, most, traffic, floor):
 
 @part
 def _hold(task, reached, curve, wait, best, traffic, floor):
-    """Hold a wait and a curve, known to be free, against the best so far; return the better.
+    """Compare a wait and a free curve with the best route so far; return the better.
 
-    reached: the node, when [s] and after how many meetings.
-
-    Where others still pass over the goal when it arrives, it waits for as much longer.
+    reached: the node, the time [s] and the meetings so far. If others still pass over the goal at the arrival, the wait
+    grows until they are gone.
     """
     node, t, met = reached
     for _ in range(2):
@@ -124,7 +123,7 @@ def _hold(task, reached, curve, wait, best, traffic, floor):
 
 @part
 def try_curves(task, node, best, traffic, floor, tree):
-    """Try the shortest curves from a node, at the start also after waits; return the best so far."""
+    """Try the shortest curves from a node, at the start also after waits; return the best route."""
     tries, waits = (_FIRST_TRIES, _FIRST_WAITS) if node == 0 else (_TRIES, 0)
     step = step_time(task, floor)
     t = tree.steps[node] * step

@@ -1,4 +1,4 @@
-"""One body on an arc: where it is, and whether it keeps off the discs and its axle inside the floor. Exact.
+"""A body on an arc, exactly: where it is, and whether it keeps clear of the discs and inside the floor.
 
 A piece of a route is (x, y, heading) where it begins, its rate (1 forwards, -1 backwards, 0 waits), its curvature and
 its seconds, at unit speed. Lengths are in the floor's units.
@@ -31,7 +31,7 @@ class Body(NamedTuple):
 
 
 class Floor(NamedTuple):
-    """What does not move, and the body that drives there."""
+    """The fixed obstacles, and the body that drives there."""
 
     width: float
     height: float
@@ -44,8 +44,8 @@ class Floor(NamedTuple):
     radius: float  # least turning radius
     turning_speed: float  # of the body's fastest point on the tightest arc at unit speed
     whole: bool  # whether whole bodies, not only axles, must stay on the floor
-    edge: float  # by which what must stay there may be off it
-    margin: float  # looked for between bodies and to discs; half of it is kept for certain
+    edge: float  # tolerance at the border
+    margin: float  # between bodies and to discs; at least half of it is certain
 
 
 def floor_of(
@@ -64,7 +64,7 @@ def floor_of(
 
 @inline
 def point_speed(rate, curvature, floor):
-    """Return a bound of how fast any point of a body moves on a piece."""
+    """Return a bound of the speed of any point of a body on a piece."""
     return 0.0 if rate == 0.0 else (1.0 if curvature == 0.0 else floor.turning_speed)
 
 
@@ -77,7 +77,7 @@ def _on_floor(x, y, floor):
 
 @part
 def _point_stays(x, y, heading, length, curvature, ahead, left, floor):
-    """Whether a point of the body stays on the floor along an arc of signed length.
+    """Return whether a point of the body stays on the floor along an arc of signed length.
 
     On a circle it is outermost at an end or due east, north, west or south of the centre.
     """
@@ -103,7 +103,7 @@ def _point_stays(x, y, heading, length, curvature, ahead, left, floor):
 
 @part
 def stays_inside(x, y, heading, length, curvature, floor):
-    """Whether the axle, or the whole body if that is asked for, stays on the floor along an arc of signed length."""
+    """Return whether the axle, or with `whole` the body, stays on the floor along an arc of signed length."""
     if not floor.whole:
         return _point_stays(x, y, heading, length, curvature, 0.0, 0.0, floor)
     front, tail, side = floor.middle + floor.half_length, floor.middle - floor.half_length, floor.half_width
@@ -117,7 +117,7 @@ def stays_inside(x, y, heading, length, curvature, floor):
 
 @inline
 def disc_gap(x, y, heading, disc_x, disc_y, floor):
-    """Return how far a disc is from a body; less than its true distance, negative, where they overlap."""
+    """Return the distance of a disc from a body; negative, and too small, if they overlap."""
     c, s = math.cos(heading), math.sin(heading)
     dx, dy = disc_x - x, disc_y - y
     beyond = abs(dx * c + dy * s - floor.middle) - floor.half_length
@@ -129,7 +129,7 @@ def disc_gap(x, y, heading, disc_x, disc_y, floor):
 
 @part
 def off_discs(x, y, heading, length, curvature, floor):
-    """Whether a body keeps the margin from all discs along an arc of signed length: conservative advancement."""
+    """Return whether a body keeps the margin from all discs along an arc (conservative advancement)."""
     way, rate = abs(length), 1.0 if length >= 0.0 else -1.0
     speed = point_speed(rate, curvature, floor)
     margin = floor.margin
@@ -154,5 +154,5 @@ def off_discs(x, y, heading, length, curvature, floor):
 
 @inline
 def is_free(x, y, heading, length, curvature, floor):
-    """Whether an arc keeps the axle on the floor and the body off the discs."""
+    """Return whether an arc keeps the axle on the floor and the body off the discs."""
     return stays_inside(x, y, heading, length, curvature, floor) and off_discs(x, y, heading, length, curvature, floor)

@@ -1,9 +1,9 @@
-"""One robot's route among the others': a search over pose and time for an early one with few meetings.
+"""A search over pose and time for one robot's route: early, and with few meetings of other robots.
 
 Hybrid-state A* (Dolgov et al. 2010) with time: a node is a pose after a number of equal steps, in each of which a robot
-waits, or drives straight on or along its tightest arc, forwards or backwards. From every node that is looked at, whole
-Reeds-Shepp curves to the goal are tried. What is off the floor or on a disc is left out; a meeting with others costs
-seconds (as in MAPF-LNS2, Li et al. 2022), so that there is a route even where none is free yet.
+waits or drives straight on or along its tightest arc, forwards or backwards. Every expanded node tries whole
+Reeds-Shepp curves to the goal. Motion off the floor or over a disc is excluded; a meeting costs seconds (as in
+MAPF-LNS2, Li et al. 2022), so that there is a route even if none is free yet.
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ _STRAIGHT = 1e-9  # segments that are shorter are left out
 
 
 class Limits(NamedTuple):
-    """How long a search looks."""
+    """The limits of a search."""
 
-    most: int  # nodes that are looked at until a route is found ...
-    enough: int  # ... and where one has been found
-    bound: float  # [s] that a route must cost less than
+    most: int  # nodes until a route is found ...
+    enough: int  # ... and once there is one
+    bound: float  # [s], cost that a route must stay below
 
 
 @part
 def _to_go(x, y, heading, task, floor):
-    """Return the seconds of the shortest way to the goal on open floor."""
+    """Return the time of the shortest curve to the goal on an empty floor [s]."""
     gate = task.gate
     ahead, left, turn = seen_from(x, y, heading, gate[0], gate[1], gate[2])
     return distance(ahead, left, turn, floor.radius) + task.tail_seconds

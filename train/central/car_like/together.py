@@ -1,7 +1,7 @@
-"""Routes for all robots: of each alone at first, then those that meet are planned anew until none do.
+"""Plan routes for all robots: each one alone, then replan those that meet until none do.
 
-Large neighbourhood search: for fewer meetings (MAPF-LNS2; Li et al. 2022), then for earlier arrivals (MAPF-LNS; Li et
-al. 2021). What is looked at is counted in nodes, not in seconds, so that a seed gives the same routes on any machine.
+Large neighbourhood search for fewer meetings (MAPF-LNS2; Li et al. 2022), then for earlier arrivals (MAPF-LNS; Li et
+al. 2021). The effort is counted in nodes, not seconds, so that a seed gives the same routes on any machine.
 """
 
 from __future__ import annotations
@@ -38,32 +38,32 @@ Route = NDArray[np.float64]  # [K, PIECE]
 
 _PIECES, _NODES = 512, 120_000  # of a route and of a search at the most
 _FINEST = 8
-_SOON, _ALONE = 200, 5_000  # nodes for a robot alone: where a route is found, and until one is
+_SOON, _ALONE = 200, 5_000  # nodes for a robot alone: with a route, and until there is one
 _PRICE = 4.0  # [s] of a meeting in a slot
-_PATIENCE = 4  # rounds without a gain after which prices and searches grow
-_MOST = 8  # robots that are planned anew at once, and times that prices and searches grow
-_LATE = 1000.0  # [s] of a meeting where none are allowed
+_PATIENCE = 4  # rounds without a gain before prices and searches grow
+_MOST = 8  # most robots replanned at once, and most times that prices and searches grow
+_LATE = 1000.0  # [s], price of a meeting if none are allowed
 
 
 class Effort(NamedTuple):
-    """How long is looked for routes, in nodes of searches."""
+    """The effort of planning, in nodes of searches."""
 
     search: int = 400  # of one search
-    repair: int = 3_000  # a robot, until no two meet; then all begins anew
+    repair: int = 3_000  # per robot, until no two meet; then everything starts again
     starts: int = 4
-    improve: int = 300  # a robot, afterwards
+    improve: int = 300  # per robot, afterwards
 
 
 _EFFORT = Effort()
 
 
 class Together(NamedTuple):
-    """What was found."""
+    """The result."""
 
     routes: list[Route]  # of each robot; empty where one has none even alone
     meeting: int  # pairs of robots that still meet
-    alone: NDArray[np.float64]  # [s] at which each would arrive were it alone, as far as was looked
-    stranded: list[int]  # robots for which no route was found even alone
+    alone: NDArray[np.float64]  # [s], arrival of each robot alone, as far as known
+    stranded: list[int]  # robots without a route even alone
     nodes: int
 
 
@@ -81,7 +81,7 @@ class _Fleet:
         self.stamp = self.nodes = 0
 
     def find(self, i: int, price: float, most: int, enough: int = 0, bound: float = math.inf) -> float:
-        """Plan robot i anew around those who are in, and put it in; return its cost [s], inf if there is no route."""
+        """Replan robot i around the robots that are in, and put it in; return its cost [s], inf without a route."""
         tail = self.tails[i]
         seconds = float(tail[-1, END]) if len(tail) else 0.0
         passers(i, self.goals[i], self.traffic, self.floor, self.later)
@@ -99,7 +99,7 @@ class _Fleet:
         return count, cost, begins
 
     def find_alone(self, i: int) -> bool:
-        """Plan robot i where no others are, in finer steps and by a gate before its goal if need be."""
+        """Plan robot i without others, if need be in finer steps and through a gate before its goal."""
         self.traffic.counts[:] = 0
         fine = 1
         while fine <= _FINEST:
@@ -113,13 +113,13 @@ class _Fleet:
         return False
 
     def _targets(self, i: int) -> list[Pose]:
-        """Return the robot's start, and some others' poses near its goal: where ways out of the goal may lead to."""
+        """Return the robot's start and some other poses near its goal, to which ways out of the goal may lead."""
         x, y, _ = self.goals[i]
         others = [pose for j in range(self.robots) if j != i for pose in (self.starts[j], self.goals[j])]
         return [self.starts[i], *sorted(others, key=lambda pose: math.hypot(pose[0] - x, pose[1] - y))[:4]]
 
     def _find_gate(self, i: int, target: Pose, fine: int) -> bool:
-        """Look for a way out of a tight goal; driven the other way it is the tail, and where it ends is the gate."""
+        """Find a way out of a tight goal; reversed it is the tail, and its end is the gate."""
         self.later[:] = 0
         self.stamp += 1
         task = Task(i, self.goals[i], target, np.empty((0, PIECE)), 0.0, self.later, _PRICE, fine, self.stamp)
@@ -137,7 +137,7 @@ class _Fleet:
         return float(self.traffic.pieces[i, self.traffic.counts[i] - 1, END])
 
     def take_out(self, chosen: Iterable[int]) -> list[Route]:
-        """Leave robots out; return their routes."""
+        """Take robots out; return their routes."""
         kept = [self.traffic.pieces[i, : self.traffic.counts[i]].copy() for i in chosen]
         for i in chosen:
             self.traffic.counts[i] = 0
@@ -149,13 +149,13 @@ class _Fleet:
             insert(self.traffic, i, route, len(route), self.floor)
 
     def look(self, chosen: Iterable[int]) -> None:
-        """Bring up to date whom some robots meet."""
+        """Update which robots some robots meet."""
         for i in chosen:
             who_meets(i, self.traffic, self.floor, self.met[i])
             self.met[:, i] = self.met[i]
 
     def nearness(self, i: int) -> NDArray[np.float64]:
-        """Return how near each robot ever comes to robot i while that drives; itself: inf."""
+        """Return the least distance of each robot to robot i while robot i drives; itself: inf."""
         middles = self.traffic.middles[: int(self.arrival(i)) + 2]
         near: NDArray[np.float64] = np.hypot(*(middles - middles[:, i : i + 1]).T).min(axis=1)
         near[i] = math.inf
@@ -163,7 +163,7 @@ class _Fleet:
 
 
 def reversed_route(route: Route) -> Route:
-    """Return a route driven the other way, from its end to its beginning."""
+    """Return a route reversed."""
     back, seconds = route[::-1].copy(), route[-1, END]
     for k, piece in enumerate(route[::-1]):
         back[k, [X, Y, HEADING]] = pose_at(route[None], 0, len(route) - 1 - k, piece[END])
@@ -172,7 +172,7 @@ def reversed_route(route: Route) -> Route:
 
 
 def _repair(fleet: _Fleet, budget: int, nodes: int, random: np.random.Generator) -> None:
-    """Plan robots that meet anew, one, or more where that does not help, until none meet or the budget is used up."""
+    """Replan robots that meet, first one, then more, until none meet or the budget is used up."""
     fleet.look(range(fleet.robots))
     failed = 0
     while fleet.met.any() and fleet.nodes < budget:
@@ -192,7 +192,7 @@ def _repair(fleet: _Fleet, budget: int, nodes: int, random: np.random.Generator)
 
 
 def _who_meet(fleet: _Fleet, size: int, random: np.random.Generator) -> list[int]:
-    """Return up to `size` robots: one that meets another, then whom these meet, or else who comes near."""
+    """Return up to `size` robots: one that meets another, then those that these meet or come near."""
     pairs = np.argwhere(fleet.met)
     chosen = [int(pairs[random.integers(len(pairs)), 0])]
     while len(chosen) < min(size, fleet.robots):
@@ -206,7 +206,7 @@ def _who_meet(fleet: _Fleet, size: int, random: np.random.Generator) -> list[int
 
 
 def _improve(fleet: _Fleet, budget: int, nodes: int, least: NDArray[np.float64], random: np.random.Generator) -> None:
-    """Plan one to four robots anew around a late one, and keep what lets them arrive earlier in all."""
+    """Replan one to four robots around a late one, and keep the routes if they arrive earlier in all."""
     while fleet.nodes < budget:
         late = np.array([fleet.arrival(i) for i in range(fleet.robots)]) - least
         late = np.where(late > 1e-3, late, 0.0)

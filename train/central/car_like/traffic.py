@@ -1,8 +1,8 @@
-"""The routes of all robots in time, and how often a piece of one more meets them.
+"""The routes of all robots in time, and the meetings of another piece of a route with them.
 
-Time is cut into slots of one second; meetings are counted by pairs of a slot and a robot that a body comes nearer to
-than the margin within the slot. Between two looks passes no more time than the faster points of both bodies need to
-close the gap (conservative advancement; Mirtich 1996), so none is missed.
+Time is cut into slots of one second. A meeting is a pair of a slot and a robot that comes nearer than the margin within
+the slot. Two checks are never further apart than the time in which the bodies' fastest points could close the gap
+(conservative advancement; Mirtich 1996), so no meeting is missed.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class RoutePiece(NamedTuple):
 
 
 class Traffic(NamedTuple):
-    """The routes of N robots; who has come to the end of a route stays there."""
+    """The routes of N robots; a robot stays at the end of its route."""
 
     pieces: Any  # float64[N, P, PIECE]
     counts: Any  # int32[N], pieces of each; 0: the robot is left out
@@ -44,12 +44,12 @@ class Traffic(NamedTuple):
 
     @property
     def horizon(self) -> int:
-        """Slots that are looked at; by then all have parked."""
+        """Number of slots, after which all robots have parked."""
         return len(self.first)
 
 
 def empty_traffic(robots: int, pieces: int, slots: int) -> Traffic:
-    """Return the traffic of robots that are all left out."""
+    """Return the traffic with all robots left out."""
     return Traffic(
         np.zeros((robots, pieces, PIECE)), np.zeros(robots, np.int32), np.zeros((slots, robots), np.int32),
         np.zeros((slots, robots, 2)),
@@ -90,7 +90,7 @@ def insert(traffic, i, route, count, floor):
 
 @part
 def _meets(piece, start, end, traffic, j, slot, floor):
-    """Whether a piece meets robot j between two times within a slot."""
+    """Return whether a piece meets robot j between two times within a slot."""
     pieces, last = traffic.pieces, traffic.counts[j] - 1
     n, t, margin = traffic.first[slot, j], start, floor.margin
     speed = point_speed(piece.rate, piece.bend, floor)
@@ -119,7 +119,7 @@ def _meets(piece, start, end, traffic, j, slot, floor):
 
 @part
 def meetings(i, piece, most, traffic, floor):
-    """Return how often robot i meets others on a piece: pairs of slot and robot, counted up to `most`."""
+    """Return the number of meetings of robot i with others on a piece, counted up to `most`."""
     begin, x, y, heading, rate, bend, end = piece
     count = 0
     near = 2.0 * (floor.circle + _DRIFT) + floor.margin
@@ -140,7 +140,7 @@ def meetings(i, piece, most, traffic, floor):
 
 @kernel
 def passers(i, pose, traffic, floor, later):
-    """Write into later int32[S + 1] how often others pass over a body parked there, in each slot and all after it."""
+    """Write into later int32[S + 1] others' meetings with a body parked there, in each slot and all later ones."""
     pieces, counts, until = traffic.pieces, traffic.counts, 0
     for j in range(counts.size):
         if counts[j] > 0 and j != i:
@@ -154,7 +154,7 @@ def passers(i, pose, traffic, floor, later):
 
 @part
 def _meets_in(i, j, slot, traffic, floor):
-    """Whether two routes meet in a slot."""
+    """Return whether two routes meet in a slot."""
     pieces, last = traffic.pieces, traffic.counts[i] - 1
     n, t = traffic.first[slot, i], float(slot)
     while t < slot + 1.0:
@@ -175,7 +175,7 @@ def _meets_in(i, j, slot, traffic, floor):
 
 @kernel
 def who_meets(i, traffic, floor, met):
-    """Write into met int32[N] in how many slots robot i meets each other one, up to the end of both routes."""
+    """Write into met int32[N] the number of slots in which robot i meets each other robot."""
     pieces, counts = traffic.pieces, traffic.counts
     robots, horizon = counts.size, traffic.first.shape[0]
     met[:] = 0

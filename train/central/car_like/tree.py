@@ -1,4 +1,4 @@
-"""What a search has looked at: nodes, their queue, and the table of cells of (x, y, heading, step)."""
+"""The state of a search: nodes, their queue, and the table of cells of (x, y, heading, step)."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def make_tree(nodes: int) -> Tree:
 
 @part
 def place_of(x, y, heading, step, fine, radius, stamp, tree):
-    """Return (place, key) of a cell in the table: where it stands already, or is to stand."""
+    """Return (place, key) of a cell in the table, whether it is there or not."""
     cell, headings = _CELL * radius / fine, fine * _HEADINGS
     column, row = int(np.floor(x / cell)), int(np.floor(y / cell))
     facing = int(np.floor(heading / (2.0 * np.pi) * headings + 0.5)) % headings
@@ -60,5 +60,5 @@ def place_of(x, y, heading, step, fine, radius, stamp, tree):
 
 @part
 def is_known(place, met, stamp, tree):
-    """Whether the cell at a place of the table has been reached with as few meetings."""
+    """Return whether the cell at a place of the table has been reached with as few meetings."""
     return tree.stamps[place] == stamp and tree.fewest[place] <= met

@@ -1,4 +1,4 @@
-"""An independent check of what robots drove, at every instant, in float64 and in other words than the engine's.
+"""An independent check of robots' motion at every instant, in float64.
 
-Nothing here is taken from the simulation's geometry, contact, motion or field: only what its state and config say.
+It uses only the simulation's state and config, none of its geometry, contact, motion or shield.
 """

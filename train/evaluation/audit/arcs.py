@@ -1,8 +1,8 @@
-"""What robots drove within an env step, put together in float64 from how it began and how it ended.
+"""The motion within an env step, reconstructed in float64 from its two ends.
 
 Speed and steering change linearly over a physics step, and a substep is an exact arc whose curvature is that of its
-mean steering. So both ends of a step tell all of it, as long as it is one physics step and no limit was met in it.
-Else one knot more, speed and steering in the middle of the step, is solved for.
+mean steering. So the ends of a step determine it, if it is one physics step and reaches no limit. Otherwise speed and
+steering in the middle of the step are solved for.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _TINY = 1e-5  # [m/s], [rad] for its slopes
 
 @inline
 def rounding(extent, body):
-    """Return what rounding can make of a position [m] within an env step on a floor of this extent [m]."""
+    """Return a bound of the rounding error of a position [m] within an env step on a floor of this extent [m]."""
     return 2e-6 + _EPSILON * extent * (body.pieces + 1)
 
 
@@ -60,7 +60,7 @@ def body_at(arcs, i, t, body):
 
 @inline
 def _between(first, knot, last, n, pieces):
-    """Return what changes linearly to a knot in the middle, and on from there, at the beginning of piece n."""
+    """Return the value at the start of piece n, linear to a knot in the middle and on to the end."""
     middle = pieces // 2
     if n <= middle and middle > 0:
         return first + (knot - first) * n / middle
@@ -69,7 +69,7 @@ def _between(first, knot, last, n, pieces):
 
 @part
 def lay(arc, before, after, speed, steer, body):
-    """Write the pieces of a step that has this speed [m/s] and steering [rad] in its middle; return how it misses.
+    """Write the pieces of a step with this speed [m/s] and steering [rad] in its middle; return its miss.
 
     arc float64[pieces, ARC]; before, after float64[STATE]. Returns (dx, dy [m], d heading [rad]) from its end to
     `after`.
@@ -93,7 +93,7 @@ def lay(arc, before, after, speed, steer, body):
 
 @inline
 def stand(arc, before):
-    """Write the pieces of a step in which a robot stands as it began."""
+    """Write the pieces of a step in which a robot stands."""
     for n in range(arc.shape[0]):
         a = arc[n]
         a[X], a[Y], a[HEADING] = before[STAND_X], before[STAND_Y], before[STAND_HEADING]
@@ -103,14 +103,14 @@ def stand(arc, before):
 
 @inline
 def size(miss, body):
-    """Return how far off [m] a point of the body is at the most, of a pose that misses by (dx, dy, d heading)."""
+    """Return the largest error [m] of any point of the body for a pose that misses by (dx, dy, d heading)."""
     dx, dy, turn = miss
     return math.sqrt(dx * dx + dy * dy) + body.far * abs(turn)
 
 
 @inline
 def _slope(miss, other, scale, body):
-    """Return by how much a miss shrinks, each of its three parts, times scale."""
+    """Return the decrease of the three parts of a miss, times scale."""
     return (
         (miss[0] - other[0]) * scale, (miss[1] - other[1]) * scale, wrapped(miss[2] - other[2]) * scale * body.far,
     )  # fmt: skip
@@ -124,7 +124,7 @@ def _times(a, b):
 
 @part
 def solve(arc, before, after, slack, body):
-    """Return the speed [m/s] and steering [rad] in the middle of a step that make it hit `after`, as nearly as can be.
+    """Return the speed [m/s] and steering [rad] in the middle of a step that bring its end closest to `after`.
 
     Newton's method for least squares, in units of slack [m]. Each counts itself, too, in m/s and rad from the mean of
     both ends: what makes no difference, as steering does where a robot stands, stays there.

@@ -1,7 +1,7 @@
-"""How far two bodies are apart, or how deep one reaches into the other: by corners and edges.
+"""The gap between two bodies, or the depth of their overlap, by corners and edges.
 
-Two rectangles that are apart are as far apart as a corner of one is from the other. Where they overlap, a corner of one
-lies in the other or, where they lie in one line or pass right through each other, an edge of one runs through it.
+The gap of two separate rectangles is the distance of a corner of one from the other. If they overlap, a corner of one
+lies in the other, or an edge of one runs through the other.
 """
 
 from __future__ import annotations
@@ -111,7 +111,7 @@ def _nearest_corner(u, v, c, s, length, width, half_length, half_width):
 
 @inline
 def _between(middle, reach, half):
-    """Return the part of an edge, from -1 to 1 along it, that lies between two parallel sides at -half and half."""
+    """Return the part of an edge, from -1 to 1 along it, between two parallel sides at -half and half."""
     if abs(reach) < _NO_REACH:
         return (-1.0, 1.0) if abs(middle) < half else (1.0, -1.0)
     one, other = (-half - middle) / reach, (half - middle) / reach
@@ -120,7 +120,7 @@ def _between(middle, reach, half):
 
 @inline
 def _edge_gap(u, v, a, b, half_length, half_width):
-    """Return the `point_gap` of the middle of what of the edge (u, v) -+ (a, b) runs through a rectangle, else 0."""
+    """Return the `point_gap` of the middle of the part of edge (u, v) -+ (a, b) inside a rectangle, else 0."""
     first, last = _between(u, a, half_length)
     enters, leaves = _between(v, b, half_width)
     first, last = max(first, enters), min(last, leaves)
@@ -132,9 +132,9 @@ def _edge_gap(u, v, a, b, half_length, half_width):
 
 @part
 def gap(one, other):
-    """Return the gap [m] between two outlines, negative where they overlap: how deep one reaches into the other.
+    """Return the gap [m] between two outlines; negative: the depth of the overlap.
 
-    It changes no faster than any point of the one moves as seen from the other.
+    It changes no faster than any point of one moves relative to the other.
     """
     x, y, c, s, half_length, half_width = one
     to_x, to_y, other_c, other_s, other_length, other_width = other

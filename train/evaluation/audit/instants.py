@@ -1,7 +1,7 @@
-"""Every instant of an env step: who overlaps whom, which limits are broken, who jumped.
+"""Check every instant of an env step: overlaps, broken limits, jumps.
 
-Between two instants at which a gap is looked at lies no more time than the faster of all points of the bodies would
-need to close it (conservative advancement; Mirtich 1996), so that nothing is missed.
+Two checks of a gap are never further apart than the time in which the bodies' fastest points could close it
+(conservative advancement; Mirtich 1996), so that nothing is missed.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ NONE = -1
 WORLD, KIND, FIRST, SECOND, TIME, SIZE, AT_X, AT_Y = range(8)
 FAULT = 8
 
-HORIZON = 0.5  # [m] beyond which nobody asks how far two bodies are apart
-_FINE = 1e-4  # [m] to which the closest approach is found
-_ALLOWED = 1e-5  # [m/s], [rad] over a limit that rounding may make
-_LOOKS = 64  # of an overlap, for where it is deepest
+HORIZON = 0.5  # [m] beyond which gaps are not measured
+_FINE = 1e-4  # [m], accuracy of the closest approach
+_ALLOWED = 1e-5  # [m/s], [rad], excess over a limit by rounding
+_LOOKS = 64  # samples of an overlap to find where it is deepest
 
 
 class Obstacles(NamedTuple):
-    """What does not move."""
+    """The fixed obstacles."""
 
     solid: Any  # bool[W, H]: shelves, by columns and rows of cells counted from x = y = 0
     discs: Any  # float64[K, 3]: x, y, radius [m] of round obstacles
@@ -51,7 +51,7 @@ class EnvStep(NamedTuple):
 
 
 class Findings(NamedTuple):
-    """What an audit writes."""
+    """The results of an audit."""
 
     closest: Any  # float64[B] [m], of each world so far
     ways: Any  # float64[B] [m], of each world so far
@@ -66,13 +66,13 @@ class Scene(NamedTuple):
     walked: Any  # float64[M, 2] [m/s], straight on
     obstacles: Any  # see Obstacles
     world: int
-    slack: float  # [m] that rounding may make of one body's place
+    slack: float  # [m], rounding error of one body's place
     fleet: Any  # whose bodies, see bodies.Fleet
 
 
 @inline
 def _is_solid(solid, column, row):
-    """Whether a cell is a shelf; all is, beyond the rim."""
+    """Return whether a cell is a shelf; all cells beyond the rim are."""
     inside = 0 <= column < solid.shape[0] and 0 <= row < solid.shape[1]
     return not inside or solid[column, row]
 
@@ -132,7 +132,7 @@ def first_overlap(kind, i, j, speed, end, least, scene):
         least = min(least, found)
         if found < -deep:
             return t, least
-        sure = found - max(least - _FINE, -2.0 * deep)  # that the gap can shrink by, and be of no interest
+        sure = found - max(least - _FINE, -2.0 * deep)  # by which the gap may shrink without interest
         if sure >= speed * (end - t):
             return float(NONE), least
         t += sure / speed
@@ -153,7 +153,7 @@ def _deepest(kind, i, j, t, end, scene):
 
 @inline
 def _note(faults, count, fault):
-    """Write a fault down, its columns in their order, as long as there is room; return how many there are."""
+    """Write a fault if there is room; return the number of faults."""
     if count < faults.shape[0]:
         f = faults[count]
         f[WORLD], f[KIND], f[FIRST], f[SECOND], f[TIME], f[SIZE], f[AT_X], f[AT_Y] = fault
@@ -162,7 +162,7 @@ def _note(faults, count, fault):
 
 @part
 def _look(faults, count, pair, speed, end, least, scene):
-    """Look for an overlap of two bodies in a step, and write it down; return (faults, least gap [m]).
+    """Look for an overlap of two bodies in a step, and write the fault; return (faults, least gap [m]).
 
     pair: (kind, i, j) as for `gap_at`; speed, end, least: as for `first_overlap`.
     """
@@ -177,7 +177,7 @@ def _look(faults, count, pair, speed, end, least, scene):
 
 @inline
 def _within(knot, first, last, rate, before, after):
-    """Return the value nearest to a knot that can be reached from `first` in time and from which `last` can be."""
+    """Return the value nearest to a knot that is reachable from `first` and from which `last` is reachable."""
     low, high = max(first - rate * before, last - rate * after), min(first + rate * before, last + rate * after)
     return min(max(knot, low - _ALLOWED), high + _ALLOWED)
 
@@ -210,7 +210,7 @@ def trace(arc, before, after, slack, body):
 
 @inline
 def _check_limits(faults, count, world, i, before, after, put_back, body):
-    """Write down which limits a robot's step breaks, put back by a contact or not; return the number of faults."""
+    """Write the limits that a robot's step breaks; return the number of faults."""
     x, y, end = after[0], after[1], body.pieces * body.piece
     speed, steer = after[STAND_SPEED], after[STAND_STEER]
     over = max(speed - body.fastest, body.slowest - speed)
@@ -229,7 +229,7 @@ def _check_limits(faults, count, world, i, before, after, put_back, body):
 
 @kernel
 def _drive_all(faults, count, before, after, put_back, seen, end, scene):
-    """Write all robots' arcs, and what is wrong with them; return the number of faults and the way [m] of all.
+    """Write all robots' arcs and their faults; return the number of faults and the metres driven.
 
     seen float64[4, N]: where the centre is as the step begins [m], the greatest speed of a point [m/s], and how long
     the motion is known [s]; end [s]: of the step.
@@ -256,9 +256,9 @@ def _drive_all(faults, count, before, after, put_back, seen, end, scene):
 
 @kernel
 def _look_at_pairs(faults, count, seen, least, end, scene):
-    """Write down which robots overlap; return (faults, the least gap of two [m], at most `least`).
+    """Write which robots overlap; return (faults, the least gap of two [m], at most `least`).
 
-    Robots are gone through from west to east, each with those of whom its circle and their own motion may touch.
+    Robots are checked from west to east, each against those that its circle and their motion may reach.
     """
     order = np.argsort(seen[0])
     apart = 2.0 * scene.fleet.radius + min(least, HORIZON)
@@ -279,7 +279,7 @@ def _look_at_pairs(faults, count, seen, least, end, scene):
 
 @kernel
 def _look_around(faults, count, seen, end, scene):
-    """Write down which robots overlap shelves or people; return the number of faults."""
+    """Write which robots overlap shelves or people; return the number of faults."""
     for i in range(seen.shape[1]):
         speed, body = seen[2, i], body_of(i, scene.fleet)
         count, _ = _look(faults, count, (SHELF, i, NONE), speed, seen[3, i], -np.inf, scene)

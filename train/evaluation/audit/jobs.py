@@ -1,4 +1,4 @@
-"""Jobs that audit: an episode out of a file, run again, or the episodes of an experiment as they are driven."""
+"""Jobs that audit a recorded episode, or the episodes of an experiment as they are driven."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from warehouse_env import __version__
 from warehouse_env.files import whereabouts
 from warehouse_env.simulation.record.recording import Episode
 
-CHECKS = 1  # what is checked: a row that an audit of other checks wrote does not stand for one
+CHECKS = 1  # version of the checks: rows of another version are not reused
 
 
 @dataclass(frozen=True)
 class DrivenEpisodes(Episodes):
-    """The episodes of an experiment, audited while they are driven: rows of an evaluation with what was found."""
+    """The episodes of an experiment, audited while they are driven; rows of an evaluation with the faults."""
 
     @property
     def identity(self) -> Row:
-        """What their rows share."""
+        """The fields that all rows share."""
         return {**super().identity, "checks": CHECKS}
 
     def run(self, tick: Tick) -> Result:
-        """Drive and look on."""
+        """Drive and audit."""
         audit = Audit(self.experiment.config)
         rows = run(self.experiment, [self.ticking(tick), audit])
         shared = {"checks": CHECKS, "differs_at": None}
@@ -38,7 +38,7 @@ class DrivenEpisodes(Episodes):
 
 @dataclass(frozen=True)
 class RecordedEpisode(Job):
-    """An episode out of a file, a row a world; `steps`: how many it has."""
+    """A recorded episode of `steps` steps, one row per world."""
 
     path: Path
     steps: int
@@ -56,7 +56,7 @@ class RecordedEpisode(Job):
         return (str(self.path),)
 
     def run(self, tick: Tick) -> Result:
-        """Run it again and look on, also whether it is still what was recorded."""
+        """Play the episode again, audit it, and compare it with the recorded poses."""
         episode = Episode.load(whereabouts(str(self.path)))
         config, audit = episode.config, Audit(episode.config)
         differs: dict[int, int] = {}  # world: the first step whose poses are others

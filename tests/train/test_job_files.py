@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from agents import WEIGHTS_FOLDER, make_policy, policy_config
+from train.job_files import pack, unpacked
 from train.own import take_in, versions
-from train.parcels import pack, unpacked
 from warehouse_env import EnvConfig, make_layout
 from warehouse_env.errors import MapError, WeightsError
 from warehouse_env.maps.grid_map import GridMap
@@ -28,11 +28,11 @@ def test_a_map_with_its_directions_and_a_policy(tmp_path: Path, monkeypatch: pyt
     write_map(GridMap(occupied, one_way=one_way), "halls/mine.map")
     shutil.copytree(WEIGHTS_FOLDER / "ppo", "runs/mine")
     names = ("halls/mine.map", "runs/mine", "greedy", "pf_aco", "")
-    digest, parcel = versions("runs/mine", "pf_aco", "paper46"), pack(names)
-    assert list(parcel) == ["halls/mine.map", "runs/mine"]
+    digest, files = versions("runs/mine", "pf_aco", "paper46"), pack(names)
+    assert list(files) == ["halls/mine.map", "runs/mine"]
     shutil.rmtree("halls")
     shutil.rmtree("runs")
-    with unpacked(parcel):
+    with unpacked(files):
         grid = make_layout("halls/mine.map")
         assert grid.name == "mine"
         assert grid.one_way[3, 3] == 1
@@ -53,16 +53,16 @@ def test_code_of_ones_own(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyP
 
     monkeypatch.chdir(tmp_path)
     home, _, _ = name.partition(":")
-    beside = f"beside_{home.replace('.', '_')}"  # of its own: what was imported of a parcel stays imported
+    beside = f"beside_{home.replace('.', '_')}"  # of its own: what was imported of a files stays imported
     Path("mine.py").write_text(f"from {beside} import Mine\n")
     Path(f"{beside}.py").write_text("from agents.path_following import Follow as Mine\n")
     take_in([("policy", name)])
-    parcel = pack(())
-    assert {one: list(files) for one, files in parcel.items()} == {home: ["mine.py", f"{beside}.py"]}
+    files = pack(())
+    assert {one: list(own) for one, own in files.items()} == {home: ["mine.py", f"{beside}.py"]}
     for module in ("mine", beside):
         Path(f"{module}.py").unlink()
         sys.modules.pop(module, None)
     del LOADED[name], POLICIES[name]
-    with unpacked(parcel):
+    with unpacked(files):
         take_in([("policy", name)])
         assert make_policy(name, EnvConfig())

@@ -1,0 +1,92 @@
+"""The files that jobs read, as bytes that travel to other machines: maps, policies, the user's own code."""
+
+from __future__ import annotations
+
+import hashlib
+import tempfile
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from agents.weights_folder import CONFIG, WEIGHTS
+from train.own import taken_in
+from warehouse_env.files import MOST, STAGED, companion, complete_file, read_bytes, whereabouts
+from warehouse_env.maps import discs, one_way
+from warehouse_env.maps.halls.hall import files_of, is_hall
+from warehouse_env.own_parts import loaded_files, split
+
+JobFiles = dict[str, dict[str, bytes]]
+"""Name as typed -> its files by their names within a folder; the first is the named file or in the named folder."""
+
+FileDigests = dict[str, dict[str, str]]
+"""Name as typed -> its files, with a digest of each."""
+
+_BESIDE = {".map": (one_way.SUFFIX, discs.SUFFIX)}  # suffix of a file -> those of files that go with it
+
+
+def pack(names: Iterable[str]) -> JobFiles:
+    """Return the content of the names that are files or policy folders, and of all own parts of this process."""
+    homes = [part[0].rpartition(":")[0] for _, text in taken_in() if (part := split(text))]
+    packed = {name: _content(name) for name in dict.fromkeys([*homes, *names]) if name and not split(name)}
+    return {name: content for name, content in packed.items() if content}
+
+
+def floor_digest(name: str) -> str:
+    """Return a digest of all files behind a map's name; "" for other floors."""
+    content = _content(name) if name.lower().endswith(".map") or is_hall(name) else {}
+    whole = b"".join(f"{file} {len(data)} ".encode() + data for file, data in content.items())
+    return _digest(whole) if content else ""
+
+
+def file_digests(names: Iterable[str]) -> FileDigests:
+    """Return the digests of the data files behind the names."""
+    content = {name: _content(name) for name in dict.fromkeys(names) if not split(name)}
+    return {name: {file: _digest(data) for file, data in files.items()} for name, files in content.items() if files}
+
+
+@contextmanager
+def unpacked(files: JobFiles) -> Iterator[None]:
+    """Write files to a temporary folder, and let their names lead there."""
+    with tempfile.TemporaryDirectory(prefix="warehouse-") as folder:
+        for name, content in files.items():
+            for file, data in content.items():
+                with complete_file(_home(folder, name) / file) as part:
+                    part.write_bytes(data)
+        before = STAGED.copy()
+        STAGED.update({name: _home(folder, name) / Path(next(iter(own))).parts[0] for name, own in files.items()})
+        try:
+            yield
+        finally:
+            STAGED.clear()
+            STAGED.update(before)
+
+
+def files_behind(name: str) -> list[Path]:
+    """Return the files behind a typed name, a map, a policy or own code; the named file comes first."""
+    part = split(name)
+    path = whereabouts(part[0].rpartition(":")[0] if part else name)
+    if part is None and is_hall(name):
+        found = list(files_of(name))
+    elif path.is_dir():
+        found = [path / file for file in (CONFIG, WEIGHTS)]
+    else:
+        found = [path, *(companion(path, suffix) for suffix in _BESIDE.get(path.suffix.lower(), ()))]
+    return [file for file in found if file.is_file()]
+
+
+def _content(name: str) -> dict[str, bytes]:
+    own = loaded_files(name)
+    if not own:
+        found = files_behind(name)
+        home = (found[0] if found and is_hall(name) else whereabouts(name)).parent
+        own = {file.relative_to(home).as_posix(): file for file in found}
+    return {file: read_bytes(path, "file", MOST) for file, path in own.items()}
+
+
+def _home(folder: str, name: str) -> Path:
+    """Return where the files of a name lie."""
+    return Path(folder) / hashlib.blake2b(name.encode(), digest_size=8).hexdigest()
+
+
+def _digest(data: bytes) -> str:
+    return hashlib.blake2b(data, digest_size=8).hexdigest()
