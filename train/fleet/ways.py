@@ -1,8 +1,7 @@
-"""What a robot was ordered to do: from goal to goal, along routes that are replaced under way, as nodes with paths.
+"""A robot's orders as nodes with paths: from goal to goal, along routes that may be replaced on the way.
 
-An order goes from where a robot is to its goal. Where its route is planned anew, the order is updated: what the robot
-may drive for sure (the base) ends where it is then, and the new route begins there. Who writes the messages of an
-episode knows beforehand where that will be, so that a base is never taken back.
+A new route updates the order: the base ends where the robot is then, and the new route begins there. The recording
+shows beforehand where that will be, so a base is never withdrawn.
 """
 
 from __future__ import annotations
@@ -17,43 +16,42 @@ from train.fleet.story import Story
 from warehouse_env.render.lines import simplified
 
 SPACING = 2.0  # [m] between two nodes
-_NEAREST = 0.5  # [m] between a node and the next, at the least
-_STANDS = 0.05  # [m] that a robot has hardly moved by
-_STRAIGHT = 0.01  # [m] beside a path at which it is taken to go straight on
+_NEAREST = 0.5  # [m] between two nodes, at least
+_STANDS = 0.05  # [m] up to which a robot has not moved
+_STRAIGHT = 0.01  # [m] off a straight line up to which a path is straight
 
 
 class Node(NamedTuple):
-    """A point of a route, and the way to it."""
+    """A point of a route, and the path to it."""
 
-    x: float  # [m], in the frame of the map's file, as `y` and `path`
+    x: float  # [m], in the frame of the map's file, like `y` and `path`
     y: float
     along: float  # [m] of its route
     path: NDArray[np.float64]  # [K, 2] from the node before
 
 
 class Way(NamedTuple):
-    """A route as it is ordered, from moment `begin` on until it is replaced or its goal reached, before `end`."""
+    """A route as it is ordered, from moment `begin` until it is replaced or its goal is reached, before `end`."""
 
     begin: int
     end: int
-    nodes: tuple[Node, ...]  # behind the one that it begins at
-    sure: int  # of these come into the base
+    nodes: tuple[Node, ...]  # after the one at its start
+    sure: int  # how many of these join the base
 
 
 class Order(NamedTuple):
-    """From where a robot is to its goal."""
+    """From a robot's place to its goal."""
 
     begin: int  # moment
-    reached: int | None  # moment at which it is at its goal, if it ever is
-    end: int  # moment at which the next one begins, or all is over
+    reached: int | None  # moment at which it reaches its goal, if it does
     start: Node
     ways: tuple[Way, ...]
-    work: str | None  # what it does at the goal: "pick", "drop" or nothing
-    goal: str  # what stands there, in words
+    work: str | None  # at the goal: "pick", "drop" or nothing
+    goal: str  # in words
 
 
 def orders_of(story: Story, robot: int) -> list[Order]:
-    """Return a robot's orders, one after the other."""
+    """Return a robot's orders in turn."""
     replay = story.replay
     route = replay.route[:, robot]
     frames = len(route)
@@ -63,26 +61,22 @@ def orders_of(story: Story, robot: int) -> list[Order]:
     orders: list[Order] = []
     while changes:
         begin = changes[0]
-        if served[begin]:  # it stands and has nothing to do
+        if served[begin]:  # it has nothing to do
             changes = changes[1:]
             continue
-        # a goal is reached with the step after which the next route may stand already
+        # the step that reaches a goal may already set the next route
         found = np.flatnonzero(stands[begin + 1 :])
         reached = int(found[0]) + begin + 1 if len(found) else None
         last = frames if reached is None else reached
-        pieces = [change for change in changes if change < last]
-        rest = [change for change in changes if change >= last]
-        end = rest[0] if rest else frames
-        orders.append(_order(story, robot, pieces, reached, end))
-        changes = rest
+        orders.append(_order(story, robot, [change for change in changes if change < last], reached))
+        changes = [change for change in changes if change >= last]
     return orders
 
 
-def _order(story: Story, robot: int, begins: list[int], reached: int | None, end: int) -> Order:
-    replay, begin = story.replay, begins[0]
-    frames = len(replay.route)
-    last = frames if reached is None else reached
-    grid = replay.grid
+def _order(story: Story, robot: int, begins: list[int], reached: int | None) -> Order:
+    """Return the order whose routes begin at these moments."""
+    replay, begin, grid = story.replay, begins[0], story.replay.grid
+    last = len(replay.route) if reached is None else reached
     goal = divmod(int(replay.goal[last - 1, robot]), grid.shape[1])
     kinds = [(grid.stations, "drop", "station"), (grid.picks, "pick", "pick face")]
     work, what = next(((w, n) for cells, w, n in kinds if (cells == goal).all(axis=1).any()), (None, "waiting place"))
@@ -93,17 +87,17 @@ def _order(story: Story, robot: int, begins: list[int], reached: int | None, end
     for first, after in zip(begins, ends, strict=True):
         ways.append(_way(story, robot, first, after, after == last, at))
         at = ways[-1].nodes[ways[-1].sure - 1] if ways[-1].sure else at
-    return Order(begin, reached, end, start, tuple(ways), work, f"{what} in row {goal[0]}, column {goal[1]}")
+    return Order(begin, reached, start, tuple(ways), work, f"{what} in row {goal[0]}, column {goal[1]}")
 
 
 def _way(story: Story, robot: int, begin: int, end: int, lasts: bool, start: Node) -> Way:
     """Return the route of the moments from `begin` up to `end`.
 
-    lasts: until the goal is reached, or all is over; start: the node that it goes on from.
+    lasts: it is the order's last; start: the node before it.
     """
     replay = story.replay
     points = replay.grid.world(replay.routes[int(replay.route[begin, robot])])
-    if len(points) == 1:  # it is there already
+    if len(points) == 1:  # the robot is there already
         points = np.repeat(points, 2, axis=0)
     steps = np.hypot(*np.diff(points, axis=0).T)
     along = np.concatenate([[0.0], np.cumsum(steps)])
@@ -126,8 +120,7 @@ def _way(story: Story, robot: int, begin: int, end: int, lasts: bool, start: Nod
 
 
 def _marks(length: float, stop: float | None) -> Iterator[float]:
-    """Yield where nodes stand on a route [m], its end among them; stop: where its robot gets another."""
-    stops = stop is not None and stop > _STANDS
-    fixed = [length, *([stop] if stops and stop is not None and stop < length else [])]
+    """Yield the nodes' places on a route [m], with its end; stop: where the robot changes to another route."""
+    fixed = [length, *([stop] if stop is not None and _STANDS < stop < length else [])]
     even = np.arange(SPACING, length, SPACING).tolist()
     yield from sorted([*(mark for mark in even if all(abs(mark - other) >= _NEAREST for other in fixed)), *fixed])

@@ -1,4 +1,4 @@
-"""Orders, base and horizon as they must be by hand; what is written is faultless by a check that shares no code."""
+"""Orders and states of a story by hand; what is written passes a check that shares no code."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ def test_orders_stitch_where_a_route_is_replaced() -> None:
          [(node["nodeId"], node["sequenceId"], node["released"]) for node in one["nodes"]])
         for one in orders
     ]  # fmt: skip
-    # 9 m east with a node every 2 m, and one where the robot gets another route after 3 m: no base beyond that.
+    # 9 m east with a node every 2 m, and one after 4 m, where the route is replaced: the base ends there.
     assert said[0] == ("00000-1", 0, [
         ("100.500,-19.500", 0, True), ("102.500,-19.500", 2, True), ("104.500,-19.500", 4, True),
         ("104.500,-19.500", 6, False), ("106.500,-19.500", 8, False), ("108.500,-19.500", 10, False),
         ("109.500,-19.500", 12, False)])  # fmt: skip
-    # It goes on from the last node of the base; all of 5 m north are near enough for the base at once.
+    # The update continues from the last node of the base, 5 m north.
     assert said[1] == ("00000-1", 1, [
         ("104.500,-19.500", 4, True), ("104.500,-17.500", 6, True), ("104.500,-15.500", 8, True),
         ("104.500,-14.500", 10, True)])  # fmt: skip
@@ -53,9 +53,8 @@ def test_states_tell_what_is_left_and_what_is_carried() -> None:
     }  # fmt: skip
 
 
-@pytest.mark.parametrize("world", [0, 1])
-def test_what_is_written_is_faultless(world: int, tmp_path: Path) -> None:
-    one = episode_story(world)
+def test_what_is_written_is_faultless(tmp_path: Path) -> None:
+    one = episode_story()
     count = write_log(messages_of(one, NAMES), tmp_path)
     found = check_log(tmp_path)
     assert [fault.sentence for fault in found.faults] == []
