@@ -1,58 +1,47 @@
-"""How many robots a floor bears: the policy that drives best there, the number that makes most, the knee, the jam.
+"""How many robots a floor bears: the best policy there, the number that makes most, the knee, the jam.
 
-What is chosen is measured again on seeds that had no part in the choice.
+The choice is measured again on seeds that had no part in it.
 """
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
-from train.advice import changes
 from train.advice.aim import GOALS
 from train.advice.curve import Load, jams_from, knee, loads, peak, rungs, smallest
 from train.advice.race import FEWEST, mean
 from train.advice.study import Crew, Study
 from train.advice.trials import Plan, Use
 from train.reporting.columns import MEASURES
-from train.reporting.rows import Interval, paired
+from train.reporting.rows import Interval
 from warehouse_env.maps.grid_map import GridMap
 
-SPARSE = 64  # free cells a robot, with which the search begins; the most goals are made with a few times as many robots
+SPARSE = 64  # free cells a robot at which the search begins; the best number is usually a few times as large
 SCOUTS = 2  # episodes of a number of robots on the way up
 ROUNDS = 8  # of a race, at most
 STEADY = 4  # episodes of each number below the best, for the knee
-CONFIRMED = 12  # episodes of what was chosen, with seeds of their own, where there is time
-ALONE = 40  # episodes of one robot alone, which are quick and vary much; with orders they are long, and vary little
-UNRACED = "the policies were raced"  # what the time may be over before
-EASY = 0.75  # of what one alone makes, each: with so many robots nobody is in the way yet
-OVER = 0.65  # of the time, when all this is
-_UP, _POLICY, _LOAD, _KNEE, _CONFIRM, _JAM = 0.3, 0.4, 0.5, 0.52, 0.6, OVER  # when each of its parts is
-
-
-class Versus(NamedTuple):
-    """The chosen policy against another."""
-
-    policy: str
-    difference: Interval  # goals per hour of all robots, in pairs of episodes with seeds of their own
+CONFIRMED = 12  # episodes of the choice on new seeds, if there is time
+ALONE = 40  # episodes of one robot alone, which are quick and vary much; with orders they are long and vary little
+EASY = 0.75  # of the throughput of one alone, each: so few robots do not hinder each other
+_UP, _POLICY, _LOAD, _KNEE, _CONFIRM, _JAM = 0.3, 0.4, 0.5, 0.52, 0.6, 0.65  # of the time, when each part ends
 
 
 class Capacity(NamedTuple):
     """How many robots a floor bears."""
 
-    crew: Crew  # the policy that drove best, and the fewest robots not told apart from those that make most
-    goals: Load  # what they make, in episodes that had no part in the choice
-    best: int  # robots that made most in the episodes by which it was chosen
+    crew: Crew  # the best policy, and the fewest robots not told apart from those that make most
+    goals: Load  # what they make on new seeds
     alone: Interval  # goals per hour of one robot
-    loads: list[Load]  # of the policy, in the episodes by which it was chosen
-    others: list[Versus]
-    contacts: Interval  # a kilometre
-    knee: Interval | None  # robots from which a further one brings less than half of what one alone does
+    loads: list[Load]  # of the policy, in the episodes of the choice
+    raced: bool  # whether policies were compared
+    contacts: Interval  # per kilometre
+    knee: Interval | None  # robots from which a further one adds less than half of the first
     jam: Load | None
     stopped: list[str]  # what the time was over before
 
 
 def begins_with(grid: GridMap, most: int) -> int:
-    """Return the number of robots, a power of two, that the search begins with."""
+    """Return the number of robots at which the search begins, a power of two."""
     count = 1
     while 2 * count <= min(most, len(grid.free_cells) // SPARSE):
         count *= 2
@@ -60,33 +49,24 @@ def begins_with(grid: GridMap, most: int) -> int:
 
 
 def capacity(study: Study) -> Capacity:
-    """Find out."""
+    """Find the policy, the number of robots, the knee and the jam."""
     stopped = list[str]()
-    _share_time(study, begins_with(study.plan.grid, study.plan.most))
     centre = _climb(study, stopped)
-    _share_time(study, centre)
-    crew = _choose_policy(study, centre, stopped)
-    crew, best = _choose_load(study, crew, stopped)
-    alone = _alone(study, crew.policy)
+    crew, raced = _choose_policy(study, centre, stopped)
+    crew = _choose_load(study, crew, stopped)
+    (rows,) = study.rows([Crew(crew.policy, 1)], alone_seeds(study.plan))
+    alone = loads({1: rows}, study.plan.aim)[0].goals
     _below(study, crew, alone)
     confirm(study, crew)
-    others = _others(study, crew)
     jam = _jam(study, crew.policy, stopped)
     found = study.loads(crew.policy)
     fall = knee(found, alone, study.plan.seed)
     contacts = MEASURES["collisions_per_km"].interval(study.of(crew))
-    return Capacity(crew, confirmed(study, crew), best, alone, found, others, contacts, fall, jam, stopped)
-
-
-def _share_time(study: Study, robots: int) -> None:
-    """Let the number have all of the time where the rest would not do for a single change with so many robots."""
-    minutes = study.clock.minutes
-    if minutes is not None and changes.LEAST * study.seconds(robots) > (1 - OVER) * 60 * minutes:
-        study.stretch = 1 / OVER
+    return Capacity(crew, confirmed(study, crew), alone, found, raced, contacts, fall, jam, stopped)
 
 
 def _climb(study: Study, stopped: list[str]) -> int:
-    """Double the robots of the first policy until they make less, or halve them until more do; return the best."""
+    """Double the robots of the first policy until they make less, or halve them until they do; return the best."""
     plan = study.plan
     policy, number = plan.policies[0], begins_with(plan.grid, plan.most)
     while True:
@@ -110,19 +90,20 @@ def _scout(study: Study, policy: str, robots: int) -> None:
     study.rows([Crew(policy, robots)], study.plan.seeds(Use.CHOOSE, study.plan.at_most(SCOUTS)))
 
 
-def _choose_policy(study: Study, robots: int, stopped: list[str]) -> Crew:
-    """Race all policies with so many robots, and with half of them; return the best, with the better number."""
-    crews = [Crew(policy, count) for policy in study.plan.policies for count in sorted({max(1, robots // 2), robots})]
+def _choose_policy(study: Study, robots: int, stopped: list[str]) -> tuple[Crew, bool]:
+    """Race all policies with this number of robots and half of it; return the best, and whether there was a race."""
+    policies, counts = study.plan.policies, sorted({max(1, robots // 2), robots})
+    crews = [Crew(policy, count) for policy in policies for count in counts]
     raced = study.race(crews, ROUNDS, _POLICY, lambda left: len({crew.policy for crew in left}) == 1)
     if raced.values[crews[0]]:
-        return raced.best
-    if len(study.plan.policies) > 1:
-        stopped.append(UNRACED)
-    return Crew(study.plan.policies[0], robots)
+        return raced.best, True
+    if len(policies) > 1:
+        stopped.append("the policies were raced")
+    return Crew(policies[0], robots), False
 
 
-def _choose_load(study: Study, crew: Crew, stopped: list[str]) -> tuple[Crew, int]:
-    """Race numbers around the best so far; return the fewest robots not told apart from the best, and those."""
+def _choose_load(study: Study, crew: Crew, stopped: list[str]) -> Crew:
+    """Race numbers around the best so far; return the fewest robots not told apart from the best."""
     centre = crew.robots
     tried = set[int]()
     while True:
@@ -135,12 +116,12 @@ def _choose_load(study: Study, crew: Crew, stopped: list[str]) -> tuple[Crew, in
             if len(counts) > 1:
                 stopped.append("numbers in between were tried")
             _scout(study, crew.policy, centre)
-            return Crew(crew.policy, centre), centre
+            return Crew(crew.policy, centre)
         if best not in (counts[0], counts[-1]) or best in tried:
             break
         centre = best
     means = {one.robots: mean(raced.values[one]) for one in raced.left}
-    return Crew(crew.policy, smallest(means, list(means))), best
+    return Crew(crew.policy, smallest(means, list(means)))
 
 
 def alone_seeds(plan: Plan) -> range:
@@ -148,14 +129,8 @@ def alone_seeds(plan: Plan) -> range:
     return plan.seeds(Use.ALONE, plan.at_most(ALONE if plan.aim is GOALS else STEADY))
 
 
-def _alone(study: Study, policy: str) -> Interval:
-    """Return what one robot makes."""
-    (rows,) = study.rows([Crew(policy, 1)], alone_seeds(study.plan))
-    return loads({1: rows}, study.plan.aim)[0].goals
-
-
 def _below(study: Study, crew: Crew, alone: Interval) -> None:
-    """Drive halves of the number until nobody is in the way, and what is in between, so that the knee is within."""
+    """Halve the number until robots do not hinder each other, and drive the numbers between, to find the knee."""
     plan, number = study.plan, crew.robots
     seeds = plan.seeds(Use.CHOOSE, plan.at_most(STEADY))
     while number > 1:
@@ -169,7 +144,7 @@ def _below(study: Study, crew: Crew, alone: Interval) -> None:
 
 
 def confirm(study: Study, crew: Crew, episodes: int = CONFIRMED, share: float = _CONFIRM) -> None:
-    """Drive a crew on seeds of their own, FEWEST times at least and as often as there is time for."""
+    """Drive a crew on new seeds, at least FEWEST times and as often as there is time."""
     plan = study.plan
     done, most = 0, plan.at_most(episodes)
     while done < most:
@@ -181,25 +156,12 @@ def confirm(study: Study, crew: Crew, episodes: int = CONFIRMED, share: float = 
 
 
 def confirmed(study: Study, crew: Crew) -> Load:
-    """Return what a crew made on seeds that had no part in the choice."""
+    """Return what a crew made on new seeds."""
     return next(load for load in study.loads(crew.policy, Use.CONFIRM) if load.robots == crew.robots)
 
 
-def _others(study: Study, crew: Crew) -> list[Versus]:
-    """Drive the other policies on the same seeds; return the differences."""
-    plan, found = study.plan, list[Versus]()
-    seeds = plan.seeds(Use.CONFIRM, confirmed(study, crew).episodes)
-    for policy in plan.policies:
-        other = Crew(policy, crew.robots)
-        if policy == crew.policy or not study.affords([other], seeds, _JAM):
-            continue
-        mine, theirs = study.rows([crew, other], seeds)
-        found.append(Versus(policy, paired(mine, theirs, plan.aim.made, ("seed",))))
-    return found
-
-
 def _jam(study: Study, policy: str, stopped: list[str]) -> Load | None:
-    """Drive more robots, until they jam; then the numbers in between. Return the fewest that jam."""
+    """Drive more robots until they jam, then the numbers between; return the fewest that jam."""
     plan = study.plan
     seeds = plan.seeds(Use.CHOOSE, plan.at_most(FEWEST))
     while True:

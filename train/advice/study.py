@@ -1,4 +1,4 @@
-"""Episodes of the floor as it is, by policy and number of robots: each driven once, with what it cost."""
+"""Episodes of the floor as it is, by policy and number of robots: each driven once and timed."""
 
 from __future__ import annotations
 
@@ -11,28 +11,27 @@ from train.advice.race import Raced, race
 from train.advice.trials import BLOCK, Clock, Drive, Plan, Use
 from train.reporting.rows import Row
 
-STEEPNESS = 1.25  # power by which time grows with the robots, where no two numbers of them were driven
+STEEPNESS = 1.25  # power by which time grows with the robots, before two numbers of them were driven
 
 
 class Crew(NamedTuple):
-    """Who drives: so many robots under a policy."""
+    """Robots under a policy."""
 
     policy: str
     robots: int
 
 
 class Study:
-    """What was driven so far; what is asked for again is not driven again."""
+    """The episodes driven so far; none is driven twice."""
 
     def __init__(self, plan: Plan, drive: Drive, clock: Clock) -> None:
         self.plan, self.clock = plan, clock
-        self.stretch = 1.0  # of all shares of the time, where nothing comes behind what they are for
         self._drive = drive
         self._rows: dict[tuple[Crew, int], Row] = {}
         self._took: dict[int, tuple[float, int]] = {}  # [s] and episodes, by number of robots
 
     def rows(self, crews: Sequence[Crew], seeds: Sequence[int]) -> list[list[Row]]:
-        """Drive what is lacking; return the rows of each crew in the order of the seeds."""
+        """Return the rows of each crew in the order of the seeds; drive those that are missing."""
         missing = [(crew, seed) for seed in seeds for crew in crews if (crew, seed) not in self._rows]
         asked = [trial for crew, seed in missing for trial in self.plan.trials(self.plan.grid, *crew, [seed])]
         for key, row in zip(missing, self._drive(asked) if asked else [], strict=True):
@@ -42,15 +41,12 @@ class Study:
         return [[self._rows[crew, seed] for seed in seeds] for crew in crews]
 
     def restart(self) -> None:
-        """Begin the time anew, and forget what took longer for being the first."""
+        """Restart the clock, and forget the times of the first episodes, which include compiling."""
         self.clock.restart()
         self._took.clear()
 
     def seconds(self, robots: int) -> float:
-        """Return the time [s] that an episode should take, all processes at work, by the largest ones that were driven.
-
-        NaN where none was.
-        """
+        """Return the expected time [s] of an episode with all processes busy; NaN before any was driven."""
         took = {count: spent / episodes for count, (spent, episodes) in sorted(self._took.items()) if spent > 0}
         if not took:
             return math.nan
@@ -64,13 +60,13 @@ class Study:
         return float(took[most] * (robots / most) ** power)
 
     def affords(self, crews: Sequence[Crew], seeds: Sequence[int], share: float) -> bool:
-        """Return whether what is lacking of these episodes ends within a share of the time, by what is known."""
+        """Return whether the missing ones of these episodes should end within a share of the time."""
         lacking = [crew.robots for crew in crews for seed in seeds if (crew, seed) not in self._rows]
         needed = sum(map(self.seconds, lacking))
-        return math.isnan(needed) or self.clock.allows(needed, min(1.0, self.stretch * share))
+        return math.isnan(needed) or self.clock.allows(needed, share)
 
     def loads(self, policy: str, use: Use = Use.CHOOSE) -> list[Load]:
-        """Return what a policy's robots did on the seeds of a use, for each number of them."""
+        """Return what a policy's robots made on the seeds of a use, for each number of them."""
         own = set(self.plan.seeds(use, BLOCK))
         found: dict[int, list[Row]] = {}
         for (crew, seed), row in sorted(self._rows.items()):
@@ -86,10 +82,7 @@ class Study:
         self, crews: Sequence[Crew], rounds: int, share: float,
         settled: Callable[[Sequence[Crew]], bool] = lambda left: len(left) <= 1,
     ) -> Raced[Crew]:  # fmt: skip
-        """Race crews for what all robots make together, a seed a round, within a share of the time.
-
-        An episode at whose end robots are stuck counts nothing.
-        """
+        """Race crews by what all robots make, one seed a round, within a share of the time; jams count nothing."""
 
         def play(left: Sequence[Crew], number: int) -> list[float]:
             rows = self.rows(left, self.plan.seeds(Use.CHOOSE, 1, number))

@@ -11,7 +11,6 @@ import pytest
 from tests.train.advice.floors import Curve, Slow, driver, floor_of, plan_of
 from train.advice.asked import asked
 from train.advice.capacity import Capacity, begins_with, capacity
-from train.advice.cost import expected, needed
 from train.advice.course import advise
 from train.advice.curve import rungs
 from train.advice.study import Crew, Study
@@ -40,7 +39,7 @@ def found(curve: Curve, noise: float = 0.0, salt: int = 0, **changes: object) ->
     return capacity(Study(plan, driver({"ours": curve}, noise, salt=salt), Clock(None)))
 
 
-@pytest.mark.parametrize("salt", range(10))
+@pytest.mark.parametrize("salt", range(3))
 @pytest.mark.parametrize("at", [7.0, 30.0, 200.0])
 def test_a_known_peak_is_found_through_noise(at: float, salt: int) -> None:
     curve = peaked(at)
@@ -50,9 +49,9 @@ def test_a_known_peak_is_found_through_noise(at: float, salt: int) -> None:
     assert one.goals.goals.mean == pytest.approx(curve(one.crew.robots), rel=0.05)
 
 
-def test_without_noise_the_best_number_and_its_neighbours_are_told() -> None:
+def test_without_noise_the_best_number_is_found() -> None:
     one = found(peaked(24.0))
-    assert (one.crew, one.best) == (Crew("ours", 24), 24)
+    assert one.crew == Crew("ours", 24)
     assert one.goals.goals.mean == pytest.approx(peaked(24.0)(24))
 
 
@@ -72,14 +71,12 @@ def test_a_collapse_is_not_where_the_most_is() -> None:
     assert one.jam.episodes == 6
 
 
-@pytest.mark.parametrize("salt", range(10))
+@pytest.mark.parametrize("salt", range(3))
 def test_the_policy_that_drives_best_is_chosen_and_measured_anew(salt: int) -> None:
     curves = {"ours": peaked(30.0), "better": peaked(30.0, 230.0), "worse": peaked(30.0, 150.0)}
     plan = plan_of(HALL, policies=tuple(curves))
     one = capacity(Study(plan, driver(curves, 0.03, salt=salt), Clock(None)))
     assert one.crew.policy == "better"
-    assert [other.policy for other in one.others] == ["ours", "worse"]
-    assert one.others[0].difference.mean == pytest.approx(30 / 230 * one.goals.goals.mean, rel=0.4)
     assert one.alone.mean == pytest.approx(230.0, rel=0.1)
 
 
@@ -128,51 +125,23 @@ def test_on_a_large_floor_the_peak_is_found_in_little_time() -> None:
 
 
 @pytest.mark.parametrize(("minutes", "sought"), [(0.1, False), (30.0, True)])
-def test_where_time_is_short_all_of_it_goes_to_the_number(minutes: float, sought: bool) -> None:
+def test_the_time_is_kept_and_used(minutes: float, sought: bool) -> None:
     clock = Slow(minutes, driver({"ours": peaked(250.0)}, 0.01, seconds=lambda robots: robots / 1000))
-    said: list[str] = []
-    one = advise(plan_of(HALL, episodes=None), clock.drive, clock, said.append)
+    one = advise(plan_of(HALL, episodes=None), clock.drive, clock)
     assert one.sought == sought
-    assert ("may not be found" in said[0]) == (not sought)
     assert clock.spent <= 60 * minutes
-    assert sought or clock.spent > 0.65 * 60 * minutes  # more than its share where changes are tried
+    assert sought or clock.spent > 0.65 * 60 * minutes  # more than its share if changes are tried
     assert one.capacity.crew.robots >= 64
 
 
-@pytest.mark.parametrize(("minutes", "sought"), [(5.0, False), (6.0, True), (8.0, True)])
-def test_a_race_leaves_the_time_that_a_single_change_needs(minutes: float, sought: bool) -> None:
-    """64 robots take 5 s: the best aisle, the best rule and the floor as it is, eight times each, take two minutes."""
-    curves = {"ours": peaked(60.0), "better": peaked(60.0, 204.0), "worse": peaked(60.0, 190.0)}
-    clock = Slow(minutes, driver(curves, 0.05, seconds=lambda robots: 5 * (robots / 64) ** 1.6))
-    one = advise(plan_of(HALL, episodes=None, policies=tuple(curves)), clock.drive, clock, lambda _: None)
-    assert one.sought == sought
-    assert 0.95 * 60 * minutes < clock.spent <= 60 * minutes
-
-
-def test_where_time_is_short_it_says_what_is_missing() -> None:
+def test_if_time_is_short_it_says_what_is_missing() -> None:
     clock = Slow(0.01, driver({"ours": peaked(30.0)}, 0.01, seconds=lambda robots: robots / 1000))
     one = capacity(Study(plan_of(HALL, episodes=None), clock.drive, clock))
     assert one.stopped
     assert one.goals.episodes >= 3
 
 
-@pytest.mark.parametrize("at", [150.0, 250.0])
-def test_what_it_takes_is_told_from_the_first_episodes(at: float) -> None:
-    """Where most goals are made with a robot on 9 to 15 cells, as on halls and floors drawn at random."""
-    curves = {"ours": peaked(at), "other": peaked(at, 190.0)}
-    clock = Slow(1e3, driver(curves, 0.02, seconds=lambda robots: robots**1.25 / 1000))
-    study = Study(plan_of(HALL, episodes=None, policies=("ours", "other")), clock.drive, clock)
-    study.rows([Crew("ours", begins_with(HALL, 512))], range(2))
-    number, change = needed(study)
-    assert f"takes {32**1.25 / 1000:.2g} s here" in expected(study, None)
-    assert "may not be found" in expected(study, 0.5 * number)
-    assert "fewer changes are tried" in expected(study, number + 0.5 * change)
-    begin = clock.spent
-    capacity(study)
-    assert 1 / 3 < number / ((clock.spent - begin) / 60) < 3
-
-
-@pytest.mark.parametrize("salt", range(10))
+@pytest.mark.parametrize("salt", range(3))
 def test_the_fewest_that_make_so_many_goals(salt: int) -> None:
     curve = peaked(60.0)
     plan = plan_of(HALL, wanted=3000.0, episodes=12)

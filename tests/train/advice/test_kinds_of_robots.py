@@ -86,8 +86,7 @@ def test_large_bodies_find_fewer_starts(monkeypatch: pytest.MonkeyPatch) -> None
 def test_the_floor_to_take_away_has_lanes_where_the_bodies_pass(tmp_path: Path) -> None:
     grid, _ = for_kinds(HALL, ALL_WIDE)
     known = advice(effects=[], plan=Plan(grid, ("greedy",), "astar", 300.0, 7, None, 8, kinds=ALL_WIDE))
-    links = write_floor(known, tmp_path)
-    assert all("read back, it is the same floor" in link.text for link in links[:4])
+    write_floor(known, tmp_path)
     deep = np.zeros(grid.shape, np.bool_)
     deep[5:7, 8] = True  # of the blind aisle, farther than any of their bodies' corners
     barred = read_occupancy(tmp_path / FOLDER / "keepout.yaml").values == 100
