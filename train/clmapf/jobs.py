@@ -1,4 +1,4 @@
-"""An instance solved, or a solution of it checked, as a job whose row is kept."""
+"""Jobs that solve an instance, or check a solution of it, and keep a row."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from train.reporting.rows import Row
 from warehouse_env import __version__
 from warehouse_env.errors import MapError
 
-_FAULTS = 20  # that a row tells
+_FAULTS = 20  # in a row
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class SolveJob(Job):
     titled = "{name}"
 
     def run(self, tick: Tick) -> Result:
-        """Solve and check; nothing is planned where the instance is impossible as stated."""
+        """Solve and check, unless the instance is impossible as stated."""
         instance = read_instance(self.folder / self.name, self.name)
         row = row_of(instance) | {"seed": self.seed, "whole_bodies": self.whole, "version": __version__}
         if row["impossible"]:
@@ -40,11 +40,9 @@ class SolveJob(Job):
         row |= {"stranded": [instance.names[i] for i in solved.found.stranded]}
         if solved.complete:
             path = self.solutions / self.name
-            flowtime = float(sum(route[-1, -1] for route in solved.routes))
-            write_solution(path, instance.names, solved.routes, flowtime, solved.seconds)
-            row |= figures(check(instance, read_solution(path), whole=self.whole)) | {
-                "flowtime_alone": float(solved.found.alone.sum())
-            }
+            write_solution(path, instance.names, solved.found.routes, solved.seconds)
+            row |= figures(check(instance, read_solution(path), whole=self.whole))
+            row["flowtime_alone"] = float(solved.found.alone.sum())
         return Result([row])
 
 
@@ -61,7 +59,7 @@ class CheckJob(Job):
     titled = "{name}"
 
     def run(self, tick: Tick) -> Result:
-        """Check what is there."""
+        """Check the solution, if there is one."""
         instance = read_instance(self.folder / self.name, self.name)
         path = self.solutions / self.name
         row = row_of(instance)
@@ -71,7 +69,7 @@ class CheckJob(Job):
 
 
 def row_of(instance: Instance) -> Row:
-    """Return what a row says of an instance, solved or not."""
+    """Return a row about an instance."""
     return {
         "instance": instance.name, "size": instance.width, "agents": len(instance.names),
         "obstacle": len(instance.discs) > 0, "obstacles": len(instance.discs),
@@ -80,7 +78,7 @@ def row_of(instance: Instance) -> Row:
 
 
 def figures(checked: Checked) -> Row:
-    """Return what a row says of a solution."""
+    """Return a row about a solution."""
     return {
         "solved": not checked.faults, "faults": [str(fault) for fault in checked.faults[:_FAULTS]],
         "fault_count": len(checked.faults), "makespan": checked.makespan, "flowtime": checked.flowtime,

@@ -1,4 +1,4 @@
-"""What robots drive between the states of a solution: arcs of constant curvature, and what is wrong with each alone."""
+"""The arcs that robots drive between the states of a solution, and the faults of each arc by itself."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ AUTHORS_STEP = 2.118  # seconds of a step of the authors' solver: radius 3 times
 BEGIN, END, X, Y, HEADING, LENGTH, BEND = range(7)  # columns of motions float64[M, 7]; LENGTH is negative in reverse
 _AXLE = ((0.0, 0.0),)
 _CORNERS = tuple((ahead, left) for ahead in (BODY.ahead, -BODY.behind) for left in (BODY.half_width, -BODY.half_width))
-_STILL = 1e-12  # [rad] of a turn that is none
+_STILL = 1e-12  # [rad] up to which there is no turn
 
 
 class Fault(NamedTuple):
-    """One thing that a solution must not do."""
+    """A fault of a solution."""
 
     kind: str
     robot: str
     other: str  # another robot, an obstacle's number, or nothing
     time: float  # [s]
-    size: float  # depth of an overlap, or by how much a limit is broken
+    size: float  # depth of an overlap, or excess over a limit
 
     def __str__(self) -> str:
         other = f" {self.other}" if self.other else ""
@@ -35,17 +35,17 @@ class Fault(NamedTuple):
 
 
 class Motions(NamedTuple):
-    """What all robots drive, one after the other in `arcs`; before and after its own a robot stands."""
+    """The arcs of all robots in turn; a robot stands before and after its own."""
 
     arcs: NDArray[np.float64]  # [M, 7]
     first: NDArray[np.int64]  # [N + 1]: robot i has the arcs from first[i] up to first[i + 1], at least one
-    miss: float  # how far [m] a stated state is off the end of the arc that leads to it, at the most
+    miss: float  # most [m] that a given state is off the end of its arc
 
 
 def arc_between(state: NDArray[np.float64], after: NDArray[np.float64]) -> tuple[float, float, float]:
     """Return (signed length, turn [rad], miss) of the arc from a state towards another.
 
-    The chord of an arc lies at the mean of both headings; what of the way is across it is missed.
+    The chord of an arc lies at the mean of both headings; the part of the way across it is the miss.
     """
     turn = math.remainder(after[2] - state[2], math.tau)
     mean, dx, dy = state[2] + 0.5 * turn, after[0] - state[0], after[1] - state[1]
@@ -57,7 +57,7 @@ def arc_between(state: NDArray[np.float64], after: NDArray[np.float64]) -> tuple
 def motions_of(
     instance: Instance, schedule: dict[str, States], unit: float, whole: bool, tolerance: float
 ) -> tuple[Motions, list[Fault]]:
-    """Return what is driven, and what is wrong with each robot: ends, times, jumps, curvature, speed, the border."""
+    """Return the arcs, and the faults of each robot: ends, times, jumps, curvature, speed, border."""
     arcs, first, worst = [], [0], 0.0
     faults: list[Fault] = []
     for i, name in enumerate(instance.names):
@@ -90,7 +90,7 @@ def _ends(
 
 
 def _limits(name: str, arc: tuple[float, ...], turn: float, miss: float, tolerance: float) -> Iterator[Fault]:
-    """Say which limits an arc breaks; rounding may make as much of a length or a turn as the tolerance."""
+    """Yield the limits that an arc breaks by more than the tolerance."""
     seconds, length = arc[END] - arc[BEGIN], abs(arc[LENGTH])
     if miss > tolerance:
         yield Fault("states that no arc joins", name, "", arc[BEGIN], miss)
@@ -109,12 +109,12 @@ def _border(name: str, arc: tuple[float, ...], instance: Instance, whole: bool, 
 
 
 def body_beyond(motions: Motions, instance: Instance) -> float:
-    """Return how far a corner of a body reaches beyond the floor's border, exactly; 0 where none does."""
+    """Return how far a corner of a body reaches beyond the floor's border, 0 if none does."""
     return max(0.0, *(_beyond(arc, instance, _CORNERS) for arc in motions.arcs.tolist()))
 
 
 def _beyond(arc: tuple[float, ...], instance: Instance, points: tuple[tuple[float, float], ...]) -> float:
-    """Return how far points of a body, ahead and left of its axle, get beyond the border on an arc."""
+    """Return how far points of a body, ahead and left of its axle, reach beyond the border on an arc."""
     most = -math.inf
     for ahead, left in points:
         low_x, high_x, low_y, high_y = extent(arc, ahead, left)
