@@ -1,4 +1,4 @@
-"""`warehouse live`: a simulation that runs behind a page in the browser, which shows and steers it."""
+"""`warehouse live`: a running simulation, shown and steered on a page in the browser."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
+from agents import POLICIES
 from train.commands.evaluate import Drive
 from train.commands.kinds import Fleet
 from train.commands.layouts import BY_MAP
@@ -17,20 +18,20 @@ from train.live.commands import MOST_ROBOTS
 from train.live.floors import Floors
 from train.live.runner import Runner
 from train.live.server import Server
-from train.live.world import Setting, World, policies
+from train.live.world import Setting, World
 from train.reporting.rows import RowFile
 from warehouse_env.config import EnvConfig
 from warehouse_env.planning import make_planner
 from warehouse_env.render.live_page import live_page
 from warehouse_env.render.page_text import about_page
 
-_LOOKS_EVERY = 0.2  # [s], whether the simulation has failed
+_LOOKS_EVERY = 0.2  # [s] between two checks whether the simulation has failed
 _STOPS_IN = 2.0  # [s] at most
 
 
 @dataclass(frozen=True)
 class Live(Fleet, Drive):
-    """Run a simulation behind a page in the browser; set pace, floor, robots, shelves and people there."""
+    """Run a simulation on a page in the browser; set pace, floor, robots, shelves and people there."""
 
     policy: str = "threaded_ppo"
     """Policy to begin with: a name, or the folder of a trained one."""
@@ -52,7 +53,7 @@ class Live(Fleet, Drive):
         self._between(0, 2**53, "seed")
 
     def run(self) -> None:
-        """Serve until Ctrl-C; say where."""
+        """Print the address and serve until Ctrl-C."""
         floors = Floors(self.layout)
         chosen = self.chosen()
         people, kinds = int(chosen.pop("people", 0)), self.kinds()
@@ -83,15 +84,15 @@ class Live(Fleet, Drive):
 
 
 def about_live(floors: Floors, policy: str, robots: int) -> dict[str, object]:
-    """Return what the page must know of what there is to choose from, and of what the world begins with."""
+    """Return the choices that the page offers, and how the world begins."""
     return about_page(MOST_ROBOTS) | {
         "layers": about_page(robots)["layers"], "terms": [], "floors": floors.names, "most": MOST_ROBOTS,
-        "policies": dict([(policy, "the one to begin with"), *policies()]),
+        "policies": {policy: "the first one"} | {name: entry.summary for name, entry in POLICIES.items()},
     }  # fmt: skip
 
 
 def row_of(runner: Runner) -> dict[str, object]:
-    """Return what a live world came to, as a row."""
+    """Return a row about a live world."""
     assert runner.drive is not None
     world = runner.drive.world
     setting = world.setting
@@ -105,7 +106,7 @@ def row_of(runner: Runner) -> dict[str, object]:
 
 
 def _said(runner: Runner) -> str:
-    """Say what came of a world that was stopped."""
+    """Describe a world that was stopped."""
     if runner.drive is None:
         return "the world was still being made"
     row = row_of(runner)

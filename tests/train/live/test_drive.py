@@ -92,7 +92,7 @@ def test_pages_are_told_all_in_order(clock: Clock) -> None:
     with everybody.joined() as early:
         go(one, clock, 3.0)
         with everybody.joined() as late:
-            for _ in range(600):
+            for _ in range(260):
                 one.obey(Step())
                 one.turn()
             told = [list(messages(listener.take(0.0))) for listener in (early, late)]

@@ -152,13 +152,13 @@ def test_a_stream_gives_messages_until_the_end(server: Server) -> None:
     connection.request("GET", f"/{server.token}/states")
     response = connection.getresponse()
     known = server.runner.listeners
-    (listener,) = known.waiting()
+    (listener,) = known.now()
     message = note({"playing": True})
     listener.put(message)  # before the whole of a world nothing is of use
     listener.put(message, world=True)
     known.put(message)
     assert response.read(2 * len(message)) == 2 * message
-    known.close()
+    listener.close()
     assert response.read().strip(b"\0") == b""
     connection.close()
 
