@@ -9,7 +9,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from train.parcels import files_behind
+from train.job_files import files_behind
 from warehouse_env.errors import ConfigError, WarehouseError
 from warehouse_env.files import check_writable, guarded, is_special
 

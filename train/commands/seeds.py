@@ -12,13 +12,13 @@ from agents.weights_folder import read_record
 from train.evaluation.cluster import joined, streams
 from train.evaluation.kernels import compile_missing
 from train.held_out import held_out
+from train.job_files import pack
 from train.learning import checkpoint
 from train.learning.away import content_of, train_away, write
 from train.learning.board import FIGURES
 from train.learning.config import TrainingConfig
 from train.learning.training_run import CHECKPOINT, LOCK, is_done
 from train.own import taken_in
-from train.parcels import pack
 from train.reporting.lock import held
 from train.reporting.report import Table, make_progress, number, tell, with_interval
 from train.reporting.rows import mean_interval

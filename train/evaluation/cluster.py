@@ -19,8 +19,8 @@ from typing import Any
 
 from train.evaluation.jobs import WAIT, Job, Numbered, Progress, Result
 from train.evaluation.nodes import Node, about_this_node, check_nodes
+from train.job_files import JobFiles, pack, unpacked
 from train.own import Typed, take_in, taken_in
-from train.parcels import Parcel, pack, unpacked
 from train.reporting.report import counted, tell
 from warehouse_env.errors import LostError, WarehouseError
 
@@ -43,7 +43,7 @@ class Cluster:
         self._opened = contextlib.ExitStack()
         self._ray: Any = None
         self._task: Any = None
-        self._parcels: dict[tuple[str, ...], Any] = {}
+        self._files: dict[tuple[str, ...], Any] = {}
         self._flying: dict[Any, Numbered] = {}
         self._again = 0
 
@@ -57,7 +57,7 @@ class Cluster:
         for reference in self._flying:
             self._ray.cancel(reference, force=True)
         self._flying.clear()
-        self._parcels.clear()
+        self._files.clear()
         self._opened.close()
         self._ray = None
         if self._again:
@@ -104,9 +104,9 @@ class Cluster:
 
     def _send(self, job: Job) -> Any:
         """Return the reference to a job's result."""
-        if job.files not in self._parcels:
-            self._parcels[job.files] = self._ray.put(pack(job.files))
-        return self._task.remote(job, self._parcels[job.files], taken_in(), about_this_node().source)
+        if job.files not in self._files:
+            self._files[job.files] = self._ray.put(pack(job.files))
+        return self._task.remote(job, self._files[job.files], taken_in(), about_this_node().source)
 
     def _take(self, reference: Any) -> Result | None:
         """Return a result, None if its worker or node was lost; errors of the job are raised as they are."""
@@ -288,7 +288,7 @@ def _without_times(job: Job, result: Result) -> Result:
     return result._replace(rows=[row | {name: None for name in job.times if name in row} for row in result.rows])
 
 
-def _work(job: Job, parcel: Parcel, typed: list[Typed], source: str) -> Result:
+def _work(job: Job, files: JobFiles, typed: list[Typed], source: str) -> Result:
     """Do a job on a node: on one thread, with the files that came with it."""
     from warehouse_env.threads import set_num_threads
 
@@ -296,6 +296,6 @@ def _work(job: Job, parcel: Parcel, typed: list[Typed], source: str) -> Result:
     here = about_this_node()
     if here.source != source:  # a node that came later
         raise WarehouseError(f"a new node of the cluster has sources {here.source}, here they are {source}")
-    with unpacked(parcel):
+    with unpacked(files):
         take_in(typed)
         return job.run(lambda part: None)

@@ -17,8 +17,8 @@ from agents.policy import Action, Observation, Policy, Preferring, ranked
 from train.books import simulator_of
 from train.central import CENTRAL, central_config
 from train.evaluation.disturbances import DISTURBANCES, Breakdown, Senses
+from train.job_files import floor_digest
 from train.own import versions
-from train.parcels import floor_digest
 from train.reporting.report import counted
 from train.reporting.rows import Row, plain
 from warehouse_env import __version__

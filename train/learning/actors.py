@@ -15,11 +15,11 @@ import torch
 from numpy.typing import NDArray
 
 from agents.networks import ActorCritic
+from train.job_files import JobFiles, pack, unpacked
 from train.learning.config import ThreadedConfig
 from train.learning.crew import ActorLoss, Worker
 from train.learning.timing import set_threads
 from train.own import Typed, take_in, taken_in
-from train.parcels import Parcel, pack, unpacked
 from warehouse_env.errors import LostError
 
 T = TypeVar("T")
@@ -93,7 +93,7 @@ class _Host:
         """Say that the actor has begun."""
 
     def make(
-        self, number: int, config: ThreadedConfig, actor_loss: ActorLoss, files: Parcel, parts: list[Typed]
+        self, number: int, config: ThreadedConfig, actor_loss: ActorLoss, files: JobFiles, parts: list[Typed]
     ) -> None:
         """Make the worlds, with the files and the parts of one's own that the config names."""
         set_threads(1)

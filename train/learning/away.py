@@ -11,10 +11,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
+from train.job_files import JobFiles, unpacked
 from train.learning.config import TrainingConfig
 from train.learning.training_run import CHECKPOINT, LOCK
 from train.own import Typed, take_in
-from train.parcels import Parcel, unpacked
 from warehouse_env.files import complete_file
 
 _LOOK = 0.5  # [s] between two looks at the folder
@@ -44,7 +44,7 @@ def write(folder: Path, changes: Changes) -> None:
 
 
 def train_away(
-    module: str, config: TrainingConfig, content: dict[str, bytes], files: Parcel, parts: list[Typed]
+    module: str, config: TrainingConfig, content: dict[str, bytes], files: JobFiles, parts: list[Typed]
 ) -> Iterator[Changes]:
     """Train in a folder of this machine, or go on where the run has content; yield what changed at each checkpoint.
 

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.weights_folder import CONFIG, Network, PolicyRecord, read_record, save_policy
+from train.job_files import KeptFiles, check_kept, kept, staged
 from train.learning import checkpoint
 from train.learning.card import write_card
 from train.learning.config import TrainingConfig
@@ -24,7 +25,6 @@ from train.learning.evaluations import Drive, Evaluations
 from train.learning.progress import ProgressLog
 from train.learning.stop import stop_signal
 from train.learning.timing import Split
-from train.parcels import KeptFiles, check_kept, kept, staged
 from train.reporting.lock import held
 from train.reporting.report import tell
 from warehouse_env.config import EnvConfig

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from train.parcels import pack, unpacked
+from train.job_files import pack, unpacked
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import MapError, MapWarning, WarehouseError
 from warehouse_env.maps.grid_map import GridMap

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from agents import WEIGHTS_FOLDER, make_policy, policy_config
+from train.job_files import pack, unpacked
 from train.own import take_in, versions
-from train.parcels import pack, unpacked
 from warehouse_env import EnvConfig, make_layout
 from warehouse_env.errors import MapError, WeightsError
 from warehouse_env.maps.grid_map import GridMap

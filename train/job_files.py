@@ -1,4 +1,4 @@
-"""Files that jobs read, as bytes that go with them to other machines: maps, policies, code of one's own."""
+"""Files that jobs read, sent with them to other machines: maps, policies, user code."""
 
 from __future__ import annotations
 
@@ -16,39 +16,38 @@ from warehouse_env.maps import discs, one_way
 from warehouse_env.maps.halls.hall import files_of, is_hall
 from warehouse_env.own_parts import loaded_files, split
 
-Parcel = dict[str, dict[str, bytes]]
-"""Name as it was typed -> its files, by their names within a folder; the first is what the name stands for, or all lie
-in a folder of that name."""
+JobFiles = dict[str, dict[str, bytes]]
+"""Name as typed -> content of its files by path within a folder. The name stands for the first file, or its folder."""
 
 KeptFiles = dict[str, dict[str, str]]
-"""Name as it was typed -> its files, as of a Parcel, with a digest of each."""
+"""Name as typed -> digests of its files, by path as in JobFiles."""
 
-_BESIDE = {".map": (one_way.SUFFIX, discs.SUFFIX)}  # suffix of a file -> those of files that go with it
+_BESIDE = {".map": (one_way.SUFFIX, discs.SUFFIX)}  # suffix of a file -> suffixes of files that belong to it
 
 
-def pack(names: Iterable[str]) -> Parcel:
-    """Return the content of those names that are files or policy folders, and of all own parts of this process."""
+def pack(names: Iterable[str]) -> JobFiles:
+    """Return the content of names that are files or policy folders, and of all user code in this process."""
     homes = [part[0].rpartition(":")[0] for _, text in taken_in() if (part := split(text))]
     packed = {name: _content(name) for name in dict.fromkeys([*homes, *names]) if name and not split(name)}
     return {name: content for name, content in packed.items() if content}
 
 
 def floor_digest(name: str) -> str:
-    """Return a digest of all files that the floor of a map's file is read from; "" for other floors."""
+    """Return a digest of all files of a floor from a map file; "" for other floors."""
     content = _content(name) if name.lower().endswith(".map") or is_hall(name) else {}
     whole = b"".join(f"{file} {len(data)} ".encode() + data for file, data in content.items())
     return _digest(whole) if content else ""
 
 
 def kept(names: Iterable[str], folder: Path) -> KeptFiles:
-    """Write the files of those names that are files of data into a folder; return what `staged` needs to trust them."""
-    parcel = {name: content for name in dict.fromkeys(names) if not split(name) and (content := _content(name))}
-    _write(parcel, folder)
-    return {name: {file: _digest(data) for file, data in content.items()} for name, content in parcel.items()}
+    """Copy the data files among these names into a folder; return their digests."""
+    found = {name: content for name in dict.fromkeys(names) if not split(name) and (content := _content(name))}
+    _write(found, folder)
+    return {name: {file: _digest(data) for file, data in content.items()} for name, content in found.items()}
 
 
 def check_kept(files: KeptFiles, folder: Path) -> None:
-    """Raise WeightsError for the first file that is no longer in the folder as `kept` wrote it."""
+    """Raise WeightsError for the first file that differs from what `kept` wrote."""
     if not (isinstance(files, dict) and all(isinstance(inner, dict) and inner for inner in files.values())):
         raise WeightsError(f"the list of files in {folder} is damaged: begin anew")
     for name, digests in files.items():
@@ -60,7 +59,7 @@ def check_kept(files: KeptFiles, folder: Path) -> None:
 
 @contextmanager
 def staged(files: Mapping[str, Iterable[str]], folder: Path) -> Iterator[None]:
-    """Have names lead to their files in a folder; the first file of each is what it stands for, or lies in that."""
+    """Resolve names to their files in a folder."""
     before = STAGED.copy()
     STAGED.update({name: _home(folder, name) / Path(next(iter(inner))).parts[0] for name, inner in files.items()})
     try:
@@ -71,16 +70,16 @@ def staged(files: Mapping[str, Iterable[str]], folder: Path) -> Iterator[None]:
 
 
 @contextmanager
-def unpacked(parcel: Parcel) -> Iterator[None]:
-    """Have the files of a parcel lie in a folder of their own, where their names lead to."""
+def unpacked(files: JobFiles) -> Iterator[None]:
+    """Write files to a temporary folder, to which their names resolve."""
     with tempfile.TemporaryDirectory(prefix="warehouse-") as folder:
-        _write(parcel, Path(folder))
-        with staged(parcel, Path(folder)):
+        _write(files, Path(folder))
+        with staged(files, Path(folder)):
             yield
 
 
 def files_behind(name: str) -> list[Path]:
-    """Return the files that a typed name stands for, the one that it names first: a map's, a policy's, own code."""
+    """Return the files of a typed name, a map, a policy or user code; the named one first."""
     part = split(name)
     path = whereabouts(part[0].rpartition(":")[0] if part else name)
     if part is None and is_hall(name):
@@ -101,15 +100,15 @@ def _content(name: str) -> dict[str, bytes]:
     return {file: read_bytes(path, "file", MOST) for file, path in own.items()}
 
 
-def _write(parcel: Parcel, folder: Path) -> None:
-    for name, content in parcel.items():
+def _write(files: JobFiles, folder: Path) -> None:
+    for name, content in files.items():
         for file, data in content.items():
             with complete_file(_home(folder, name) / file) as part:
                 part.write_bytes(data)
 
 
 def _home(folder: Path, name: str) -> Path:
-    """Return where the files of a name lie."""
+    """Return the folder of a name's files."""
     return folder / hashlib.blake2b(name.encode(), digest_size=8).hexdigest()
 
 
