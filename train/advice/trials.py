@@ -5,7 +5,6 @@ Trials of a seed have the same starts and first goals on floors with the same en
 
 from __future__ import annotations
 
-import hashlib
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -23,7 +22,6 @@ from train.own import versions
 from train.reporting.rows import Row, plain
 from warehouse_env import __version__
 from warehouse_env.config import EnvConfig
-from warehouse_env.files import MOST, read_bytes
 from warehouse_env.maps.grid_map import GridMap
 
 BLOCK = 1_000  # seeds of each use, so a choice is confirmed on seeds of their own
@@ -48,13 +46,13 @@ class Trial(Job):
     @property
     def identity(self) -> Row:
         """The fields that identify its row."""
-        code = versions(self.policy, self.planner, "")  # of parts of one's own
+        code = versions(self.policy, self.planner, "", self._orders_file)  # of user code and orders
+        config = EnvConfig(num_agents=self.robots, **self.work).to_dict()
         return {
             "floor": self.floor, "content": f"{self.grid.key} {self.grid.endpoints[2]}", "policy": self.policy,
             "robots": self.robots, "seed": self.seed, "planner": self.planner,
-            "asked_seconds": self.seconds, "version": __version__,
-            **({"versions": code} if code else {}),
-            **({"work": _plain(self.work, self.robots)} if self.work else {}),
+            "asked_seconds": self.seconds, "version": __version__, **({"versions": code} if code else {}),
+            "work": plain({name: config[name] for name in self.work}),
         }  # fmt: skip
 
     @property
@@ -64,14 +62,18 @@ class Trial(Job):
         return f"{self.robots} robot{'s' * (self.robots > 1)} · {self.policy}{changed}"
 
     @property
+    def _orders_file(self) -> str:
+        orders = self.work.get("orders")
+        return "" if orders is None else orders.file or ""
+
+    @property
     def files(self) -> tuple[str, ...]:
         """The policy, the planner and the orders."""
-        return self.policy, self.planner, *filter(None, [_orders_file(self.work)])
+        return self.policy, self.planner, *filter(None, [self._orders_file])
 
     def left(self, rows: Sequence[Row]) -> tuple[Sequence[Row], Trial | None]:
-        """Return its row, if there is one with the same work."""
-        own = [row for row in rows if row.get("work") == self.identity.get("work")]
-        return (own[:1], None) if own else ([], self)
+        """Return its row, if there is one."""
+        return (rows[:1], None) if rows else ([], self)
 
     def run(self, tick: Tick) -> Result:
         """Drive an episode; its row also says where robots waited."""
@@ -88,21 +90,6 @@ class Trial(Job):
         left_out = ("config", "layout", "deadlock_log", "episode")
         kept = {name: value for name, value in {**note, **row}.items() if name not in left_out}
         return Result([kept | self.identity | {"took_s": time.perf_counter() - begin}])
-
-
-def _orders_file(work: Mapping[str, Any]) -> str | None:
-    """Return the name of the file of the orders, None where there is none."""
-    return work["orders"].file if "orders" in work else None
-
-
-def _plain(work: Mapping[str, Any], robots: int) -> Row:
-    """Return fields of EnvConfig as plain JSON, with a digest of the file of the orders."""
-    config = EnvConfig(num_agents=robots, **work).to_dict()
-    given = {name: config[name] for name in work}
-    file = _orders_file(work)
-    if file is not None:
-        given["orders"]["content"] = hashlib.blake2b(read_bytes(file, "orders", MOST), digest_size=16).hexdigest()
-    return dict(plain(given))
 
 
 Drive = Callable[[Sequence[Trial]], list[Row]]

@@ -37,7 +37,6 @@ from train.advice.trials import Plan
 from train.cli import main
 from train.evaluation.places import Floor
 from train.reporting.rows import Interval, read_rows
-from warehouse_env.maps.movingai import EXAMPLE_MAP
 
 # Two racks of 2 x 4 cells, an aisle of one cell between them, ways of one cell around.
 RACKS = floor_of(
@@ -218,7 +217,7 @@ def test_the_answer_if_less_was_found() -> None:
     assert "No robot waited, so there is no bottleneck." in answer(advice(bottlenecks=[], effects=[]))
 
 
-COMMON = ["advise", "--episodes", "2", "--seconds", "5", "--most", "9", "--processes", "1", "--seed", "700"]
+COMMON = ["advise", "--episodes", "2", "--seconds", "3", "--most", "4", "--processes", "1", "--policy", "greedy"]
 
 
 def test_the_command_drives_answers_and_writes_a_page(
@@ -227,16 +226,15 @@ def test_the_command_drives_answers_and_writes_a_page(
     pytest.importorskip("matplotlib")
     monkeypatch.setattr(changes, "SOUGHT", 1)
     monkeypatch.setattr(capacity, "EASY", 0.0)  # nothing to be driven below for the knee but half of the best
-    command = [*COMMON, "--goals", "1", "--map", str(EXAMPLE_MAP), "--out", str(tmp_path)]
+    command = [*COMMON, "--goals", "1", "--layout", "open", "--out", str(tmp_path)]
     assert main(command) == 0
     printed = capsys.readouterr().out
     page = (tmp_path / "index.html").read_text()
     rows = read_rows(tmp_path / "rows.jsonl")
     assert f"wrote {len(rows)} rows to {tmp_path / 'rows.jsonl'} and the page to {tmp_path / 'index.html'}" in printed
-    assert {row["policy"] for row in rows} == {"greedy", "threaded_ppo"}
-    assert {row["robots"] for row in rows if row["floor"] == "as it is"} >= {1, 8, 9}
+    assert {row["robots"] for row in rows if row["floor"] == "as it is"} >= {1, 4}
     assert "1 goals an hour" in printed
-    assert "<b>warehouse-40-64 makes the most with" in page
+    assert "<b>open makes " in page
     assert "<h2>What a change would bring</h2>" in page
     changed = [row for row in rows if row["floor"] != "as it is"]
     assert len(changed) % 2 == 0  # one of each kind that there is, which needs no race, in two episodes

@@ -78,7 +78,7 @@ def test_intervals_of_the_knee_hold_its_truth() -> None:
     """Goals a n (1 - n / 2m) have half of their first slope where n = m / 2; noise of 3% as on real floors."""
     true, numbers = 32.0, [8, 16, 24, 32, 48, 64]
     hits, points = 0, []
-    for seed in range(30):
+    for seed in range(20):
         rng = np.random.default_rng(seed)
 
         def seen(robots: float, rng: np.random.Generator = rng) -> Interval:
@@ -90,7 +90,7 @@ def test_intervals_of_the_knee_hold_its_truth() -> None:
         assert at is not None
         hits += at.low <= true <= at.high
         points.append(at.mean)
-    assert hits >= 26
+    assert hits >= 17
     assert np.mean(points) == pytest.approx(true, rel=0.05)
 
 
