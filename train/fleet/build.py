@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from train.fleet.driven import MOST_POINTS, Driven
 from train.fleet.factsheet import body_of
 from train.fleet.figures import MOMENT, PRESENT, UNDER_WAY
-from train.fleet.places import LOST, SILENCE, Clock, Places, places_of, spans
+from train.fleet.places import SILENCE, Clock, Places, places_of, spans
 from train.fleet.received import GONE, Fleet, Key, Vehicle
 from train.reporting.report import counted
 from warehouse_env.config import EnvConfig
@@ -199,19 +199,19 @@ def _places_notes(placed: dict[Key, Places], grid: GridMap) -> list[str]:
 
 def _absences_notes(fleet: Fleet, placed: dict[Key, Places]) -> list[str]:
     """Return notes on when vehicles were absent, and on those that fell silent."""
-    why = Counter(int(one) for places in placed.values() for one in places.lost if one)
-    notes = [
-        f"{counted(count, 'time')} a vehicle {LOST[one - 1]}: it is absent meanwhile"
-        for one, count in sorted(why.items())
-    ]
+    absent = sum(int(places.lost.sum()) for places in placed.values())
     end = max(float(places.seconds[-1]) for places in placed.values())
     silent = [key for key, places in placed.items() if end - places.seconds[-1] > SILENCE + 1]
     silent = [key for key in silent if not any(state in GONE for _, state in fleet.vehicles[key].connected[-1:])]
-    if silent:
-        notes.append(
-            f"{counted(len(silent), 'vehicle')} fell silent for good without going offline: absent from then on"
-        )
-    return notes
+    found = (
+        (
+            absent,
+            "time",
+            "the place of a vehicle is unknown (offline, silent, carried or on another map): it is absent",
+        ),
+        (len(silent), "vehicle", "fell silent for good without going offline: absent since then"),
+    )
+    return [f"{counted(count, noun)} {what}" for count, noun, what in found if count]
 
 
 def _config(fleet: Fleet, keys: list[Key], config: EnvConfig, clock: Clock) -> tuple[EnvConfig, list[str]]:

@@ -7,8 +7,6 @@ from typing import Any
 
 from warehouse_env.config import EnvConfig, RobotSpec
 
-WHEEL = {"diameter": 0.2, "width": 0.08}  # [m]; the simulation has no wheel sizes
-
 
 def factsheet_of(config: EnvConfig, every: float) -> dict[str, Any]:
     """Return the factsheet of a config's robots; every: seconds between two reports.
@@ -33,7 +31,7 @@ def factsheet_of(config: EnvConfig, every: float) -> dict[str, Any]:
         },
         "protocolFeatures": {"optionalParameters": [], "agvActions": [
             {"actionType": kind, "actionScopes": ["NODE"]} for kind in ("pick", "drop")]},
-        "agvGeometry": {"wheelDefinitions": _wheels(robot), "envelopes2d": [_envelope(robot)]},
+        "agvGeometry": {"envelopes2d": [_envelope(robot)]},
         "loadSpecification": {"loadSets": [{"setName": "goods", "loadType": "goods", "maxWeight": robot.payload}]},
     }  # fmt: skip
 
@@ -43,16 +41,6 @@ def _envelope(robot: RobotSpec) -> dict[str, Any]:
     ahead, back, half = robot.front_overhang, -robot.rear_reach, robot.width / 2
     corners = [(ahead, half), (back, half), (back, -half), (ahead, -half)]
     return {"set": "body", "polygonPoints": [{"x": round(x, 4), "y": round(y, 4)} for x, y in corners]}
-
-
-def _wheels(robot: RobotSpec) -> list[dict[str, Any]]:
-    """Return the fixed axle's two wheels, and the driven and steered one."""
-    half = round(robot.width / 2 - WHEEL["width"] / 2, 4)
-    still = {"isActiveDriven": False, "isActiveSteered": False, "type": "FIXED"}
-    fixed = [still | WHEEL | {"position": {"x": 0.0, "y": y, "theta": 0.0}} for y in (half, -half)]
-    along = robot.wheelbase if robot.front_steered else -robot.wheelbase
-    drives = {"type": "DRIVE", "isActiveDriven": True, "isActiveSteered": True}
-    return [*fixed, drives | WHEEL | {"position": {"x": along, "y": 0.0, "theta": 0.0}}]
 
 
 def body_of(factsheet: dict[str, Any]) -> tuple[dict[str, float], str]:

@@ -1,4 +1,4 @@
-"""Logs of MQTT messages as JSON lines, as `mosquitto_sub -F %J` or `-F %j` prints them."""
+"""Logs of MQTT messages as JSON lines, as `mosquitto_sub -F %J` prints them."""
 
 from __future__ import annotations
 
@@ -53,10 +53,6 @@ def entry_of(line: bytes) -> Entry | Bad:
     topic, payload = data.get("topic"), data.get("payload")
     if not isinstance(topic, str):
         return Bad("it has no topic")
-    if isinstance(payload, str):  # printed by -F %j
-        payload = decoded(payload.encode("utf-8", "surrogatepass"))
-        if isinstance(payload, Bad):
-            return payload
     if not isinstance(payload, dict):
         return Bad("its payload is no JSON object")
     qos, retain = data.get("qos"), data.get("retain")

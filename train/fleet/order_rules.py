@@ -102,7 +102,3 @@ def _chain(payload: dict[str, Any], nodes: list[Point], edges: list[Point]) -> I
     released = [node[2] for node in nodes]
     if [edge[2] for edge in edges] != released[1:] or released != sorted(released, reverse=True):
         yield "its base is not followed by its horizon"
-    for edge in payload["edges"]:
-        curve = edge.get("trajectory")
-        if curve and len(curve["knotVector"]) != len(curve["controlPoints"]) + curve["degree"] + 1:
-            yield f"the trajectory of edge {shown(edge['edgeId'])} has not as many knots as control points + degree + 1"

@@ -13,10 +13,6 @@ from warehouse_env.maps.grid_map import GridMap
 
 SILENCE = 30.0  # [s] after which a vehicle should have said something
 _FASTEST, _STILL = 10.0, 1.0  # [m/s] and [m] beyond which a vehicle was not driven: carried, or localized anew
-LOST = (
-    "was on another map", "was offline or cut off", f"said nothing of its position for over {SILENCE:g} s",
-    f"was farther than it drives at {_FASTEST:g} m/s",
-)  # fmt: skip
 
 
 class Places(NamedTuple):
@@ -24,7 +20,7 @@ class Places(NamedTuple):
 
     seconds: NDArray[np.float64]  # [K], since 1970
     pose: NDArray[np.float64]  # [K, 3], in the floor's frame; headings are unwrapped
-    lost: NDArray[np.int64]  # [K - 1], why its place between two of them is unknown, 1 + index of LOST; 0: known
+    lost: NDArray[np.bool_]  # [K - 1], whether its place between two of them is unknown
 
 
 class Clock(NamedTuple):
@@ -54,8 +50,7 @@ def places_of(vehicle: Vehicle, name: str, grid: GridMap) -> Places:
     seconds = seconds[last]
     gap, moved = np.diff(seconds), np.hypot(*np.diff(pose[:, :2], axis=0).T)
     far = moved > np.maximum(_FASTEST * gap, _STILL)
-    why = (elsewhere, _gone(vehicle, seconds), gap > SILENCE + 1, far)
-    return Places(seconds, pose, np.select(why, range(1, len(why) + 1)))
+    return Places(seconds, pose, elsewhere | _gone(vehicle, seconds) | (gap > SILENCE + 1) | far)
 
 
 def _gone(vehicle: Vehicle, seconds: NDArray[np.float64]) -> NDArray[np.bool_]:

@@ -6,8 +6,6 @@ import math
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from train.fleet.story import Story
 from train.fleet.ways import Node, Order, orders_of
 from warehouse_env.simulation.state import NOBODY
@@ -154,19 +152,14 @@ class Vehicle:
         return {"orderId": self._id, "orderUpdateId": self._update, "nodes": listed, "edges": edges}
 
     def _edge(self, nodes: list[Node], k: int) -> dict[str, Any]:
-        """Return the edge after a node, with a trajectory unless it is straight."""
+        """Return the edge after a node."""
         first, last = nodes[k], nodes[k + 1]
-        length = float(np.hypot(*np.diff(last.path, axis=0).T).sum())
-        edge = {
+        return {
             "edgeId": f"{self._name(first)}>{self._name(last)}", "sequenceId": 2 * k + 1,
             "released": k + 1 < len(self._base), "startNodeId": self._name(first), "endNodeId": self._name(last),
-            "maxSpeed": self._story.replay.config.robot.max_speed, "length": round(length, 3), "actions": [],
+            "maxSpeed": self._story.replay.config.robot.max_speed,
+            "length": round(math.dist(first[:2], last[:2]), 3), "actions": [],
         }  # fmt: skip
-        if len(last.path) > 2:
-            inner = np.linspace(0.0, 1.0, len(last.path)).round(6).tolist()
-            points = [{"x": x, "y": y} for x, y in last.path.tolist()]
-            edge["trajectory"] = {"degree": 1, "knotVector": [0.0, *inner, 1.0], "controlPoints": points}
-        return edge
 
     def _say(self, frame: int) -> Iterator[Body]:
         """Yield the state if it has changed, or the last one is old."""

@@ -1,4 +1,4 @@
-"""A robot's orders as nodes with paths: from goal to goal, along routes that may be replaced on the way.
+"""A robot's orders as nodes: from goal to goal, along routes that may be replaced on the way.
 
 A new route updates the order: the base ends where the robot is then, and the new route begins there. The recording
 shows beforehand where that will be, so a base is never withdrawn.
@@ -6,28 +6,23 @@ shows beforehand where that will be, so a base is never withdrawn.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from train.fleet.story import Story
-from warehouse_env.render.lines import simplified
 
 SPACING = 2.0  # [m] between two nodes
 _NEAREST = 0.5  # [m] between two nodes, at least
 _STANDS = 0.05  # [m] up to which a robot has not moved
-_STRAIGHT = 0.01  # [m] off a straight line up to which a path is straight
 
 
 class Node(NamedTuple):
-    """A point of a route, and the path to it."""
+    """A point of a route."""
 
-    x: float  # [m], in the frame of the map's file, like `y` and `path`
+    x: float  # [m], in the frame of the map's file, like `y`
     y: float
     along: float  # [m] of its route
-    path: NDArray[np.float64]  # [K, 2] from the node before
 
 
 class Way(NamedTuple):
@@ -82,45 +77,25 @@ def _order(story: Story, robot: int, begins: list[int], reached: int | None) -> 
     work, what = next(((w, n) for cells, w, n in kinds if (cells == goal).all(axis=1).any()), (None, "waiting place"))
     ends = [*begins[1:], last]
     x, y = grid.world(replay.pose[begin, robot, :2]).round(3).tolist()
-    start = at = Node(x, y, 0.0, np.array([[x, y]]))
-    ways: list[Way] = []
-    for first, after in zip(begins, ends, strict=True):
-        ways.append(_way(story, robot, first, after, after == last, at))
-        at = ways[-1].nodes[ways[-1].sure - 1] if ways[-1].sure else at
-    return Order(begin, reached, start, tuple(ways), work, f"{what} in row {goal[0]}, column {goal[1]}")
+    ways = tuple(_way(story, robot, first, after, after == last) for first, after in zip(begins, ends, strict=True))
+    return Order(begin, reached, Node(x, y, 0.0), ways, work, f"{what} in row {goal[0]}, column {goal[1]}")
 
 
-def _way(story: Story, robot: int, begin: int, end: int, lasts: bool, start: Node) -> Way:
-    """Return the route of the moments from `begin` up to `end`.
-
-    lasts: it is the order's last; start: the node before it.
-    """
+def _way(story: Story, robot: int, begin: int, end: int, lasts: bool) -> Way:
+    """Return the route of the moments from `begin` up to `end`; lasts: it is the order's last."""
     replay = story.replay
     points = replay.grid.world(replay.routes[int(replay.route[begin, robot])])
-    if len(points) == 1:  # the robot is there already
-        points = np.repeat(points, 2, axis=0)
-    steps = np.hypot(*np.diff(points, axis=0).T)
-    along = np.concatenate([[0.0], np.cumsum(steps)])
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
     stop = None if lasts else float(replay.along[end - 1, robot])
-    marks = list(_marks(float(along[-1]), stop))
-    there = None if lasts else replay.grid.world(replay.pose[end, robot, :2])  # where the next route begins
-    nodes, before, at = list[Node](), -1.0, np.array([start.x, start.y])
-    for mark in marks:
-        here = np.array([np.interp(mark, along, points[:, axis]) for axis in (0, 1)])
-        if there is not None and mark == stop:
-            here = there
-        between = points[(along > before + 1e-6) & (along < mark - 1e-6)]
-        path = np.concatenate([[at], between, [here]])
-        path = simplified(path, _STRAIGHT).astype(np.float64).round(3)
-        x, y = path[-1].tolist()
-        nodes.append(Node(x, y, mark, path))
-        before, at = mark, here
-    sure = len(nodes) if stop is None else sum(mark <= stop for mark in marks)
-    return Way(begin, end, tuple(nodes), sure)
-
-
-def _marks(length: float, stop: float | None) -> Iterator[float]:
-    """Yield the nodes' places on a route [m], with its end; stop: where the robot changes to another route."""
+    length = float(along[-1])
     fixed = [length, *([stop] if stop is not None and _STANDS < stop < length else [])]
     even = np.arange(SPACING, length, SPACING).tolist()
-    yield from sorted([*(mark for mark in even if all(abs(mark - other) >= _NEAREST for other in fixed)), *fixed])
+    nodes = []
+    for mark in sorted([*(one for one in even if all(abs(one - other) >= _NEAREST for other in fixed)), *fixed]):
+        here = np.array([np.interp(mark, along, points[:, axis]) for axis in (0, 1)])
+        if mark == stop:  # where the next route begins
+            here = replay.grid.world(replay.pose[end, robot, :2])
+        x, y = here.astype(float).round(3).tolist()
+        nodes.append(Node(x, y, mark))
+    sure = len(nodes) if stop is None else sum(node.along <= stop for node in nodes)
+    return Way(begin, end, tuple(nodes), sure)

@@ -51,8 +51,6 @@ BREAKS: dict[str, tuple[Callable[[Log], object], str]] = {
     "base": (lambda log: _of(log, "order", 0)["nodes"][1].update(released=False), "not followed by its horizon"),
     "update": (lambda log: _of(log, "order", 1).update(orderUpdateId=0), "update 0 of order '00000-1' comes after 0"),
     "edges": (lambda log: _of(log, "order", 0)["edges"].pop(), "7 nodes and 5 edges"),
-    "knots": (lambda log: _of(log, "order", 0)["edges"][0].update(trajectory={
-        "degree": 1, "knotVector": [0, 1], "controlPoints": [{"x": 0, "y": 0}]}), "control points + degree + 1"),
     "too early": (lambda log: _of(log, "order", 1).update(orderId="other"), "while '00000-1' is under way"),
     "nodes": (lambda log: _of(log, "state")["nodeStates"].pop(), "its nodeStates are not"),
     "states' edges": (lambda log: _of(log, "state")["edgeStates"].pop(0), "its edgeStates are not"),
