@@ -1,4 +1,4 @@
-"""How many robots: on curves with a known peak, a plateau, a collapse and noise; and how many make so many goals."""
+"""The number of robots, on curves with a known peak, a plateau, a collapse and noise; and the fewest for a goal."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from tests.train.advice.floors import Curve, Slow, driver, floor_of, plan_of
 from train.advice.asked import asked
 from train.advice.capacity import Capacity, begins_with, capacity
 from train.advice.course import advise
-from train.advice.curve import rungs
 from train.advice.study import Crew, Study
 from train.advice.trials import Clock, Trial
 
@@ -94,13 +93,6 @@ def test_the_answer_is_measured_on_seeds_that_had_no_part_in_the_choice() -> Non
     assert one.goals.goals.mean == pytest.approx(peaked(30.0)(one.crew.robots))
 
 
-def test_where_robots_are_stuck_is_not_where_the_most_is() -> None:
-    """Goals rise to 160 robots, but from 40 on a tenth of the robots is stuck for good."""
-    drive = driver({"ours": peaked(160.0)}, stuck=lambda robots: 0.1 * (robots >= 40))
-    one = capacity(Study(plan_of(HALL), drive, Clock(None)))
-    assert (one.crew.robots, one.jam and one.jam.robots) == (32, 48)
-
-
 def test_a_floor_on_which_all_get_stuck() -> None:
     one = capacity(Study(plan_of(HALL), driver({"ours": peaked(160.0)}, stuck=lambda robots: 1.0), Clock(None)))
     assert one.goals.jammed
@@ -157,24 +149,3 @@ def test_goals_that_a_floor_cannot_make_are_called_so() -> None:
     study = Study(plan_of(HALL, wanted=5000.0), driver({"ours": peaked(30.0)}, 0.02), Clock(None))
     one = asked(study, capacity(study), 1.0)  # the most is 200 * 30 / e = 2,207
     assert (one.robots, one.possible) == (None, False)
-
-
-def test_the_fewest_are_confirmed_on_seeds_that_had_no_part_in_finding_them() -> None:
-    curve = peaked(60.0)
-    honest = driver({"ours": curve})
-
-    def drive(trials: Sequence[Trial]) -> list[dict[str, Any]]:
-        """Give a tenth more to all but the seeds of the answer."""
-        rows = honest(trials)
-        for row in rows:
-            row["late_goals_per_robot_hour"] *= 1.0 if row["seed"] >= 6_000 else 1.1
-        return rows
-
-    study = Study(plan_of(HALL, wanted=3000.0), drive, Clock(None))
-    one = asked(study, capacity(study), 1.0)
-    assert one.robots is None or curve(one.robots) >= 3000.0
-
-
-def test_rungs_are_those_tried() -> None:
-    one = found(peaked(30.0))
-    assert {load.robots for load in one.loads} <= set(rungs(1, 512))

@@ -1,4 +1,4 @@
-"""What is read off a curve of goals over robots, by hand and on curves whose truth is known."""
+"""The peak, jam and knee of a curve of goals over robots, by hand and on known curves."""
 
 from __future__ import annotations
 
@@ -35,9 +35,6 @@ def test_a_floor_jams_where_robots_are_stuck_or_all_together_do_less() -> None:
     first = jams_from(found)
     assert first is not None
     assert first.robots == 24
-
-
-def test_what_drives_again_with_more_robots_was_no_jam() -> None:
     assert jams_from([made(8, 1.0, jammed=True), made(16, 2.0)]) is None
 
 

@@ -1,4 +1,4 @@
-"""An advice on a hall: what is doubtful of its map, its picture, and the floor to take away, read back to the same."""
+"""An advice on a hall: doubts about its map, its picture, and the floor to take away."""
 
 from __future__ import annotations
 
@@ -18,8 +18,6 @@ from train.advice.changes import Effect
 from train.advice.hall_part import doubts, hall_parts, with_parameter
 from train.advice.take_away import FOLDER, recommended, write_floor
 from train.advice.trials import Plan
-from warehouse_env.config import RobotSpec
-from warehouse_env.maps.fitting import fitted
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.halls.hall import read_hall
 from warehouse_env.maps.halls.map_server import read_occupancy
@@ -53,16 +51,6 @@ def test_kinds_of_cells_by_hand(tmp_path: Path) -> None:
     for key in ("driven on, though something small stands there", "cut off", "closed by a mask or off the lanes"):
         assert key in drawing
     assert "unknown to the map" not in drawing
-
-
-def test_floor_that_is_too_narrow_for_the_robots_is_another_kind(tmp_path: Path) -> None:
-    """Bodies 1.2 m wide keep 0.65 m off the rim and the wall, cells are 1 m: of four rows two are left."""
-    read = read_hall(hall(tmp_path, room(16, 20), YAML.replace("0.5", "0.25", 1)))
-    assert (cell_kinds(read) == 0).all()
-    floor, _ = fitted(read.grid, RobotSpec(length=1.2, width=1.2))
-    narrow = dataclasses.replace(read, grid=floor)
-    assert cell_kinds(narrow).tolist() == [[5] * 5, [5, 0, 0, 0, 5], [5, 0, 0, 0, 5], [5] * 5]
-    assert "too narrow for these robots" in hall_map(narrow, "label")
 
 
 def test_what_is_doubtful_is_said_with_what_settles_it(tmp_path: Path) -> None:

@@ -102,16 +102,3 @@ def test_a_refusal_is_told_and_changes_nothing(server: Server, open_live: Opener
     page.click("#anew")
     assert not page.evaluate("document.querySelector('#seed').checkValidity()")
     assert world.made == 1
-
-
-@needs_chromium
-@pytest.mark.nightly
-def test_it_fits_a_phone_and_a_robots_charts_are_seen(open_live: Opener) -> None:
-    page = open_live(390, 844, has_touch=True, device_scale_factor=2)
-    assert page.evaluate("document.documentElement.scrollWidth") == 390
-    page.evaluate("live.app.choose(1)")
-    until(page, "document.querySelector('.chart output').textContent !== ''")
-    floor, card = page.locator("#stage").bounding_box(), page.locator("#robot").bounding_box()
-    assert 0 <= card["y"] - floor["y"] - floor["height"] <= 20
-    footer = page.locator("footer").bounding_box()
-    assert page.locator("#charts canvas").first.bounding_box()["y"] < footer["y"]
