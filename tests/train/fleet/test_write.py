@@ -8,7 +8,6 @@ import pytest
 
 from tests.train.fleet.stories import NAMES, episode_story, sent, story
 from train.fleet.check import check_log
-from train.fleet.messages import Sender
 from train.fleet.write import messages_of, write_log
 from warehouse_env.errors import ConfigError
 
@@ -64,17 +63,6 @@ def test_what_is_written_is_faultless(tmp_path: Path) -> None:
     assert found.messages["state"] > found.messages["order"] >= 7
 
 
-def test_who_stands_says_so_every_half_minute() -> None:
-    still = story()
-    still.replay.pose[:] = still.replay.pose[0]
-    for values in (still.replay.route, still.replay.along, still.replay.speed):
-        values[:] = 0
-    still.replay.flags[:] = 1
-    slow = still.replay.config.replace(time_step=7.0)
-    object.__setattr__(still.replay, "config", slow)
-    assert [message.seconds for message in sent(still, "state")] == [0.0, 28.0, 56.0]
-
-
 def test_a_file_is_the_same_each_time_and_positions_may_come_more_seldom(tmp_path: Path) -> None:
     for name in "ab":
         write_log(messages_of(story(), NAMES, 2.0), tmp_path / name)
@@ -83,12 +71,3 @@ def test_a_file_is_the_same_each_time_and_positions_may_come_more_seldom(tmp_pat
     assert first.count(b"/visualization") == 6
     with pytest.raises(ConfigError, match="a step of the episode"):
         next(iter(messages_of(story(), NAMES, 0.1)))
-
-
-def test_the_last_will_comes_after_the_first_word() -> None:
-    sender = Sender(NAMES, "7")
-    hello, will = sender.message(0.0, "connection", {"connectionState": "ONLINE"}), sender.last_will()
-    assert (hello.payload["headerId"], will.payload["headerId"]) == (0, 1)
-    assert (will.topic, will.qos, will.retain) == (hello.topic, hello.qos, hello.retain) == (
-        "uagv/v2/ACME/7/connection", 1, True)  # fmt: skip
-    assert will.payload["connectionState"] == "CONNECTIONBROKEN"
