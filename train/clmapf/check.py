@@ -12,7 +12,6 @@ from train.clmapf.instance import BODY, DISC_RADIUS, Instance
 from train.clmapf.motions import BEGIN, END, LENGTH, Fault, Motions, body_beyond, motions_of
 from train.clmapf.solution import States
 
-TOLERANCE = 0.01  # of given poses, lengths and turns: the authors' files have six digits
 _LEAST_SLACK = 1e-6
 _HORIZON = 1.0  # larger gaps are not measured
 
@@ -31,20 +30,16 @@ class Checked(NamedTuple):
     unit: float  # [s] of a unit of t
 
 
-def check(
-    instance: Instance, schedule: dict[str, States], unit: float = 1.0, whole: bool = False,
-    tolerance: float = TOLERANCE,
-) -> Checked:  # fmt: skip
+def check(instance: Instance, schedule: dict[str, States], unit: float = 1.0, whole: bool = False) -> Checked:
     """Check a solution: its robots, ends, arcs, curvature, speed, border, bodies and discs.
 
-    unit: seconds of a unit of t; whole: bodies, not only axles, must stay on the floor; tolerance: of given poses,
-    lengths and turns.
+    unit: seconds of a unit of t; whole: bodies, not only axles, must stay on the floor.
     """
     faults = [Fault("has no states", name, "", 0.0, 0.0) for name in instance.names if name not in schedule]
     faults += [Fault("is no robot", name, "", 0.0, 0.0) for name in schedule if name not in instance.names]
     if faults:
         return Checked(faults, math.nan, math.nan, math.nan, math.nan, math.nan, math.nan, 0.0, unit)
-    motions, found = motions_of(instance, schedule, unit, whole, tolerance)
+    motions, found = motions_of(instance, schedule, unit, whole)
     slack = max(_LEAST_SLACK, 2.0 * motions.miss)
     shape = Shape(
         BODY.half_length, BODY.half_width, 0.5 * (BODY.ahead - BODY.behind), max(BODY.ahead, BODY.behind),

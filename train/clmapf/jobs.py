@@ -18,51 +18,33 @@ _FAULTS = 20  # in a row
 
 
 @dataclass(frozen=True)
-class SolveJob(Job):
-    """Plan the routes of an instance, write them, and check what was written."""
+class InstanceJob(Job):
+    """Solve an instance and check the solution as it is written, or only check a solution."""
 
     folder: Path
     name: str  # of the file in the folder
     solutions: Path  # a folder
-    seed: int
     whole: bool  # whether whole bodies must stay on the floor
+    seed: int | None = None  # of the planner; None: only check
+    unit: float = 1.0  # seconds of a unit of t
 
     titled = "{name}"
 
     def run(self, tick: Tick) -> Result:
-        """Solve and check, unless the instance is impossible as stated."""
-        instance = read_instance(self.folder / self.name, self.name)
-        row = row_of(instance) | {"seed": self.seed, "whole_bodies": self.whole, "version": __version__}
-        if row["impossible"]:
-            return Result([row])
-        solved = solve(instance, self.seed, self.whole)
-        row |= {"seconds": solved.seconds, "nodes": solved.found.nodes, "meeting": solved.found.meeting}
-        row |= {"stranded": [instance.names[i] for i in solved.found.stranded]}
-        if solved.complete:
-            path = self.solutions / self.name
-            write_solution(path, instance.names, solved.found.routes, solved.seconds)
-            row |= figures(check(instance, read_solution(path), whole=self.whole))
-            row["flowtime_alone"] = float(solved.found.alone.sum())
-        return Result([row])
-
-
-@dataclass(frozen=True)
-class CheckJob(Job):
-    """Check the solution of an instance."""
-
-    folder: Path
-    name: str
-    solutions: Path
-    unit: float  # seconds of a unit of t
-    whole: bool  # see SolveJob
-
-    titled = "{name}"
-
-    def run(self, tick: Tick) -> Result:
-        """Check the solution, if there is one."""
-        instance = read_instance(self.folder / self.name, self.name)
-        path = self.solutions / self.name
+        """Return the row."""
+        instance, path = read_instance(self.folder / self.name, self.name), self.solutions / self.name
         row = row_of(instance)
+        if self.seed is not None:
+            row |= {"seed": self.seed, "whole_bodies": self.whole, "version": __version__}
+            if row["impossible"]:
+                return Result([row])
+            found, seconds = solve(instance, self.seed, self.whole)
+            row |= {"seconds": seconds, "nodes": found.nodes, "meeting": found.meeting}
+            row |= {"stranded": [instance.names[i] for i in found.stranded]}
+            if found.stranded or found.meeting:
+                return Result([row])
+            write_solution(path, instance.names, found.routes, seconds)
+            row["flowtime_alone"] = float(found.alone.sum())
         if path.is_file():
             row |= figures(check(instance, read_solution(path), self.unit, self.whole))
         return Result([row])

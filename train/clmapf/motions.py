@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from train.clmapf.instance import BODY, Instance
 from train.clmapf.solution import States
 
+TOLERANCE = 0.01  # of given poses, lengths and turns: the authors' files have six digits
 AUTHORS_STEP = 2.118  # seconds of a step of the authors' solver: radius 3 times 0.706 rad
 BEGIN, END, X, Y, HEADING, LENGTH, BEND = range(7)  # columns of motions float64[M, 7]; LENGTH is negative in reverse
 _AXLE = ((0.0, 0.0),)
@@ -55,22 +56,22 @@ def arc_between(state: NDArray[np.float64], after: NDArray[np.float64]) -> tuple
 
 
 def motions_of(
-    instance: Instance, schedule: dict[str, States], unit: float, whole: bool, tolerance: float
+    instance: Instance, schedule: dict[str, States], unit: float, whole: bool
 ) -> tuple[Motions, list[Fault]]:
     """Return the arcs, and the faults of each robot: ends, times, jumps, curvature, speed, border."""
     arcs, first, worst = [], [0], 0.0
     faults: list[Fault] = []
     for i, name in enumerate(instance.names):
         states = schedule[name]
-        faults += _ends(name, states, instance.starts[i], instance.goals[i], unit, tolerance)
+        faults += _ends(name, states, instance.starts[i], instance.goals[i], unit)
         for state, after in itertools.pairwise(states):
             length, turn, miss = arc_between(state, after)
             arc = (unit * state[3], unit * after[3], *state[:3], length, turn / length if length else 0.0)
-            found = list(_limits(name, arc, turn, miss, tolerance))
+            found = list(_limits(name, arc, turn, miss))
             if not found:
                 worst = max(worst, miss)
             faults += found
-            faults += _border(name, arc, instance, whole, tolerance)
+            faults += _border(name, arc, instance, whole)
             arcs.append(arc if arc[1] > arc[0] else (arc[0], arc[0], *state[:3], 0.0, 0.0))
         last = states[-1]
         arcs.append((unit * last[3], unit * last[3], *last[:3], 0.0, 0.0))
@@ -79,32 +80,32 @@ def motions_of(
 
 
 def _ends(
-    name: str, states: States, start: NDArray[np.float64], goal: NDArray[np.float64], unit: float, tolerance: float
+    name: str, states: States, start: NDArray[np.float64], goal: NDArray[np.float64], unit: float
 ) -> Iterator[Fault]:
     if states[0, 3] < -1e-9:
         yield Fault("begins before the time 0", name, "", unit * states[0, 3], -unit * states[0, 3])
     for what, state, pose in (("begins off its start", states[0], start), ("ends off its goal", states[-1], goal)):
         off = math.dist(state[:2], pose[:2]) + abs(math.remainder(state[2] - pose[2], math.tau))
-        if off > tolerance:
+        if off > TOLERANCE:
             yield Fault(what, name, "", unit * state[3], off)
 
 
-def _limits(name: str, arc: tuple[float, ...], turn: float, miss: float, tolerance: float) -> Iterator[Fault]:
-    """Yield the limits that an arc breaks by more than the tolerance."""
+def _limits(name: str, arc: tuple[float, ...], turn: float, miss: float) -> Iterator[Fault]:
+    """Yield the limits that an arc breaks by more than TOLERANCE."""
     seconds, length = arc[END] - arc[BEGIN], abs(arc[LENGTH])
-    if miss > tolerance:
+    if miss > TOLERANCE:
         yield Fault("states that no arc joins", name, "", arc[BEGIN], miss)
-    if BODY.radius * abs(turn) - length > tolerance:
+    if BODY.radius * abs(turn) - length > TOLERANCE:
         yield Fault("a turn that is too tight", name, "", arc[BEGIN], abs(turn) / max(length, 1e-9) - 1 / BODY.radius)
     if seconds < -1e-9:
         yield Fault("time runs backwards", name, "", arc[BEGIN], -seconds)
-    elif length > seconds + tolerance:
+    elif length > seconds + TOLERANCE:
         yield Fault("too fast", name, "", arc[BEGIN], length / max(seconds, 1e-9) - 1.0)
 
 
-def _border(name: str, arc: tuple[float, ...], instance: Instance, whole: bool, tolerance: float) -> Iterator[Fault]:
+def _border(name: str, arc: tuple[float, ...], instance: Instance, whole: bool) -> Iterator[Fault]:
     off = _beyond(arc, instance, _CORNERS if whole else _AXLE)
-    if off > tolerance:
+    if off > TOLERANCE:
         yield Fault(f"the {'body' if whole else 'axle'} leaves the floor", name, "", arc[BEGIN], off)
 
 

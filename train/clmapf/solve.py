@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from functools import lru_cache
-from typing import NamedTuple
 
 import numpy as np
 
@@ -15,26 +14,17 @@ from train.clmapf.instance import BODY, DISC_RADIUS, Instance, Poses, least_gap
 _MARGIN = 0.01  # between bodies and to discs, less if the given poses are nearer
 
 
-class Solved(NamedTuple):
-    """What the planner found, and the processor time [s] that it took."""
+def solve(instance: Instance, seed: int, whole: bool = False) -> tuple[Together, float]:
+    """Plan routes for all robots; return them and the processor time [s], without compiling.
 
-    found: Together
-    seconds: float
-
-    @property
-    def complete(self) -> bool:
-        """Whether all robots have routes, and none meet."""
-        return not self.found.stranded and not self.found.meeting
-
-
-def solve(instance: Instance, seed: int, whole: bool = False) -> Solved:
-    """Plan routes for all robots; whole: keep whole bodies on the floor. The time excludes compiling."""
+    whole: keep whole bodies on the floor.
+    """
     _warm_up()
     begun = time.process_time()
     margin = min(_MARGIN, 0.5 * least_gap(instance))
     floor = floor_of(instance.width, instance.height, instance.discs, DISC_RADIUS, BODY, margin, whole)
     found = plan_together(_tuples(instance.starts), _tuples(instance.goals), floor, seed)
-    return Solved(found, time.process_time() - begun)
+    return found, time.process_time() - begun
 
 
 def _tuples(poses: Poses) -> list[Pose]:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import tyro
 
-from train.clmapf.jobs import CheckJob, SolveJob, instances_in
+from train.clmapf.jobs import InstanceJob, instances_in
 from train.clmapf.motions import AUTHORS_STEP
 from train.clmapf.table import cells_table, impossible_lines, published_table, unsolved_lines
 from train.evaluation.jobs import Job, Runner
@@ -68,12 +68,10 @@ class Clmapf(Checked):
         names = instances_in(self.folder)
         if self.authors_steps and not self.check:
             raise ConfigError("--authors-steps says how solutions are checked; give it with --check")
-        if not self.check:
-            return [SolveJob(self.folder, name, solutions, self.seed, self.whole_bodies) for name in names]
-        if not any((solutions / name).is_file() for name in names):
+        if self.check and not any((solutions / name).is_file() for name in names):
             raise MapError(f"{solutions} holds no solution named as an instance in {self.folder}")
-        unit = AUTHORS_STEP if self.authors_steps else 1.0
-        return [CheckJob(self.folder, name, solutions, unit, self.whole_bodies) for name in names]
+        unit, seed = AUTHORS_STEP if self.authors_steps else 1.0, None if self.check else self.seed
+        return [InstanceJob(self.folder, name, solutions, self.whole_bodies, seed, unit) for name in names]
 
     def _tell(self, rows: Sequence[Row]) -> None:
         tables = cells_table(rows), published_table()

@@ -194,12 +194,10 @@ def test_a_solved_instance_is_written_read_and_whole(tmp_path: Path) -> None:
         [[15, 15]],
         30.0,
     )
-    solved = solve(instance, 0)
-    assert solved.complete
-    write_solution(tmp_path / "s.yaml", instance.names, solved.found.routes, 0.0)
+    routes = solve(instance, 0)[0].routes
+    write_solution(tmp_path / "s.yaml", instance.names, routes, 0.0)
     found = check(instance, read_solution(tmp_path / "s.yaml"))
     assert found.faults == []
     assert min(found.gap, found.disc_gap) > 0.004
-    assert found.makespan == pytest.approx(max(route[-1, -1] for route in solved.found.routes))
-    same = solve(instance, 0)
-    assert all(np.array_equal(a, b) for a, b in zip(solved.found.routes, same.found.routes, strict=True))
+    assert found.makespan == pytest.approx(max(route[-1, -1] for route in routes))
+    assert all(np.array_equal(a, b) for a, b in zip(routes, solve(instance, 0)[0].routes, strict=True))
