@@ -20,11 +20,8 @@ from train.advice.take_away import FOLDER, recommended, write_floor
 from train.advice.trials import Plan
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.halls.hall import read_hall
-from warehouse_env.maps.halls.map_server import read_occupancy
 from warehouse_env.maps.layouts import make_layout
 from warehouse_env.render.hall_map import cell_kinds, hall_map
-from warehouse_env.simulation.tasks.orders import Order, read_orders, write_orders
-from warehouse_env.work import OrderSpec
 
 pytest.importorskip("matplotlib")
 SCHEMA = REAL / "LIF-1.0.0.schema.json"
@@ -93,31 +90,15 @@ def test_files_to_take_away_are_read_back_to_the_same_floor(name: str, tmp_path:
     grid = racks if name == "racks" else make_layout(str(REAL / f"{name}.yaml"))
     known = changed(grid, 50.0)
     links = write_floor(known, tmp_path)
-    assert [link.title for link in links] == [
-        "Map", "Keepout mask", "Lanes as LIF 1.0.0", "Lanes for Nav2", "Orders",
-    ]  # fmt: skip
+    assert [link.title for link in links] == ["Map", "Lanes as LIF 1.0.0", "Lanes for Nav2"]
     assert all((tmp_path / link.target).is_file() for link in links)
     found = recommended(known).grid
-    (read,) = (make_layout(str(path)) for path in (tmp_path / FOLDER).glob("*.yaml") if path.stem != "keepout")
+    (path,) = (tmp_path / FOLDER).glob("*.yaml")
+    read = make_layout(str(path))
     assert (read.one_way[tuple(found.free_cells.T)] == found.one_way[tuple(found.free_cells.T)]).all()
     assert read.endpoints == found.endpoints
-    barred = read_occupancy(tmp_path / FOLDER / "keepout.yaml")
-    assert (barred.values == 0).sum() == len(found.free_cells)
-    orders = read_orders(tmp_path / FOLDER / "orders.csv")
-    assert len(orders) > 200  # half of the goals an hour
-    assert all(order.drop in found.endpoints[1] for order in orders)
     if SCHEMA.exists():
         validate = pytest.importorskip("jsonschema").validate
         validate(json.loads(next((tmp_path / FOLDER).glob("*.lif.json")).read_text()), json.loads(SCHEMA.read_text()))
     page = advice_page(known, files=links).html()
     assert "The floor to take away" in page
-    assert "floor/orders.csv" in page
-
-
-def test_given_orders_are_taken_along(tmp_path: Path) -> None:
-    given = (Order(0.0, ((3, 2),), (0, 0), 9.0, 1.0),)
-    write_orders(tmp_path / "mine.csv", given)
-    known = changed(RACKS)
-    work = {"orders": OrderSpec(file=str(tmp_path / "mine.csv")), "arrival": "stop"}
-    write_floor(known._replace(plan=dataclasses.replace(known.plan, work=work)), tmp_path)
-    assert read_orders(tmp_path / FOLDER / "orders.csv") == given

@@ -5,21 +5,18 @@ from __future__ import annotations
 import dataclasses
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from tests.train.advice.floors import floor_of, plan_of
-from tests.train.advice.test_advice import RACKS, advice
+from tests.train.advice.test_advice import RACKS
 from train.advice import room
 from train.advice.room import for_kinds, most_with_a_start
-from train.advice.take_away import FOLDER, write_floor
 from train.advice.trials import Plan, Use
 from train.cli import main
 from train.commands import advise as command
 from train.kinds import Kinds, Part
 from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.errors import ConfigError, MapWarning
-from warehouse_env.maps.halls.map_server import read_occupancy
 
 LONG = RobotSpec(length=1.4, max_speed=0.8)
 WIDE = RobotSpec(length=1.2, width=1.2)
@@ -77,16 +74,6 @@ def test_large_bodies_find_fewer_starts(monkeypatch: pytest.MonkeyPatch) -> None
     usual = plan_of(hall, policies=("greedy",), most=len(hall.endpoints[2]) - 1)
     large = dataclasses.replace(usual, kinds=Kinds((Part(RobotSpec(length=2.4, width=1.4, wheelbase=1.6), share=1.0),)))
     assert 1 <= most_with_a_start(large) < most_with_a_start(usual) == usual.most
-
-
-def test_the_floor_to_take_away_has_lanes_where_the_bodies_pass(tmp_path: Path) -> None:
-    grid, _ = for_kinds(HALL, ALL_WIDE)
-    known = advice(effects=[], plan=Plan(grid, ("greedy",), "astar", 300.0, 7, None, 8, kinds=ALL_WIDE))
-    write_floor(known, tmp_path)
-    deep = np.zeros(grid.shape, np.bool_)
-    deep[5:7, 8] = True  # of the blind aisle, farther than any of their bodies' corners
-    barred = read_occupancy(tmp_path / FOLDER / "keepout.yaml").values == 100
-    assert (barred == grid.occupied | deep).all()
 
 
 def test_what_is_not_for_the_bodies_is_said_before_anything_is_driven(
