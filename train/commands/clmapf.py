@@ -12,7 +12,7 @@ import tyro
 from train.clmapf.jobs import InstanceJob, instances_in
 from train.clmapf.motions import AUTHORS_STEP
 from train.clmapf.table import cells_table, impossible_lines, published_table, unsolved_lines
-from train.evaluation.jobs import Job, Runner
+from train.evaluation.jobs import Here, Job, Runner
 from train.evaluation.processes import Processes
 from train.reporting.rows import Row, RowFile
 from warehouse_env.checked import Checked
@@ -45,7 +45,7 @@ class Clmapf(Checked):
     out: Path = Path("results/clmapf")
     """Folder for the rows, the tables and the solutions."""
     processes: int = field(default_factory=lambda: min(os.cpu_count() or 1, 8))
-    """Instances to plan at a time, each in a process of its own."""
+    """Instances to plan at a time, in processes if there are several."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -56,7 +56,8 @@ class Clmapf(Checked):
         """Solve or check; print the tables, and what is impossible, unsolved or wrong."""
         jobs, path = self._jobs(), self.json or self.out / "rows.jsonl"
         check_writable(self.out / "table.md")
-        with RowFile(path) as file, Runner(file, workers=Processes(self.processes)) as run:
+        workers = Here() if self.processes == 1 else Processes(self.processes)
+        with RowFile(path) as file, Runner(file, workers=workers) as run:
             rows = run(jobs)
         self._tell(rows)
         print(f"wrote the rows to {path}, the table to {self.out}")

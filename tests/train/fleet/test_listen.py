@@ -135,7 +135,7 @@ def at(x: float, second: int, **more: Any) -> dict[str, Any]:
 
 
 OLD = foreign(9, 0, timestamp="2026-04-01T10:00:00Z")
-EMPTY = (
+EMPTY = [
     "orderId",
     "orderUpdateId",
     "nodeStates",
@@ -145,7 +145,7 @@ EMPTY = (
     "errors",
     "version",
     "headerId",
-)
+]
 STREAMS = {
     "version 1.1": [said("uagv/v1/M/a/state", foreign(x, x, version="1.1.0", lastNodeId="")) for x in (1, 2, 3)],
     "version 3": [said("uagv/v3/M/a/state", version_3(x, x)) for x in (1, 2, 3)],
