@@ -7,13 +7,13 @@ import re
 from collections.abc import Iterator
 
 from train.advice.aim import FELL, GOALS, Aim
-from train.advice.asked import SURE, Asked
+from train.advice.asked import SURE, RobotsNeeded
 from train.advice.candidates import Candidate, Kind, storage_lost
 from train.advice.capacity import Capacity
 from train.advice.changes import PAIRS, Effect, kinds
 from train.advice.course import Advice
-from train.advice.curve import STUCK, Load, peak
-from train.advice.trials import Plan
+from train.advice.curve import STUCK, LoadPoint, peak
+from train.advice.trials import AdvicePlan
 from train.kinds import described
 from train.reporting.report import counted, difference, number, with_interval
 from train.reporting.rows import apart, is_told
@@ -37,7 +37,7 @@ def answer(advice: Advice) -> list[str]:
     return [part for part in (*parts, _basis(plan)) if part]
 
 
-def asked_text(asked: Asked, capacity: Capacity, aim: Aim = GOALS) -> str:
+def asked_text(asked: RobotsNeeded, capacity: Capacity, aim: Aim = GOALS) -> str:
     """Say how many robots make the goals, or the share of orders in time, that were asked for."""
     if aim.share is None:
         wanted, verb, factor, unit = f"{asked.wanted:,.0f} goals an hour", "make", 1.0, ""
@@ -102,7 +102,7 @@ def _jam(advice: Advice) -> Iterator[str]:
         yield f"{counted(below[-1].robots, 'robot')} still drive."
 
 
-def _jam_text(advice: Advice, jam: Load) -> str:
+def _jam_text(advice: Advice, jam: LoadPoint) -> str:
     """Say what jams."""
     if jam.stuck.mean >= STUCK:
         share = with_interval(jam.stuck, 100)
@@ -169,7 +169,7 @@ def effect_text(effect: Effect, aim: Aim = GOALS) -> str:
     return f"its gain is {why}, {text}"
 
 
-def _basis(plan: Plan) -> str:
+def _basis(plan: AdvicePlan) -> str:
     whole = ", of orders in time all" if plan.aim is not GOALS else ""
     return (
         f"Simulated: {_worked(plan)}, {robots_text(plan)}, episodes of {plan.seconds:g} s of which the second half "
@@ -178,12 +178,12 @@ def _basis(plan: Plan) -> str:
     )
 
 
-def robots_text(plan: Plan) -> str:
+def robots_text(plan: AdvicePlan) -> str:
     """Describe the robots."""
     return f"robots of {described(RobotSpec()) if plan.kinds is None else plan.kinds.words}"
 
 
-def _worked(plan: Plan) -> str:
+def _worked(plan: AdvicePlan) -> str:
     """Describe the robots' work."""
     orders, service, battery = (plan.work.get(name) for name in ("orders", "service", "battery"))
     texts = ["lifelong trips between pick faces and stations drawn at random"]

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from train.advice import candidates, fittings
 from train.advice.candidates import Bottleneck, Candidate, Kind
 from train.advice.race import FEWEST, race
-from train.advice.study import Crew
-from train.advice.trials import AS_IS, Clock, Drive, Plan, Use
+from train.advice.study import Team
+from train.advice.trials import AS_IS, AdvicePlan, Drive, TimeBudget, Use
 from train.reporting.rows import Interval, Row, mean_interval, paired
 from warehouse_env.traffic.together import Task
 
@@ -41,13 +41,18 @@ class Effect(NamedTuple):
         return self.gain.samples >= PAIRS and not self.gain.low <= 0 <= self.gain.high
 
 
-def kinds(plan: Plan) -> tuple[Kind, ...]:
+def kinds(plan: AdvicePlan) -> tuple[Kind, ...]:
     """Return the kinds of changes that are tried."""
     return KINDS + fittings.kinds(plan.work)
 
 
 def options(
-    plan: Plan, worst: Sequence[Bottleneck], trips: Sequence[Task], flow: NDArray[np.float64], crew: Crew, most: int
+    plan: AdvicePlan,
+    worst: Sequence[Bottleneck],
+    trips: Sequence[Task],
+    flow: NDArray[np.float64],
+    crew: Team,
+    most: int,
 ) -> list[Candidate]:
     """Return the changes to try: up to `most` aisles and rules at the worst places, and all of the other kinds."""
     if not most:
@@ -69,7 +74,7 @@ def affordable(left: float, took: float, others: int = 0) -> int:
     return 0 if episodes < 0 else int(min(SOUGHT, max(1, (episodes / FEWEST - 1) // len(KINDS))))
 
 
-def effects(plan: Plan, chosen: Sequence[Candidate], crew: Crew, drive: Drive, clock: Clock) -> list[Effect]:
+def effects(plan: AdvicePlan, chosen: Sequence[Candidate], crew: Team, drive: Drive, clock: TimeBudget) -> list[Effect]:
     """Race aisles and rules, then measure the best of each kind, and all of the other kinds, on new seeds."""
     others = [(one, 1) for one in chosen if one.kind not in KINDS]
     rounds = _Rounds(plan, crew, drive, clock, len(others))
@@ -87,7 +92,7 @@ def effects(plan: Plan, chosen: Sequence[Candidate], crew: Crew, drive: Drive, c
 class _Rounds:
     """Rounds of episodes on changed floors and the floor as it is, with the same seeds."""
 
-    def __init__(self, plan: Plan, crew: Crew, drive: Drive, clock: Clock, others: int) -> None:
+    def __init__(self, plan: AdvicePlan, crew: Team, drive: Drive, clock: TimeBudget, others: int) -> None:
         self._plan, self._crew, self._drive, self._clock, self._others = plan, crew, drive, clock, others
         self._took = 0.0  # [s] of an episode in the last round
         self._base: dict[int, Row] = {}  # episodes on the floor as it is, by seed

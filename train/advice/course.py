@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from train.advice import changes, fittings
-from train.advice.asked import Asked, asked
+from train.advice.asked import RobotsNeeded, asked
 from train.advice.candidates import Bottleneck, bottlenecks, draw_trips, passing, plan_trips, traffic
 from train.advice.capacity import SCOUTS, Capacity, alone_seeds, begins_with, capacity, confirm, confirmed
 from train.advice.changes import Effect
-from train.advice.study import Crew, Study
-from train.advice.trials import Clock, Drive, Plan, Use
+from train.advice.study import Team, TrialRuns
+from train.advice.trials import AdvicePlan, Drive, TimeBudget, Use
 from train.evaluation.places import Floor, floor_of_notes
 
 _ASKED = 0.75  # of the time, when the number of robots for the goals asked for is found
@@ -23,10 +23,10 @@ _MOST = 100  # episodes of the answer if no change is tried
 class Advice(NamedTuple):
     """All findings."""
 
-    plan: Plan
-    crew: Crew  # of bottlenecks and changes: the fewest that make what is asked for, else the best
+    plan: AdvicePlan
+    crew: Team  # of bottlenecks and changes: the fewest that make what is asked for, else the best
     capacity: Capacity
-    asked: Asked | None  # if goals were asked for, or orders are given
+    asked: RobotsNeeded | None  # if goals were asked for, or orders are given
     floor: Floor  # where those robots wait
     bottlenecks: list[Bottleneck]
     visits: NDArray[np.float64]  # share of trips over each cell
@@ -34,7 +34,7 @@ class Advice(NamedTuple):
     sought: bool  # whether there was time for changes
 
 
-def advise(plan: Plan, drive: Drive, clock: Clock) -> Advice:
+def advise(plan: AdvicePlan, drive: Drive, clock: TimeBudget) -> Advice:
     """Find out everything in the time given; the time begins after the first episodes, which may compile kernels."""
     study = _begun(plan, drive, clock)
     trips = draw_trips(plan.grid, plan.seed)
@@ -42,7 +42,7 @@ def advise(plan: Plan, drive: Drive, clock: Clock) -> Advice:
     visits, flow = passing(routes, plan.grid.shape), traffic(routes, plan.grid.shape)
     found = capacity(study)
     answered = asked(study, found, _ASKED) if plan.wanted is not None else None
-    crew = Crew(found.crew.policy, answered.robots if answered and answered.robots else found.crew.robots)
+    crew = Team(found.crew.policy, answered.robots if answered and answered.robots else found.crew.robots)
     worst = _places(study, crew, visits)[1]
     most = changes.affordable(clock.left, study.seconds(crew.robots), 2 * len(fittings.kinds(plan.work)))
     chosen = changes.options(plan, worst, trips, flow, crew, most)
@@ -53,18 +53,18 @@ def advise(plan: Plan, drive: Drive, clock: Clock) -> Advice:
     return Advice(plan, crew, found, answered, *_places(study, crew, visits), visits, effects, most > 0)
 
 
-def _begun(plan: Plan, drive: Drive, clock: Clock) -> Study:
+def _begun(plan: AdvicePlan, drive: Drive, clock: TimeBudget) -> TrialRuns:
     """Drive robots alone and the first number of them, then start the clock."""
-    study = Study(plan, drive, clock)
-    first = [Crew(policy, begins_with(plan.grid, plan.most)) for policy in plan.policies]
-    study.rows([Crew(policy, 1) for policy in plan.policies], alone_seeds(plan))
+    study = TrialRuns(plan, drive, clock)
+    first = [Team(policy, begins_with(plan.grid, plan.most)) for policy in plan.policies]
+    study.rows([Team(policy, 1) for policy in plan.policies], alone_seeds(plan))
     study.rows(first, plan.seeds(Use.CHOOSE, plan.at_most(SCOUTS)))
     study.restart()
     study.rows(first, plan.seeds(Use.CHOOSE, SCOUTS, plan.at_most(SCOUTS)))
     return study
 
 
-def _places(study: Study, crew: Crew, visits: NDArray[np.float64]) -> tuple[Floor, list[Bottleneck]]:
+def _places(study: TrialRuns, crew: Team, visits: NDArray[np.float64]) -> tuple[Floor, list[Bottleneck]]:
     """Return where robots wait, and the bottlenecks."""
     floor = floor_of_notes(study.of(crew))
     return floor, bottlenecks(study.plan.grid, floor.waiting, visits) if floor.waiting.any() else []

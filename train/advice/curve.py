@@ -23,7 +23,7 @@ HALF = 0.5  # of the first robot's throughput, which a further one should add
 DRAWS = 2_000  # of all means, for the interval of the knee
 
 
-class Load(NamedTuple):
+class LoadPoint(NamedTuple):
     """Throughput of a number of robots."""
 
     robots: int
@@ -41,12 +41,12 @@ class Load(NamedTuple):
         return self.goals if self.share is None else self.share
 
 
-def loads(rows: Mapping[int, Sequence[Row]], aim: Aim = GOALS) -> list[Load]:
+def loads(rows: Mapping[int, Sequence[Row]], aim: Aim = GOALS) -> list[LoadPoint]:
     """Return the load of each number of robots, fewest first.
 
     A floor is jammed if STUCK of the robots are stuck, or all make less than `aim.fell` of what fewer robots made.
     """
-    found: list[Load] = []
+    found: list[LoadPoint] = []
     for robots in sorted(rows):
         own = rows[robots]
         each, stuck, waiting = (one.interval(own) for one in (aim.late, MEASURES["stuck"], MEASURES["waiting_share"]))
@@ -54,16 +54,16 @@ def loads(rows: Mapping[int, Sequence[Row]], aim: Aim = GOALS) -> list[Load]:
         best = max((load.goals.mean for load in found), default=0.0)
         jammed = stuck.mean >= STUCK or goals.mean < aim.fell * best
         share = None if aim.share is None else aim.share.interval(own)
-        found.append(Load(robots, len(own), goals, each, stuck, waiting, jammed, share))
+        found.append(LoadPoint(robots, len(own), goals, each, stuck, waiting, jammed, share))
     return found
 
 
-def peak(found: Sequence[Load]) -> Load:
+def peak(found: Sequence[LoadPoint]) -> LoadPoint:
     """Return the load with the highest throughput, the smallest of equals; a jammed one only if all are."""
     return max(found, key=lambda load: (not load.jammed, load.goals.mean, -load.robots))
 
 
-def jams_from(found: Sequence[Load]) -> Load | None:
+def jams_from(found: Sequence[LoadPoint]) -> LoadPoint | None:
     """Return the smallest load from which on all loads jam, None if the largest does not."""
     jammed = list(takewhile(lambda load: load.jammed, reversed(found)))
     return jammed[-1] if jammed else None
@@ -81,7 +81,7 @@ def smallest(means: Mapping[int, float], left: Sequence[int]) -> int:
     return min(robots for robots in left if means[robots] >= NEAR * best)
 
 
-def knee(found: Sequence[Load], alone: Interval, seed: int) -> Interval | None:
+def knee(found: Sequence[LoadPoint], alone: Interval, seed: int) -> Interval | None:
     """Return the number of robots from which a further one adds less than HALF of one alone, None if there is none.
 
     What a further robot adds is assumed to fall monotonically, and is interpolated between the middles of loads. The
@@ -139,7 +139,7 @@ def fewest_that(reaches: Callable[[int], bool], low: int, high: int) -> int:
     return high
 
 
-def bracket(found: Sequence[Load], wanted: float) -> tuple[int, int] | None:
+def bracket(found: Sequence[LoadPoint], wanted: float) -> tuple[int, int] | None:
     """Return the numbers between which the fewest robots lie that make `wanted`; None if no mean reaches it.
 
     The mean of the first lies below (0: no robots), the interval of the second above, or it is the best number.

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from train.advice.candidates import Candidate, Kind, draw_trips, expected_cost
-from train.advice.study import Crew
-from train.advice.trials import Plan
+from train.advice.study import Team
+from train.advice.trials import AdvicePlan
 from train.books import simulator_of
 from train.evaluation.rollout import make_experiment
 from warehouse_env.config import EnvConfig
@@ -32,13 +32,13 @@ def kinds(work: Mapping[str, Any]) -> tuple[Kind, ...]:
     return stations + (("chargers",) if "battery" in work else ())
 
 
-def options(plan: Plan, crew: Crew) -> list[Candidate]:
+def options(plan: AdvicePlan, crew: Team) -> list[Candidate]:
     """Return one more and one fewer of each kind, as far as the crew can drive there."""
     made = {"stations": _stations, "chargers": _chargers}
     return [one for kind in kinds(plan.work) for one in made[kind](plan, crew) if _drives(one, plan, crew)]
 
 
-def _stations(plan: Plan, crew: Crew) -> Iterator[Candidate]:
+def _stations(plan: AdvicePlan, crew: Team) -> Iterator[Candidate]:
     """Yield the floor with a station at the best site, and without the one that is missed least."""
     now = list(plan.grid.endpoints[1])
     choices = [([*now, cell], cell) for cell in _some(_sites(plan, crew))]
@@ -62,7 +62,7 @@ def _some(cells: Sequence[Cell]) -> Sequence[Cell]:
     return cells[:: max(1, -(-len(cells) // SITES))]
 
 
-def _sites(plan: Plan, crew: Crew) -> list[Cell]:
+def _sites(plan: AdvicePlan, crew: Team) -> list[Cell]:
     """Return where a station can be added, beside the traffic and apart from other stations."""
     config = EnvConfig(num_agents=crew.robots, **plan.given(crew.robots))
     now = plan.grid.endpoints[1]
@@ -73,7 +73,7 @@ def _sites(plan: Plan, crew: Crew) -> list[Cell]:
     ]
 
 
-def _chargers(plan: Plan, crew: Crew) -> Iterator[Candidate]:
+def _chargers(plan: AdvicePlan, crew: Team) -> Iterator[Candidate]:
     """Yield the floor with a charger more and one fewer; their places are chosen anew."""
     battery, nothing = plan.work["battery"], np.zeros(plan.grid.shape, dtype=np.bool_)
     for number, what in ((battery.chargers + 1, "one more charger"), (battery.chargers - 1, "one charger fewer")):
@@ -83,7 +83,7 @@ def _chargers(plan: Plan, crew: Crew) -> Iterator[Candidate]:
             yield Candidate("chargers", text, plan.grid, nothing, work)
 
 
-def _drives(one: Candidate, plan: Plan, crew: Crew) -> bool:
+def _drives(one: Candidate, plan: AdvicePlan, crew: Team) -> bool:
     """Return whether the crew can work on a changed floor."""
     env, work = EnvConfig(num_agents=crew.robots, planner=plan.planner), {**plan.given(crew.robots), **one.work}
     try:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from train.advice.trials import Plan
+from train.advice.trials import AdvicePlan
 from train.books import simulator_of
 from train.evaluation.rollout import make_experiment
 from train.kinds import Kinds
@@ -33,7 +33,7 @@ def for_kinds(grid: GridMap, kinds: Kinds) -> tuple[GridMap, tuple[str, ...]]:
     return made, narrow
 
 
-def most_with_a_start(plan: Plan) -> int:
+def most_with_a_start(plan: AdvicePlan) -> int:
     """Return the most robots, up to `plan.most`, that find free starts with any seed."""
     body = RobotSpec() if plan.kinds is None else EnvConfig(**plan.kinds.each()).widest_body
     if plan.most * SPARSE * body.longer * body.wider <= len(plan.grid.endpoints[2]):
@@ -44,7 +44,7 @@ def most_with_a_start(plan: Plan) -> int:
     return robots if robots == plan.most else max(1, int(MARGIN * robots))
 
 
-def _start(plan: Plan, robots: int) -> bool:
+def _start(plan: AdvicePlan, robots: int) -> bool:
     """Return whether this many robots find a start on every seed tried."""
     env = EnvConfig(num_agents=robots, planner=plan.planner)
     config = make_experiment(plan.policies[0], env, 1, plan.seconds, plan.seed, plan.given(robots)).config

@@ -109,7 +109,7 @@ class Use(IntEnum):
 
 
 @dataclass(frozen=True)
-class Plan:
+class AdvicePlan:
     """What is asked."""
 
     grid: GridMap
@@ -160,7 +160,7 @@ class Plan:
         return episodes if self.episodes is None else self.episodes
 
 
-class Clock:
+class TimeBudget:
     """A budget of time, or none."""
 
     def __init__(self, minutes: float | None) -> None:

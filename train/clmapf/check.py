@@ -16,7 +16,7 @@ _LEAST_SLACK = 1e-6
 _HORIZON = 1.0  # larger gaps are not measured
 
 
-class Checked(NamedTuple):
+class SolutionCheck(NamedTuple):
     """What a check found."""
 
     faults: list[Fault]
@@ -30,7 +30,7 @@ class Checked(NamedTuple):
     unit: float  # [s] of a unit of t
 
 
-def check(instance: Instance, schedule: dict[str, States], unit: float = 1.0, whole: bool = False) -> Checked:
+def check(instance: Instance, schedule: dict[str, States], unit: float = 1.0, whole: bool = False) -> SolutionCheck:
     """Check a solution: its robots, ends, arcs, curvature, speed, border, bodies and discs.
 
     unit: seconds of a unit of t; whole: bodies, not only axles, must stay on the floor.
@@ -38,7 +38,7 @@ def check(instance: Instance, schedule: dict[str, States], unit: float = 1.0, wh
     faults = [Fault("has no states", name, "", 0.0, 0.0) for name in instance.names if name not in schedule]
     faults += [Fault("is no robot", name, "", 0.0, 0.0) for name in schedule if name not in instance.names]
     if faults:
-        return Checked(faults, math.nan, math.nan, math.nan, math.nan, math.nan, math.nan, 0.0, unit)
+        return SolutionCheck(faults, math.nan, math.nan, math.nan, math.nan, math.nan, math.nan, 0.0, unit)
     motions, found = motions_of(instance, schedule, unit, whole)
     slack = max(_LEAST_SLACK, 2.0 * motions.miss)
     shape = Shape(
@@ -50,7 +50,7 @@ def check(instance: Instance, schedule: dict[str, States], unit: float = 1.0, wh
     ends = list(_arrivals(motions))
     driven = float(abs(motions.arcs[:, LENGTH]).sum())
     faults = [*found, *bodies, *discs]
-    return Checked(
+    return SolutionCheck(
         faults, max(ends), sum(ends), driven, gap, disc_gap, body_beyond(motions, instance), slack, unit
     )  # fmt: skip
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from train.clmapf.check import Checked, check
+from train.clmapf.check import SolutionCheck, check
 from train.clmapf.instance import Instance, read_instance, why_impossible
 from train.clmapf.solution import read_solution, write_solution
 from train.clmapf.solve import solve
@@ -59,7 +59,7 @@ def row_of(instance: Instance) -> Row:
     }  # fmt: skip
 
 
-def figures(checked: Checked) -> Row:
+def figures(checked: SolutionCheck) -> Row:
     """Return a row about a solution."""
     return {
         "solved": not checked.faults, "faults": [str(fault) for fault in checked.faults[:_FAULTS]],

@@ -20,7 +20,7 @@ from train.advice.course import advise
 from train.advice.hall_part import hall_parts
 from train.advice.room import for_kinds, most_with_a_start
 from train.advice.take_away import FOLDER, write_floor
-from train.advice.trials import Clock, Plan
+from train.advice.trials import AdvicePlan, TimeBudget
 from train.commands.evaluate import GOES_ON
 from train.commands.kinds import Fleet
 from train.commands.layouts import BY_MAP, check_connected
@@ -118,7 +118,7 @@ class Advise(Fleet, Work, WorkerOptions):
             closing(self.workers()) as workers,
         ):
             plan = dataclasses.replace(plan, processes=workers.width)
-            clock, begin = Clock(None if self.episodes else self.minutes), time.monotonic()
+            clock, begin = TimeBudget(None if self.episodes else self.minutes), time.monotonic()
             with (
                 self._bar(clock, file) as moved,
                 Runner(file, file.old(), workers, goes_on=GOES_ON, progress=moved) as drive,
@@ -137,13 +137,13 @@ class Advise(Fleet, Work, WorkerOptions):
             f"{self.out / FOLDER}, in {time.monotonic() - begin:.0f} s"
         )
 
-    def _check(self, plan: Plan) -> None:
+    def _check(self, plan: AdvicePlan) -> None:
         """Raise what is wrong with a policy or with the work, before the start."""
         kinds = {} if plan.kinds is None else plan.kinds.each()
         for policy in plan.policies:
             make_policy(policy, policy_config(policy, EnvConfig(planner=self.planner)).replace(**plan.work, **kinds))
 
-    def _plan(self, grid: GridMap) -> Plan:
+    def _plan(self, grid: GridMap) -> AdvicePlan:
         """Return the plan."""
         most = min(self.most, len(grid.endpoints[2]) - 1, len(grid.free_cells) // 4)
         policies, work = tuple(dict.fromkeys(self.policy)) or contact_free(), self.work()
@@ -156,7 +156,7 @@ class Advise(Fleet, Work, WorkerOptions):
                 raise ConfigError("--goals does not go with orders, which say how much there is to do")
             if due >= seconds:
                 raise ConfigError(f"--seconds {seconds:g} must be more than {due:g}, when the first order is due")
-        return Plan(
+        return AdvicePlan(
             grid, policies, self.planner, seconds, self.seed, self.episodes, max(1, most), wanted, work=work,
             kinds=self.kinds(),
         )  # fmt: skip
@@ -181,7 +181,7 @@ class Advise(Fleet, Work, WorkerOptions):
         return hall_parts(dataclasses.replace(read_hall(name), grid=grid), name) if is_hall(name) else []
 
     @contextmanager
-    def _bar(self, clock: Clock, file: RowFile) -> Iterator[Progress]:
+    def _bar(self, clock: TimeBudget, file: RowFile) -> Iterator[Progress]:
         """Show how much of the time is over, or how many episodes are driven."""
         with make_progress() as progress:
             total = None if self.episodes else round(60 * self.minutes)

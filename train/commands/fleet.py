@@ -14,8 +14,8 @@ from train.commands.layouts import BY_MAP
 from train.fleet.broker import Broker, broker_of, package
 from train.fleet.build import episode_of
 from train.fleet.check import check_log
-from train.fleet.driven import Driven, load_simulated
-from train.fleet.listen import Heard, Limits, hear_broker, hear_log
+from train.fleet.driven import FleetEpisode, load_simulated
+from train.fleet.listen import Heard, ListenLimits, hear_broker, hear_log
 from train.fleet.messages import LOG, Names
 from train.fleet.publisher import publish
 from train.fleet.row import fleet_table, row_of, row_of_simulated
@@ -199,7 +199,7 @@ class FleetCommand(Checked):
         rows.add(found)
         self._say(episode, heard, folder)
 
-    def _say(self, episode: Driven, heard: Heard, folder: Path) -> None:
+    def _say(self, episode: FleetEpisode, heard: Heard, folder: Path) -> None:
         """Print what was written; raise what interrupted it."""
         path = folder / EPISODE
         vehicles, seconds = len(episode.vehicles), (len(episode.pose) - 1) * episode.config.time_step
@@ -223,7 +223,7 @@ class FleetCommand(Checked):
             if broker is None:
                 return hear_log(whereabouts(source), lambda: progress.advance(bar))
             tell(f"listening to {broker.name}; Ctrl-C ends it and keeps what came", progress.console)
-            limits = Limits(self.patience or PATIENCE, self.seconds)
+            limits = ListenLimits(self.patience or PATIENCE, self.seconds)
             return hear_broker(broker, self.interface, folder, limits, lambda: progress.advance(bar))
 
     def _broker(self, text: str) -> Broker:

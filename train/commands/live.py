@@ -15,10 +15,10 @@ from train.commands.kinds import Fleet
 from train.commands.layouts import BY_MAP
 from train.evaluation.rollout import config_of
 from train.live.commands import MOST_ROBOTS
-from train.live.floors import Floors
-from train.live.runner import Runner
+from train.live.floors import LiveFloors
+from train.live.runner import WorldRunner
 from train.live.server import Server
-from train.live.world import Setting, World
+from train.live.world import World, WorldSetting
 from train.reporting.rows import RowFile
 from warehouse_env.config import EnvConfig
 from warehouse_env.planning import make_planner
@@ -54,15 +54,15 @@ class Live(Fleet, Drive):
 
     def run(self) -> None:
         """Print the address and serve until Ctrl-C."""
-        floors = Floors(self.layout)
+        floors = LiveFloors(self.layout)
         chosen = self.chosen()
         people, kinds = int(chosen.pop("people", 0)), self.kinds()
-        setting = Setting(self.policy, floors.first, self.robots, people, self.seed, self.planner, chosen, kinds)
+        setting = WorldSetting(self.policy, floors.first, self.robots, people, self.seed, self.planner, chosen, kinds)
         make_planner(self.planner)
         config = config_of(self.policy, EnvConfig(num_agents=self.robots, people=people), setting.given)
         file = RowFile(self.json)
         about = about_live(floors, self.policy, self.robots)
-        runner = Runner(lambda: World(setting, floors))
+        runner = WorldRunner(lambda: World(setting, floors))
         with Server(runner, live_page("Live warehouse", config.near_miss_gap, about), self.port) as server:
             threading.Thread(target=server.serve_forever, name="server", daemon=True).start()
             runner.start()
@@ -83,7 +83,7 @@ class Live(Fleet, Drive):
             raise runner.failed
 
 
-def about_live(floors: Floors, policy: str, robots: int) -> dict[str, object]:
+def about_live(floors: LiveFloors, policy: str, robots: int) -> dict[str, object]:
     """Return the choices that the page offers, and how the world begins."""
     return about_page(MOST_ROBOTS) | {
         "layers": about_page(robots)["layers"], "terms": [], "floors": floors.names, "most": MOST_ROBOTS,
@@ -91,7 +91,7 @@ def about_live(floors: Floors, policy: str, robots: int) -> dict[str, object]:
     }  # fmt: skip
 
 
-def row_of(runner: Runner) -> dict[str, object]:
+def row_of(runner: WorldRunner) -> dict[str, object]:
     """Return a row about a live world."""
     assert runner.drive is not None
     world = runner.drive.world
@@ -105,7 +105,7 @@ def row_of(runner: Runner) -> dict[str, object]:
     }  # fmt: skip
 
 
-def _said(runner: Runner) -> str:
+def _said(runner: WorldRunner) -> str:
     """Describe a world that was stopped."""
     if runner.drive is None:
         return "the world was still being made"

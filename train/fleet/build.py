@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from train.fleet.driven import MOST_POINTS, Driven
+from train.fleet.driven import MOST_POINTS, FleetEpisode
 from train.fleet.factsheet import body_of
 from train.fleet.figures import MOMENT, PRESENT, UNDER_WAY
-from train.fleet.places import SILENCE, Clock, Places, places_of, spans
-from train.fleet.received import GONE, Fleet, Key, Vehicle
+from train.fleet.places import SILENCE, EvenTimes, Track, places_of, spans
+from train.fleet.received import GONE, HeardFleet, HeardVehicle, Key
 from train.reporting.report import counted
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, WarehouseError, shown
@@ -26,7 +26,7 @@ _COARSEST = 10.0  # [s]
 _MOST, _LONGEST = 5_000_000, 200_000  # moments of all vehicles; of one
 
 
-def episode_of(fleet: Fleet, grid: GridMap, config: EnvConfig, every: float | None = None) -> Driven:
+def episode_of(fleet: HeardFleet, grid: GridMap, config: EnvConfig, every: float | None = None) -> FleetEpisode:
     """Return the episode of what a fleet said; config: names the floor.
 
     every: seconds between two moments (None: as often as vehicles report). Raises WarehouseError if there are too few
@@ -56,10 +56,10 @@ def episode_of(fleet: Fleet, grid: GridMap, config: EnvConfig, every: float | No
     stamp = datetime.fromtimestamp(clock.begin, UTC).isoformat(timespec="milliseconds")
     actions = np.zeros((clock.frames - 1, 1, len(placed)), np.int8)
     names = tuple("/".join(key) for key in placed)
-    return Driven(config, grid, (0,), actions, pose, "", None, moments, tuple(lines), names, stamp, tuple(notes))
+    return FleetEpisode(config, grid, (0,), actions, pose, "", None, moments, tuple(lines), names, stamp, tuple(notes))
 
 
-def _messages_notes(fleet: Fleet) -> list[str]:
+def _messages_notes(fleet: HeardFleet) -> list[str]:
     """Return notes on messages that were left out or are of another version, and on lost connections."""
     notes = [f"{count:,} messages or lines {why}: left out" for why, count in sorted(fleet.left_out.items())]
     if fleet.gaps:
@@ -73,7 +73,7 @@ def _messages_notes(fleet: Fleet) -> list[str]:
     return notes
 
 
-def _map_of(fleet: Fleet, grid: GridMap) -> tuple[str, list[str]]:
+def _map_of(fleet: HeardFleet, grid: GridMap) -> tuple[str, list[str]]:
     """Return the map whose positions are used, the floor's own name or the most frequent one, and notes on it."""
     count: Counter[str] = Counter()
     for vehicle in fleet.vehicles.values():
@@ -88,7 +88,7 @@ def _map_of(fleet: Fleet, grid: GridMap) -> tuple[str, list[str]]:
     return name, notes
 
 
-def _clock(placed: dict[Key, Places], every: float | None) -> Clock:
+def _clock(placed: dict[Key, Track], every: float | None) -> EvenTimes:
     """Return the episode's moments."""
     begin = min(float(places.seconds[0]) for places in placed.values())
     end = max(float(places.seconds[-1]) for places in placed.values())
@@ -105,10 +105,10 @@ def _clock(placed: dict[Key, Places], every: float | None) -> Clock:
             f"these messages go from {first} to {last}, {frames:,} moments of {step:g} s for "
             f"{counted(len(placed), 'vehicle')}; cut the log, or name more seconds with --every"
         )
-    return Clock(begin, step, frames)
+    return EvenTimes(begin, step, frames)
 
 
-def _at(places: Places, clock: Clock) -> NDArray[np.float64]:
+def _at(places: Track, clock: EvenTimes) -> NDArray[np.float64]:
     """Return float64[F, 3], the poses at even moments: interpolated between reports, except where it is unknown."""
     own = np.round(places.seconds - clock.begin, 6)
     pose = np.stack([np.interp(clock.times, own, places.pose[:, axis]) for axis in range(3)], axis=-1)
@@ -122,7 +122,7 @@ def _at(places: Places, clock: Clock) -> NDArray[np.float64]:
 class _Timeline:
     """What one vehicle said of its orders, at even moments."""
 
-    def __init__(self, vehicle: Vehicle, places: Places, grid: GridMap, clock: Clock, works: bool) -> None:
+    def __init__(self, vehicle: HeardVehicle, places: Track, grid: GridMap, clock: EvenTimes, works: bool) -> None:
         """works: only orders with an action count as goals, since some vehicle reports actions."""
         self._told = sorted(vehicle.told, key=lambda told: told.seconds)
         self._places, self._grid, self._clock, self._works = places, grid, clock, works
@@ -180,7 +180,7 @@ class _Timeline:
         return int(row * self._grid.shape[1] + column)
 
 
-def _places_notes(placed: dict[Key, Places], grid: GridMap) -> list[str]:
+def _places_notes(placed: dict[Key, Track], grid: GridMap) -> list[str]:
     """Return notes on positions that are impossible on this floor; WarehouseError if none lies on it."""
     side = np.array(grid.shape[::-1]) * grid.cell_size
     poses = np.concatenate([places.pose[:, :2] for places in placed.values()])
@@ -197,7 +197,7 @@ def _places_notes(placed: dict[Key, Places], grid: GridMap) -> list[str]:
     return [f"{counted(count, 'position')} of {len(on):,} lie {where}" for count, where in found if count]
 
 
-def _absences_notes(fleet: Fleet, placed: dict[Key, Places]) -> list[str]:
+def _absences_notes(fleet: HeardFleet, placed: dict[Key, Track]) -> list[str]:
     """Return notes on when vehicles were absent, and on those that fell silent."""
     absent = sum(int(places.lost.sum()) for places in placed.values())
     end = max(float(places.seconds[-1]) for places in placed.values())
@@ -214,7 +214,7 @@ def _absences_notes(fleet: Fleet, placed: dict[Key, Places]) -> list[str]:
     return [f"{counted(count, noun)} {what}" for count, noun, what in found if count]
 
 
-def _config(fleet: Fleet, keys: list[Key], config: EnvConfig, clock: Clock) -> tuple[EnvConfig, list[str]]:
+def _config(fleet: HeardFleet, keys: list[Key], config: EnvConfig, clock: EvenTimes) -> tuple[EnvConfig, list[str]]:
     """Return the config of the episode, with the body of the first factsheet, and notes on that body."""
     bodies = [body_of(fleet.vehicles[key].factsheet) for key in keys]
     body, how = bodies[0]

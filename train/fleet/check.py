@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from train.fleet.log import Bad, Entry, log_path, moment_of, read_log, version_of
+from train.fleet.log import Bad, LogEntry, log_path, moment_of, read_log, version_of
 from train.fleet.order_rules import OrderBook
 from warehouse_env.errors import WarehouseError, shown
 from warehouse_env.format_version import major_of
@@ -24,7 +24,7 @@ _LATEST = 30.0  # [s] after which a state is due
 _SHOWN = 100  # faults that are kept; the others are counted
 
 
-class Fault(NamedTuple):
+class LogFault(NamedTuple):
     """What is wrong, and where."""
 
     line: int
@@ -38,13 +38,13 @@ class Fault(NamedTuple):
         return f"line {self.line}, {self.vehicle}: {self.kind}: {self.what}"
 
 
-class Checked(NamedTuple):
+class LogCheck(NamedTuple):
     """What a check found."""
 
     messages: Counter[str]  # by topic
     vehicles: int
     seconds: float  # from the first message to the last
-    faults: list[Fault]  # the first of them
+    faults: list[LogFault]  # the first of them
     total: int  # of all faults
 
 
@@ -58,7 +58,7 @@ def validator(name: str) -> Any:
     return jsonschema.Draft202012Validator(json.loads((SCHEMAS / f"{name}.schema").read_text(encoding="utf-8")))
 
 
-def check_log(given: Path, moved: Callable[[], object] = lambda: None) -> Checked:
+def check_log(given: Path, moved: Callable[[], object] = lambda: None) -> LogCheck:
     """Check a log, or the one in a folder; moved: called after each line. WarehouseError if there is none."""
     checker = _Checker()
     for number, entry in read_log(log_path(given)):
@@ -96,13 +96,13 @@ class _Checker:
         self.messages: Counter[str] = Counter()
         self.unread: dict[int, str] = {}  # major version that is not read -> as it was first written
         self._vehicles: defaultdict[str, _Vehicle] = defaultdict(_Vehicle)
-        self._faults: list[Fault] = []
+        self._faults: list[LogFault] = []
         self._count = 0
         self._first: float | None = None
         self._last = 0.0
         self._line = 0
 
-    def take(self, number: int, entry: Entry | Bad) -> None:
+    def take(self, number: int, entry: LogEntry | Bad) -> None:
         """Check one line."""
         self._line = number
         if isinstance(entry, Bad):
@@ -113,20 +113,20 @@ class _Checker:
         for kind, what in self._taken(key, parts, entry):
             self._note(key, kind, what)
 
-    def done(self) -> Checked:
+    def done(self) -> LogCheck:
         """Return what was found."""
         for key, vehicle in self._vehicles.items():
             for kind, what in vehicle.overdue(self._last):
                 self._note(key, kind, what)
         seconds = self._last - self._first if self._first is not None else 0.0
-        return Checked(self.messages, len(self._vehicles), seconds, self._faults, self._count)
+        return LogCheck(self.messages, len(self._vehicles), seconds, self._faults, self._count)
 
     def _note(self, key: str, kind: str, what: str) -> None:
         self._count += 1
         if len(self._faults) < _SHOWN:
-            self._faults.append(Fault(self._line, key, kind, what))
+            self._faults.append(LogFault(self._line, key, kind, what))
 
-    def _taken(self, key: str, parts: list[str], entry: Entry) -> Iterator[tuple[str, str]]:
+    def _taken(self, key: str, parts: list[str], entry: LogEntry) -> Iterator[tuple[str, str]]:
         """Yield the faults of a message, kind and sentence; each version that is not read is one fault."""
         version, major = version_of(entry)
         if major is not None and major != _READS:
@@ -163,7 +163,7 @@ class _Checker:
             vehicle.stated = now
             yield from (("state", what) for what in vehicle.orders.state(entry.payload))
 
-    def _is_old(self, key: str, entry: Entry) -> bool:
+    def _is_old(self, key: str, entry: LogEntry) -> bool:
         """Whether a connection message was retained from before, or is delivered twice."""
         vehicle = self._vehicles.get(key)
         if vehicle is None:

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from train.fleet.figures import LOADED, MOMENT, PRESENT, Figures
+from train.fleet.figures import LOADED, MOMENT, PRESENT, FleetFigures
 from warehouse_env.errors import WarehouseError
 from warehouse_env.files import complete_file, zip_member
 from warehouse_env.render.replay import REWARD_TERMS
@@ -33,7 +33,7 @@ _COUNT, _POINT = np.dtype("<i4"), np.dtype("<f4")
 
 
 @dataclass(frozen=True, eq=False)
-class Driven(Episode):
+class FleetEpisode(Episode):
     """One world of N vehicles over T steps of time_step."""
 
     moments: NDArray[Any] = None  # type: ignore[assignment]  # MOMENT[T + 1, N]
@@ -59,7 +59,7 @@ class Driven(Episode):
 
     def replay(self) -> Iterator[Any]:
         """Yield a stand-in for the simulator at each moment."""
-        shown = Shown(self)
+        shown = FleetPlayback(self)
         for pose, moment in zip(self.pose[:, 0], self.moments, strict=True):
             shown.take(pose, moment)
             yield shown
@@ -70,13 +70,13 @@ class Driven(Episode):
         return dict(last.episode_metrics())
 
 
-class Shown:
+class FleetPlayback:
     """The parts of a simulator that pages and pictures use, for a fleet that is not simulated."""
 
-    def __init__(self, driven: Driven) -> None:
+    def __init__(self, driven: FleetEpisode) -> None:
         self.config, self.grid = driven.config, driven.grid
         self._lines, count = driven.lines, driven.config.num_agents
-        self._figures = Figures(driven.config)
+        self._figures = FleetFigures(driven.config)
         self.robots = self._figures.robots
         self.state, self.events = state_of(self.robots), events_of(self.robots)
         self.routes = np.zeros((1, count, max(map(len, driven.lines)), 2), np.float32)
@@ -128,12 +128,12 @@ def load_episode(path: str | Path) -> Episode:
 def load_simulated(path: str | Path) -> Episode:
     """Read an episode that can be run again; WarehouseError for one of a real fleet."""
     episode = load_episode(path)
-    if isinstance(episode, Driven):
+    if isinstance(episode, FleetEpisode):
         raise WarehouseError(f"{path} is of a real fleet, which cannot be run again; `warehouse replay` shows it")
     return episode
 
 
-def _driven(episode: Episode, archive: zipfile.ZipFile) -> Driven:
+def _driven(episode: Episode, archive: zipfile.ZipFile) -> FleetEpisode:
     """Return the episode with its further members, each checked before it is used."""
     about = json.loads(zip_member(archive, _ABOUT, _LONGEST_TEXT))
     frames, worlds, robots, _ = episode.pose.shape
@@ -150,7 +150,7 @@ def _driven(episode: Episode, archive: zipfile.ZipFile) -> Driven:
     if not good.all() or not np.isfinite(points).all() or not np.isfinite(episode.pose).all():
         raise WarehouseError("some of its goals, lines or poses are none")
     lines = tuple(np.split(points.astype(np.float32), np.cumsum(counts)[:-1]))
-    return Driven(
+    return FleetEpisode(
         episode.config, episode.grid, episode.seeds, episode.actions, episode.pose, episode.policy, None,
         moments.reshape(frames, robots), lines, tuple(map(str, about["vehicles"])), str(about["begin"]),
         tuple(map(str, about["notes"])),

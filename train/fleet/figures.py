@@ -138,7 +138,7 @@ def _look_at_pairs(robots, active, count, bits, near, fleet):
     return kept
 
 
-class Figures:
+class FleetFigures:
     """The records ROBOT[1, N] of a fleet, updated moment by moment."""
 
     def __init__(self, config: EnvConfig) -> None:

@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import IO, Any, NamedTuple
 
 from train.fleet.broker import Broker, hush, not_connected, package, reason
-from train.fleet.log import Bad, Entry, decoded, log_path, read_log
+from train.fleet.log import Bad, LogEntry, decoded, log_path, read_log
 from train.fleet.messages import LOG, TOPICS, log_line
-from train.fleet.received import Fleet
+from train.fleet.received import HeardFleet
 from warehouse_env.errors import ConfigError, LostError, WarehouseError, shown
 
 AGAIN = 1.0  # [s] between two attempts to reconnect
@@ -23,12 +23,12 @@ AGAIN = 1.0  # [s] between two attempts to reconnect
 class Heard(NamedTuple):
     """What was heard, and how it ended."""
 
-    fleet: Fleet
+    fleet: HeardFleet
     why: str
     stopped: BaseException | None = None  # what interrupted it
 
 
-class Limits(NamedTuple):
+class ListenLimits(NamedTuple):
     """When to stop listening to a broker [s]."""
 
     patience: float  # without a message or a connection
@@ -37,7 +37,7 @@ class Limits(NamedTuple):
 
 def hear_log(given: Path, moved: Callable[[], object] = lambda: None) -> Heard:
     """Read a log file, or the one in a folder; moved: called after each line."""
-    fleet = Fleet()
+    fleet = HeardFleet()
     for _, entry in read_log(log_path(given)):
         fleet.add(entry)
         moved()
@@ -45,14 +45,14 @@ def hear_log(given: Path, moved: Callable[[], object] = lambda: None) -> Heard:
 
 
 def hear_broker(
-    broker: Broker, interface: str, folder: Path, limits: Limits, moved: Callable[[], object] = lambda: None
+    broker: Broker, interface: str, folder: Path, limits: ListenLimits, moved: Callable[[], object] = lambda: None
 ) -> Heard:
     """Listen to a broker and append each message to FOLDER/messages.jsonl; moved: called after each message.
 
     Ctrl-C or a lost broker after the first message is returned in the result, since what came is still used. Raises
     WarehouseError if the broker cannot be reached or nothing comes, LostError if it is lost before the first message.
     """
-    path, fleet = folder / LOG, Fleet()
+    path, fleet = folder / LOG, HeardFleet()
     if path.exists():
         raise ConfigError(f"{path} holds messages already; name another folder with --out")
     try:
@@ -75,7 +75,13 @@ class _Listener:
     """Listens over one connection after another."""
 
     def __init__(
-        self, broker: Broker, interface: str, limits: Limits, fleet: Fleet, file: IO[str], moved: Callable[[], object]
+        self,
+        broker: Broker,
+        interface: str,
+        limits: ListenLimits,
+        fleet: HeardFleet,
+        file: IO[str],
+        moved: Callable[[], object],
     ) -> None:
         self._broker, self._interface, self._limits = broker, interface, limits
         self._fleet, self._file, self._moved = fleet, file, moved
@@ -157,7 +163,7 @@ class _Listener:
         if isinstance(data, Bad):
             self._fleet.add(data)
             return
-        entry = Entry(str(message.topic), data, message.qos, message.retain)
+        entry = LogEntry(str(message.topic), data, message.qos, message.retain)
         if self._fleet.is_stale(entry):
             return
         received = datetime.now(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")

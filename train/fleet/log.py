@@ -17,7 +17,7 @@ LONGEST = 4_000_000  # characters of a line
 _LARGEST_FILE = 10**12  # [bytes]
 
 
-class Entry(NamedTuple):
+class LogEntry(NamedTuple):
     """A message as it was logged."""
 
     topic: str
@@ -38,14 +38,14 @@ def log_path(given: Path) -> Path:
     return path / LOG if path.is_dir() else path
 
 
-def read_log(path: Path) -> Iterator[tuple[int, Entry | Bad]]:
+def read_log(path: Path) -> Iterator[tuple[int, LogEntry | Bad]]:
     """Yield each non-empty line with its number, from 1; WarehouseError if the file cannot be read."""
     for number, line in text_lines(path, "log of messages", _LARGEST_FILE, LONGEST, WarehouseError):
         if line.strip():
             yield number, entry_of(line.encode("utf-8", "surrogateescape"))
 
 
-def entry_of(line: bytes) -> Entry | Bad:
+def entry_of(line: bytes) -> LogEntry | Bad:
     """Parse a line of a log."""
     data = decoded(line)
     if isinstance(data, Bad):
@@ -56,7 +56,7 @@ def entry_of(line: bytes) -> Entry | Bad:
     if not isinstance(payload, dict):
         return Bad("its payload is no JSON object")
     qos, retain = data.get("qos"), data.get("retain")
-    return Entry(topic, payload, qos if qos in (0, 1, 2) else None, bool(retain) if retain in (0, 1) else None)
+    return LogEntry(topic, payload, qos if qos in (0, 1, 2) else None, bool(retain) if retain in (0, 1) else None)
 
 
 def decoded(text: bytes) -> dict[str, Any] | Bad:
@@ -84,7 +84,7 @@ def moment_of(stamp: object, zoned: bool = False) -> float | None:
         return None
 
 
-def version_of(entry: Entry) -> tuple[str, int | None]:
+def version_of(entry: LogEntry) -> tuple[str, int | None]:
     """Return the version of a message, or else of its topic: as written, and its major number or None."""
     level = "".join(entry.topic.split("/")[-4:-3])
     for said in (entry.payload.get("version"), level if level[:1] in ("v", "V") else None):

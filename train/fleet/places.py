@@ -8,14 +8,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from train.fleet.received import GONE, Vehicle
+from train.fleet.received import GONE, HeardVehicle
 from warehouse_env.maps.grid_map import GridMap
 
 SILENCE = 30.0  # [s] after which a vehicle should have said something
 _FASTEST, _STILL = 10.0, 1.0  # [m/s] and [m] beyond which a vehicle was not driven: carried, or localized anew
 
 
-class Places(NamedTuple):
+class Track(NamedTuple):
     """Where one vehicle was, at increasing moments of its own."""
 
     seconds: NDArray[np.float64]  # [K], since 1970
@@ -23,7 +23,7 @@ class Places(NamedTuple):
     lost: NDArray[np.bool_]  # [K - 1], whether its place between two of them is unknown
 
 
-class Clock(NamedTuple):
+class EvenTimes(NamedTuple):
     """Even moments."""
 
     begin: float  # [s] since 1970
@@ -36,7 +36,7 @@ class Clock(NamedTuple):
         return np.round(np.arange(self.frames) * self.step, 6)
 
 
-def places_of(vehicle: Vehicle, name: str, grid: GridMap) -> Places:
+def places_of(vehicle: HeardVehicle, name: str, grid: GridMap) -> Track:
     """Return where a vehicle was on a map; of two reports of one moment the later one."""
     order = np.argsort(np.frombuffer(vehicle.seconds), kind="stable")
     number = vehicle.maps.index(name) if name in vehicle.maps else -1
@@ -50,17 +50,17 @@ def places_of(vehicle: Vehicle, name: str, grid: GridMap) -> Places:
     seconds = seconds[last]
     gap, moved = np.diff(seconds), np.hypot(*np.diff(pose[:, :2], axis=0).T)
     far = moved > np.maximum(_FASTEST * gap, _STILL)
-    return Places(seconds, pose, elsewhere | _gone(vehicle, seconds) | (gap > SILENCE + 1) | far)
+    return Track(seconds, pose, elsewhere | _gone(vehicle, seconds) | (gap > SILENCE + 1) | far)
 
 
-def _gone(vehicle: Vehicle, seconds: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _gone(vehicle: HeardVehicle, seconds: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Return bool[K - 1]: between which of its reports a vehicle went offline."""
     found = np.zeros(len(seconds) + 1, np.bool_)
     found[np.searchsorted(seconds, [moment for moment, state in vehicle.connected if state in GONE], "right")] = True
     return found[1:-1]
 
 
-def spans(places: Places, clock: Clock) -> Iterator[tuple[int, slice, int]]:
+def spans(places: Track, clock: EvenTimes) -> Iterator[tuple[int, slice, int]]:
     """Yield each gap in which the place is unknown: its number, the frames in it, the frame that shows its end."""
     own, times = np.round(places.seconds - clock.begin, 6), clock.times
     for k in np.flatnonzero(places.lost).tolist():

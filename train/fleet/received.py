@@ -11,7 +11,7 @@ from collections import Counter
 from typing import Any, NamedTuple
 
 from train.fleet.figures import AT_PERSON, AT_ROBOT, AT_SHELF, LOADED
-from train.fleet.log import Bad, Entry, moment_of, version_of
+from train.fleet.log import Bad, LogEntry, moment_of, version_of
 from train.fleet.vehicle import CONTACTS
 from warehouse_env.errors import WarehouseError
 
@@ -42,7 +42,7 @@ class Told(NamedTuple):
     bits: int  # see figures
 
 
-class Vehicle:
+class HeardVehicle:
     """What one vehicle has said."""
 
     def __init__(self) -> None:
@@ -101,18 +101,18 @@ class Vehicle:
         self._latest = max(self._latest, seconds)
 
 
-class Fleet:
+class HeardFleet:
     """All vehicles, and counts of unused messages."""
 
     def __init__(self) -> None:
-        self.vehicles: dict[Key, Vehicle] = {}
+        self.vehicles: dict[Key, HeardVehicle] = {}
         self.left_out: Counter[str] = Counter()
         self.versions: Counter[int] = Counter()  # messages read, by major version
         self.messages = self.places = self.states = 0
         self.gaps: list[float] = []  # [s] without a message after the connection broke
         self._said: set[tuple[Key, str]] = set()  # vehicles and topics heard so far
 
-    def add(self, entry: Entry | Bad) -> None:
+    def add(self, entry: LogEntry | Bad) -> None:
         """Take a message; WarehouseError if there are too many to keep."""
         if isinstance(entry, Bad):
             self.left_out["are no message"] += 1
@@ -145,7 +145,7 @@ class Fleet:
         else:
             self._report(vehicle, name, entry.payload)
 
-    def is_stale(self, entry: Entry) -> bool:
+    def is_stale(self, entry: LogEntry) -> bool:
         """Whether a retained connection message is of a vehicle that left before, or is repeated."""
         if not entry.retain or not entry.topic.endswith("/connection"):
             return False
@@ -161,7 +161,7 @@ class Fleet:
         spoke = [vehicle for vehicle in self.vehicles.values() if vehicle.spoke]
         return bool(spoke) and all(one.connected and one.connected[-1][1] in GONE for one in spoke)
 
-    def _is_read(self, entry: Entry) -> bool:
+    def _is_read(self, entry: LogEntry) -> bool:
         """Whether a message is of a version that is read, or names none; count it by its version."""
         _, major = version_of(entry)
         if major is None:
@@ -172,14 +172,14 @@ class Fleet:
         self.versions[major] += 1
         return True
 
-    def _vehicle(self, key: Key) -> Vehicle:
+    def _vehicle(self, key: Key) -> HeardVehicle:
         if key not in self.vehicles:
             if len(self.vehicles) == _MOST_VEHICLES:
                 raise WarehouseError(f"there are more than {_MOST_VEHICLES:,} vehicles in these messages")
-            self.vehicles[key] = Vehicle()
+            self.vehicles[key] = HeardVehicle()
         return self.vehicles[key]
 
-    def _report(self, vehicle: Vehicle, name: str, payload: dict[str, Any]) -> None:
+    def _report(self, vehicle: HeardVehicle, name: str, payload: dict[str, Any]) -> None:
         """Keep the position, and for a state what else it says."""
         seconds = moment_of(payload.get("timestamp"))
         if seconds is None:
@@ -201,7 +201,7 @@ class Fleet:
         vehicle.place(seconds, pose, _text(position.get("mapId"))[:200])
 
 
-def _key(entry: Entry) -> Key | None:
+def _key(entry: LogEntry) -> Key | None:
     """Return the vehicle of a message, by its topic, or by its header if the topic is short."""
     parts = entry.topic.split("/")
     header = [_text(entry.payload.get(name)) for name in ("manufacturer", "serialNumber")]

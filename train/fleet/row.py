@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 
-from train.fleet.driven import Driven
+from train.fleet.driven import FleetEpisode
 from train.reporting.report import Table, number
 from train.reporting.rows import Row, plain
 from warehouse_env import __version__
@@ -25,7 +25,7 @@ _NOTE = (
 )
 
 
-def row_of(episode: Driven, source: str) -> Row:
+def row_of(episode: FleetEpisode, source: str) -> Row:
     """Return the row of a fleet; reroutes are None, since no message tells them."""
     told = episode.row() | {"reroutes": math.nan}
     return _row(episode, told, "fleet", source) | {"notes": list(episode.notes), "vehicles": list(episode.vehicles)}

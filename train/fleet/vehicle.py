@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 from train.fleet.story import Story
-from train.fleet.ways import Node, Order, orders_of
+from train.fleet.ways import OrderNode, RobotOrder, orders_of
 from warehouse_env.simulation.state import NOBODY
 
 Body = tuple[str, dict[str, Any]]
@@ -40,7 +40,7 @@ class _Sent(NamedTuple):
     charging: bool
 
 
-class Vehicle:
+class VehicleWriter:
     """A robot of a story; call `at` for each moment in turn."""
 
     def __init__(self, story: Story, robot: int) -> None:
@@ -52,8 +52,8 @@ class Vehicle:
         flags = ("loaded", "touching", *_HITS)
         self._loaded, self._touching, *self._hits = (story.flag(name)[:, robot] for name in flags)
         self._number, self._update, self._way = -1, 0, 0  # current order, its last update, the route within it
-        self._base: list[Node] = []  # of this order
-        self._horizon: list[Node] = []
+        self._base: list[OrderNode] = []  # of this order
+        self._horizon: list[OrderNode] = []
         self._passed = 0  # nodes of the base
         self._reached = False
         self._action: str | None = None
@@ -104,7 +104,7 @@ class Vehicle:
         while self._passed < last and self._base[self._passed].along <= self._farthest + _PASSED:
             self._passed += 1
 
-    def _begin(self, order: Order) -> None:
+    def _begin(self, order: RobotOrder) -> None:
         """Take the next order, which begins where the vehicle is."""
         self._number, self._update, self._base, self._passed = self._number + 1, 0, [order.start], 1
         self._reached, self._action = False, order.work and "WAITING"
@@ -129,10 +129,10 @@ class Vehicle:
     def _id(self) -> str:
         return f"{self.serial}-{self._number + 1}" if self._number >= 0 else ""
 
-    def _name(self, node: Node) -> str:
+    def _name(self, node: OrderNode) -> str:
         return f"{node.x:.3f},{node.y:.3f}"
 
-    def _node(self, nodes: list[Node], k: int) -> dict[str, Any]:
+    def _node(self, nodes: list[OrderNode], k: int) -> dict[str, Any]:
         """Return a node as orders and states have it."""
         return {
             "nodeId": self._name(nodes[k]), "sequenceId": 2 * k, "released": k < len(self._base),
@@ -151,7 +151,7 @@ class Vehicle:
         edges = [self._edge(nodes, k) for k in range(stitch, len(nodes) - 1)]
         return {"orderId": self._id, "orderUpdateId": self._update, "nodes": listed, "edges": edges}
 
-    def _edge(self, nodes: list[Node], k: int) -> dict[str, Any]:
+    def _edge(self, nodes: list[OrderNode], k: int) -> dict[str, Any]:
         """Return the edge after a node."""
         first, last = nodes[k], nodes[k + 1]
         return {

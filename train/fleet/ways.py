@@ -17,7 +17,7 @@ _NEAREST = 0.5  # [m] between two nodes, at least
 _STANDS = 0.05  # [m] up to which a robot has not moved
 
 
-class Node(NamedTuple):
+class OrderNode(NamedTuple):
     """A point of a route."""
 
     x: float  # [m], in the frame of the map's file, like `y`
@@ -30,22 +30,22 @@ class Way(NamedTuple):
 
     begin: int
     end: int
-    nodes: tuple[Node, ...]  # after the one at its start
+    nodes: tuple[OrderNode, ...]  # after the one at its start
     sure: int  # how many of these join the base
 
 
-class Order(NamedTuple):
+class RobotOrder(NamedTuple):
     """From a robot's place to its goal."""
 
     begin: int  # moment
     reached: int | None  # moment at which it reaches its goal, if it does
-    start: Node
+    start: OrderNode
     ways: tuple[Way, ...]
     work: str | None  # at the goal: "pick", "drop" or nothing
     goal: str  # in words
 
 
-def orders_of(story: Story, robot: int) -> list[Order]:
+def orders_of(story: Story, robot: int) -> list[RobotOrder]:
     """Return a robot's orders in turn."""
     replay = story.replay
     route = replay.route[:, robot]
@@ -53,7 +53,7 @@ def orders_of(story: Story, robot: int) -> list[Order]:
     changes = [0, *(np.flatnonzero(np.diff(route)) + 1).tolist()]
     served = story.flag("served")[:, robot]
     stands = story.flag("arrived")[:, robot] | served
-    orders: list[Order] = []
+    orders: list[RobotOrder] = []
     while changes:
         begin = changes[0]
         if served[begin]:  # it has nothing to do
@@ -68,7 +68,7 @@ def orders_of(story: Story, robot: int) -> list[Order]:
     return orders
 
 
-def _order(story: Story, robot: int, begins: list[int], reached: int | None) -> Order:
+def _order(story: Story, robot: int, begins: list[int], reached: int | None) -> RobotOrder:
     """Return the order whose routes begin at these moments."""
     replay, begin, grid = story.replay, begins[0], story.replay.grid
     last = len(replay.route) if reached is None else reached
@@ -78,7 +78,7 @@ def _order(story: Story, robot: int, begins: list[int], reached: int | None) -> 
     ends = [*begins[1:], last]
     x, y = grid.world(replay.pose[begin, robot, :2]).round(3).tolist()
     ways = tuple(_way(story, robot, first, after, after == last) for first, after in zip(begins, ends, strict=True))
-    return Order(begin, reached, Node(x, y, 0.0), ways, work, f"{what} in row {goal[0]}, column {goal[1]}")
+    return RobotOrder(begin, reached, OrderNode(x, y, 0.0), ways, work, f"{what} in row {goal[0]}, column {goal[1]}")
 
 
 def _way(story: Story, robot: int, begin: int, end: int, lasts: bool) -> Way:
@@ -96,6 +96,6 @@ def _way(story: Story, robot: int, begin: int, end: int, lasts: bool) -> Way:
         if mark == stop:  # where the next route begins
             here = replay.grid.world(replay.pose[end, robot, :2])
         x, y = here.astype(float).round(3).tolist()
-        nodes.append(Node(x, y, mark))
+        nodes.append(OrderNode(x, y, mark))
     sure = len(nodes) if stop is None else sum(node.along <= stop for node in nodes)
     return Way(begin, end, tuple(nodes), sure)

@@ -8,7 +8,7 @@ from pathlib import Path
 from train.fleet.factsheet import factsheet_of
 from train.fleet.messages import LOG, Message, Names, Sender
 from train.fleet.story import Story
-from train.fleet.vehicle import Vehicle
+from train.fleet.vehicle import VehicleWriter
 from warehouse_env.errors import ConfigError
 from warehouse_env.files import complete_file
 from warehouse_env.maps.halls.saved import write_hall
@@ -27,7 +27,7 @@ def messages_of(
     stride = 1 if every is None else round(every / step)
     if stride < 1:
         raise ConfigError(f"--every {every:g} must be at least {step:g}, a step of the episode [s]")
-    vehicles = [Vehicle(story, robot) for robot in range(story.replay.config.num_agents)]
+    vehicles = [VehicleWriter(story, robot) for robot in range(story.replay.config.num_agents)]
     senders = [Sender(names, vehicle.serial) for vehicle in vehicles]
     both = list(zip(vehicles, senders, strict=True))
     factsheet = factsheet_of(story.replay.config, stride * step)

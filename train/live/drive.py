@@ -6,7 +6,7 @@ import time
 from typing import Any
 
 from train.live.commands import Command, Play, Speed, Step
-from train.live.figures import Figures, Sample
+from train.live.figures import LiveFigures, Sample
 from train.live.listeners import Listeners
 from train.live.messages import further, note, whole
 from train.live.world import Moment, World
@@ -20,7 +20,7 @@ _LATE = 0.25  # [s] behind the pace, from which on it starts anew
 _IDLE = 0.5  # [s] between two turns while paused
 
 
-class Drive:
+class WorldDrive:
     """Steps a world when a step is due, and sends what happens to listeners."""
 
     def __init__(self, world: World, listeners: Listeners) -> None:
@@ -29,7 +29,7 @@ class Drive:
         self._speed: float | None = 1.0
         self._first = 0  # number of the last moment sent
         self._told_at = 0.0
-        self._figures = Figures()
+        self._figures = LiveFigures()
         self._show_anew()
 
     def due_in(self) -> float:
@@ -73,7 +73,7 @@ class Drive:
         self._listeners.put(note(self._pace() | {"making": MAKING}))
         try:
             if self.world.change(command):
-                self._figures = Figures()
+                self._figures = LiveFigures()
         except WarehouseError:
             self._set_off()
             self._listeners.put(note(self._pace()))

@@ -26,7 +26,7 @@ class Sample(NamedTuple):
     contacts: int  # so far
 
 
-class Figures:
+class LiveFigures:
     """The samples of a world, `KEPT` at most."""
 
     def __init__(self) -> None:

@@ -15,7 +15,7 @@ from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.maps.layouts import LAYOUTS, make_layout
 
 
-class Floors:
+class LiveFloors:
     """The named layouts, and the first floor, which may be a file's."""
 
     def __init__(self, layout: str) -> None:

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from concurrent.futures import Future
 
 from train.live.commands import Command
-from train.live.drive import Drive
+from train.live.drive import WorldDrive
 from train.live.listeners import Listeners
 from train.live.world import World
 from warehouse_env.errors import ConfigError, WarehouseError
@@ -16,7 +16,7 @@ from warehouse_env.errors import ConfigError, WarehouseError
 _LOOKS_EVERY = 0.5  # [s], whether it is stopped
 
 
-class Runner(threading.Thread):
+class WorldRunner(threading.Thread):
     """Drives a world until `stop`; `listeners` receive it, and `ask` changes it.
 
     failed: the error that ended it, for the main thread to raise.
@@ -26,7 +26,7 @@ class Runner(threading.Thread):
         """make: makes the first world, within the thread, since kernels may be compiled."""
         super().__init__(name="live world", daemon=True)
         self.listeners = Listeners()
-        self.drive: Drive | None = None
+        self.drive: WorldDrive | None = None
         self.failed: BaseException | None = None
         self._make = make
         self._asked: queue.SimpleQueue[tuple[Command, Future[None]] | None] = queue.SimpleQueue()
@@ -56,7 +56,7 @@ class Runner(threading.Thread):
     def run(self) -> None:
         """Make the world and drive it."""
         try:
-            self.drive = Drive(self._make(), self.listeners)
+            self.drive = WorldDrive(self._make(), self.listeners)
             while not self._stopped.is_set():
                 self._take(self.drive)
                 self.drive.turn()
@@ -67,7 +67,7 @@ class Runner(threading.Thread):
             for listener in self.listeners.now():
                 listener.close()
 
-    def _take(self, drive: Drive) -> None:
+    def _take(self, drive: WorldDrive) -> None:
         """Wait until a step is due or a command comes, and answer the command."""
         wait = min(drive.due_in(), _LOOKS_EVERY)
         try:

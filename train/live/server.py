@@ -17,7 +17,7 @@ from typing import Any, cast
 
 from train.live.commands import MOST_BYTES, read_command
 from train.live.messages import ALIVE
-from train.live.runner import Runner
+from train.live.runner import WorldRunner
 from warehouse_env.errors import ConfigError, WarehouseError
 from warehouse_env.render.live_page import LivePage
 
@@ -31,7 +31,7 @@ class Server(ThreadingHTTPServer):
 
     daemon_threads = True
 
-    def __init__(self, runner: Runner, page: LivePage, port: int = 0) -> None:
+    def __init__(self, runner: WorldRunner, page: LivePage, port: int = 0) -> None:
         """port: 0 for a free one. OSError if it is taken."""
         self.runner, self.page, self.token = runner, page, secrets.token_urlsafe(24)
         super().__init__((LOOPBACK, port), Handler)

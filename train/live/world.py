@@ -18,7 +18,7 @@ from agents import POLICIES
 from train.evaluation.rollout import config_of, make_actor
 from train.kinds import Kinds
 from train.live.commands import Leave, Make, Person, Shelves
-from train.live.floors import Floors, free_cell, with_shelves
+from train.live.floors import LiveFloors, free_cell, with_shelves
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, WarehouseError, unknown_name
 from warehouse_env.maps.grid_map import GridMap
@@ -36,7 +36,7 @@ Moment = dict[str, NDArray[Any]]
 
 
 @dataclass(frozen=True)
-class Setting:
+class WorldSetting:
     """How a world begins."""
 
     policy: str
@@ -57,12 +57,12 @@ class Setting:
 class World:
     """One world and its policy; `change` replaces it, or raises and leaves it as it is."""
 
-    def __init__(self, setting: Setting, floors: Floors) -> None:
+    def __init__(self, setting: WorldSetting, floors: LiveFloors) -> None:
         self.floors = floors
         self.made = 0  # simulators so far
         self._begin(setting)
 
-    def _begin(self, setting: Setting) -> None:
+    def _begin(self, setting: WorldSetting) -> None:
         """Restart; nothing is changed if that raises."""
         grid = self.floors.load(setting.floor)
         simulator, act = _made(setting, setting.people, grid)
@@ -172,7 +172,7 @@ class World:
         """Return float32[M, 2], the positions of people [m]."""
         return places(self.simulator.people.persons[0])[:, :2]
 
-    def _go_on(self, setting: Setting, grid: GridMap, people: NDArray[np.floating[Any]]) -> None:
+    def _go_on(self, setting: WorldSetting, grid: GridMap, people: NDArray[np.floating[Any]]) -> None:
         """Continue with another policy, floor or people: robots keep pose, speed and goal, and get new routes.
 
         Robots that could not stop before a new shelf are stopped at once, so a click causes no contact.
@@ -192,7 +192,7 @@ class World:
         self._take(simulator, act)
 
 
-def _made(setting: Setting, people: int, grid: GridMap) -> tuple[Simulator, Any]:
+def _made(setting: WorldSetting, people: int, grid: GridMap) -> tuple[Simulator, Any]:
     """Return a simulator to be reset, and its actor."""
     base = EnvConfig(num_agents=setting.robots, planner=setting.planner, layout=setting.floor)
     config = config_of(setting.policy, base, {**setting.given, "people": people})

@@ -12,7 +12,7 @@ import pytest
 from tests.train.advice.floors import floor_of
 from train.advice import capacity, changes
 from train.advice.answer import answer
-from train.advice.asked import Asked
+from train.advice.asked import RobotsNeeded
 from train.advice.candidates import (
     EAST,
     WEST,
@@ -31,9 +31,9 @@ from train.advice.candidates import (
 from train.advice.capacity import Capacity
 from train.advice.changes import Effect
 from train.advice.course import Advice
-from train.advice.curve import Load
-from train.advice.study import Crew
-from train.advice.trials import Plan
+from train.advice.curve import LoadPoint
+from train.advice.study import Team
+from train.advice.trials import AdvicePlan
 from train.cli import main
 from train.evaluation.places import Floor
 from train.reporting.rows import Interval, read_rows
@@ -148,24 +148,24 @@ def interval(mean: float, half: float = 0.0, samples: int = 8) -> Interval:
     return Interval(mean, mean - half, mean + half, samples)
 
 
-def load(robots: int, goals: Interval, stuck: float = 0.0, jammed: bool = False) -> Load:
-    return Load(robots, goals.samples, goals, goals.times(1 / robots), interval(stuck, 0.1), interval(0.1), jammed)
+def load(robots: int, goals: Interval, stuck: float = 0.0, jammed: bool = False) -> LoadPoint:
+    return LoadPoint(robots, goals.samples, goals, goals.times(1 / robots), interval(stuck, 0.1), interval(0.1), jammed)
 
 
 SIXTEEN, TWENTY, JAM = load(16, interval(1000.0, 100.0)), load(24, interval(1010.0, 100.0)), load(
     32, interval(500.0, 50.0), 0.5, True)  # fmt: skip
 CAPACITY = Capacity(
-    Crew("threaded_ppo", 16), load(16, interval(990.0, 50.0)), interval(125.0, 5.0), [SIXTEEN, TWENTY, JAM], True,
+    Team("threaded_ppo", 16), load(16, interval(990.0, 50.0)), interval(125.0, 5.0), [SIXTEEN, TWENTY, JAM], True,
     interval(0.0), interval(12.0, 2.0), JAM, [],
 )  # fmt: skip
 
 
-def advice(asked: Asked | None = None, **changes: Any) -> Advice:
+def advice(asked: RobotsNeeded | None = None, **changes: Any) -> Advice:
     """Sixteen robots make the most, 32 jam; an aisle gains, a rule may not."""
     base = interval(1000.0, 100.0)
     (gap, *_), (rule,) = aisles(RACKS, (3, 2)), alternating(RACKS)
     effects = [Effect(gap, 4, base, interval(50.0, 10.0)), Effect(rule, 1, base, interval(5.0, 35.0))]
-    plan = Plan(RACKS, ("greedy", "threaded_ppo"), "astar_turns", 300.0, 0, None, 64)
+    plan = AdvicePlan(RACKS, ("greedy", "threaded_ppo"), "astar_turns", 300.0, 0, None, 64)
     floor = Floor(np.ones((7, 6)), np.empty((0, 2)), np.empty(0), 1.0)
     worst = [Bottleneck((3, 3), 3.5, 3.5, 30.0, 0.75, 0.25)]
     known = Advice(plan, CAPACITY.crew, CAPACITY, asked, floor, worst, np.zeros((7, 6)), effects, True)
@@ -177,7 +177,7 @@ def told(**changes: Any) -> str:
 
 
 def test_the_answer_says_what_was_found() -> None:
-    text = "\n".join(answer(advice(Asked(900.0, 12, interval(950.0, 40.0)))))
+    text = "\n".join(answer(advice(RobotsNeeded(900.0, 12, interval(950.0, 40.0)))))
     for says in (
         "**900 goals an hour take 12 robots**: they make 950 [910, 990]",
         "**hall makes the most with 16 robots: 990 [940, 1,040] goals an hour**",

@@ -12,8 +12,8 @@ from tests.train.advice.floors import Curve, Slow, driver, floor_of, plan_of
 from train.advice.asked import asked
 from train.advice.capacity import Capacity, begins_with, capacity
 from train.advice.course import advise
-from train.advice.study import Crew, Study
-from train.advice.trials import Clock, Trial
+from train.advice.study import Team, TrialRuns
+from train.advice.trials import TimeBudget, Trial
 
 HALL = floor_of(*["." * 48] * 48)  # 2,304 cells
 
@@ -35,7 +35,7 @@ def collapse(robots: float) -> float:
 
 def found(curve: Curve, noise: float = 0.0, salt: int = 0, **changes: object) -> Capacity:
     plan = plan_of(HALL, **changes)
-    return capacity(Study(plan, driver({"ours": curve}, noise, salt=salt), Clock(None)))
+    return capacity(TrialRuns(plan, driver({"ours": curve}, noise, salt=salt), TimeBudget(None)))
 
 
 @pytest.mark.parametrize("salt", range(3))
@@ -50,7 +50,7 @@ def test_a_known_peak_is_found_through_noise(at: float, salt: int) -> None:
 
 def test_without_noise_the_best_number_is_found() -> None:
     one = found(peaked(24.0))
-    assert one.crew == Crew("ours", 24)
+    assert one.crew == Team("ours", 24)
     assert one.goals.goals.mean == pytest.approx(peaked(24.0)(24))
 
 
@@ -74,7 +74,7 @@ def test_a_collapse_is_not_where_the_most_is() -> None:
 def test_the_policy_that_drives_best_is_chosen_and_measured_anew(salt: int) -> None:
     curves = {"ours": peaked(30.0), "better": peaked(30.0, 230.0), "worse": peaked(30.0, 150.0)}
     plan = plan_of(HALL, policies=tuple(curves))
-    one = capacity(Study(plan, driver(curves, 0.03, salt=salt), Clock(None)))
+    one = capacity(TrialRuns(plan, driver(curves, 0.03, salt=salt), TimeBudget(None)))
     assert one.crew.policy == "better"
     assert one.alone.mean == pytest.approx(230.0, rel=0.1)
 
@@ -89,12 +89,14 @@ def test_the_answer_is_measured_on_seeds_that_had_no_part_in_the_choice() -> Non
             row["late_goals_per_robot_hour"] *= 3 if row["seed"] < 1_000 else 1
         return rows
 
-    one = capacity(Study(plan_of(HALL), drive, Clock(None)))
+    one = capacity(TrialRuns(plan_of(HALL), drive, TimeBudget(None)))
     assert one.goals.goals.mean == pytest.approx(peaked(30.0)(one.crew.robots))
 
 
 def test_a_floor_on_which_all_get_stuck() -> None:
-    one = capacity(Study(plan_of(HALL), driver({"ours": peaked(160.0)}, stuck=lambda robots: 1.0), Clock(None)))
+    one = capacity(
+        TrialRuns(plan_of(HALL), driver({"ours": peaked(160.0)}, stuck=lambda robots: 1.0), TimeBudget(None))
+    )
     assert one.goals.jammed
     assert one.jam is not None
     assert one.jam.robots == 1
@@ -109,7 +111,7 @@ def test_the_search_begins_with_as_many_robots_as_a_floor_has_room_for() -> None
 def test_on_a_large_floor_the_peak_is_found_in_little_time() -> None:
     """An episode takes 1 ms a robot, so a second is one episode of a thousand; 512 make most."""
     clock = Slow(0.6, driver({"ours": peaked(512.0)}, 0.01, seconds=lambda robots: robots / 1000))
-    one = capacity(Study(plan_of(floor_of(*["." * 180] * 180), episodes=None, most=2048), clock.drive, clock))
+    one = capacity(TrialRuns(plan_of(floor_of(*["." * 180] * 180), episodes=None, most=2048), clock.drive, clock))
     assert one.crew.robots in (384, 512)
     assert one.knee is not None
     assert 100 < one.knee.mean < 250
@@ -128,7 +130,7 @@ def test_the_time_is_kept_and_used(minutes: float, sought: bool) -> None:
 
 def test_if_time_is_short_it_says_what_is_missing() -> None:
     clock = Slow(0.01, driver({"ours": peaked(30.0)}, 0.01, seconds=lambda robots: robots / 1000))
-    one = capacity(Study(plan_of(HALL, episodes=None), clock.drive, clock))
+    one = capacity(TrialRuns(plan_of(HALL, episodes=None), clock.drive, clock))
     assert one.stopped
     assert one.goals.episodes >= 3
 
@@ -137,7 +139,7 @@ def test_if_time_is_short_it_says_what_is_missing() -> None:
 def test_the_fewest_that_make_so_many_goals(salt: int) -> None:
     curve = peaked(60.0)
     plan = plan_of(HALL, wanted=3000.0, episodes=12)
-    study = Study(plan, driver({"ours": curve}, 0.03, salt=salt), Clock(None))
+    study = TrialRuns(plan, driver({"ours": curve}, 0.03, salt=salt), TimeBudget(None))
     one = asked(study, capacity(study), 1.0)
     fewest = next(robots for robots in range(60) if curve(robots) >= 3000.0)
     assert one.robots is not None
@@ -146,6 +148,6 @@ def test_the_fewest_that_make_so_many_goals(salt: int) -> None:
 
 
 def test_goals_that_a_floor_cannot_make_are_called_so() -> None:
-    study = Study(plan_of(HALL, wanted=5000.0), driver({"ours": peaked(30.0)}, 0.02), Clock(None))
+    study = TrialRuns(plan_of(HALL, wanted=5000.0), driver({"ours": peaked(30.0)}, 0.02), TimeBudget(None))
     one = asked(study, capacity(study), 1.0)  # the most is 200 * 30 / e = 2,207
     assert (one.robots, one.possible) == (None, False)

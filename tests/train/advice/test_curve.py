@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from train.advice.curve import Load, bracket, falling, fewest_that, jams_from, knee, loads, peak, rungs, smallest
+from train.advice.curve import LoadPoint, bracket, falling, fewest_that, jams_from, knee, loads, peak, rungs, smallest
 from train.reporting.rows import Interval, mean_interval
 
 NAN = math.nan
@@ -18,10 +18,10 @@ def driven(late: float, stuck: float = 0.0) -> dict[str, Any]:
     return {"late_goals_per_robot_hour": late, "stuck": stuck, "waiting_share": 0.1}
 
 
-def made(robots: int, goals: float, half: float = 0.0, jammed: bool = False) -> Load:
+def made(robots: int, goals: float, half: float = 0.0, jammed: bool = False) -> LoadPoint:
     """Return a load with an interval of so much to both sides, of four episodes."""
     none = Interval(NAN, NAN, NAN, 0)
-    return Load(robots, 4, Interval(goals, goals - half, goals + half, 4), none, none, none, jammed)
+    return LoadPoint(robots, 4, Interval(goals, goals - half, goals + half, 4), none, none, none, jammed)
 
 
 def test_a_floor_jams_where_robots_are_stuck_or_all_together_do_less() -> None:

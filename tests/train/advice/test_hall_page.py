@@ -17,7 +17,7 @@ from train.advice.candidates import Candidate, alternating
 from train.advice.changes import Effect
 from train.advice.hall_part import doubts, hall_parts, with_parameter
 from train.advice.take_away import FOLDER, recommended, write_floor
-from train.advice.trials import Plan
+from train.advice.trials import AdvicePlan
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.halls.hall import read_hall
 from warehouse_env.maps.layouts import make_layout
@@ -71,7 +71,7 @@ def changed(grid: GridMap, *gains: float) -> Any:
     effects = [
         Effect(candidate, 1, interval(1.0), interval(gain, 5.0)) for candidate, gain in zip(found, gains, strict=False)
     ]
-    return advice(effects=effects, plan=Plan(grid, ("greedy",), "astar", 300.0, 7, None, 8))
+    return advice(effects=effects, plan=AdvicePlan(grid, ("greedy",), "astar", 300.0, 7, None, 8))
 
 
 def test_the_change_that_is_told_to_bring_most_is_recommended() -> None:

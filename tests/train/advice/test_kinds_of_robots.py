@@ -11,7 +11,7 @@ from tests.train.advice.floors import floor_of, plan_of
 from tests.train.advice.test_advice import RACKS
 from train.advice import room
 from train.advice.room import for_kinds, most_with_a_start
-from train.advice.trials import Plan, Use
+from train.advice.trials import AdvicePlan, Use
 from train.cli import main
 from train.commands import advise as command
 from train.kinds import Kinds, Part
@@ -28,7 +28,7 @@ HALL = floor_of(
 )  # fmt: skip
 
 
-def kinds_of(plan: Plan, robots: int, seeds: range) -> list[tuple[RobotSpec, ...]]:
+def kinds_of(plan: AdvicePlan, robots: int, seeds: range) -> list[tuple[RobotSpec, ...]]:
     trials = plan.trials(plan.grid, "greedy", robots, seeds)
     return [EnvConfig(num_agents=robots, **trial.work).robots for trial in trials]
 

@@ -16,8 +16,8 @@ from train.advice.answer import asked_text
 from train.advice.asked import asked
 from train.advice.changes import kinds
 from train.advice.curve import bracket, loads
-from train.advice.study import Crew, Study
-from train.advice.trials import Clock, Trial
+from train.advice.study import Team, TrialRuns
+from train.advice.trials import TimeBudget, Trial
 from train.cli import main
 from train.reporting.rows import read_rows
 from warehouse_env.maps.layouts import make_layout
@@ -72,7 +72,7 @@ def test_fewer_orders_that_came_are_no_jam() -> None:
 
 def test_the_fewest_robots_that_drop_the_orders_in_time() -> None:
     plan = plan_of(HALL, wanted=0.95, work=DRAWN, most=128)
-    study = Study(plan, worked, Clock(None))
+    study = TrialRuns(plan, worked, TimeBudget(None))
     found = capacity.capacity(study)
     assert found.crew.robots == 32  # the first of the numbers tried that drop all 600 that come
     one = asked(study, found, 1.0)
@@ -84,7 +84,7 @@ def test_one_station_and_one_charger_more_and_fewer_are_tried(monkeypatch: pytes
     monkeypatch.setattr(fittings, "SITES", 3)
     grid = make_layout("open")
     plan = plan_of(grid, policies=("greedy",), work=SERVED | {"battery": BatterySpec(chargers=1)})
-    more, fewer, charger = fittings.options(plan, Crew("greedy", 2))
+    more, fewer, charger = fittings.options(plan, Team("greedy", 2))
     now = set(grid.endpoints[1])
     added, removed = set(more.grid.endpoints[1]) - now, now - set(fewer.grid.endpoints[1])
     for one, changed in ((more, added), (fewer, removed)):

@@ -21,7 +21,7 @@ from train.fleet import listen
 from train.fleet.broker import PASSWORD, Broker, broker_of
 from train.fleet.build import episode_of
 from train.fleet.check import check_log
-from train.fleet.listen import Heard, Limits, hear_broker
+from train.fleet.listen import Heard, ListenLimits, hear_broker
 from train.fleet.messages import Message
 from train.fleet.publisher import publish
 from train.fleet.secure import secure_context
@@ -73,7 +73,7 @@ def secured(folder: Path, name: str) -> dict[str, Any]:
 def hearing(pool: ThreadPoolExecutor, made: Any, broker: Broker, folder: Path, **limits: Any) -> Any:
     """Listen in another thread; return the future result, once it listens."""
     before = listeners(made)
-    future = pool.submit(hear_broker, broker, NAMES.interface, folder, Limits(**{"patience": 3.0, **limits}))
+    future = pool.submit(hear_broker, broker, NAMES.interface, folder, ListenLimits(**{"patience": 3.0, **limits}))
     until(lambda: bool(listeners(made) - before))
     return future
 
@@ -98,7 +98,7 @@ def test_what_is_published_is_heard(brokers: Any, tmp_path: Path) -> None:
     assert [(entry["topic"], entry["payload"]) for entry in entries] == told(messages)
     assert check_log(tmp_path / "a").total == 0
     with pytest.raises(WarehouseError, match=r"no vehicle said anything at 127.0.0.1:\d+ .*nothing came for 0.2 s"):
-        hear_broker(broker, "uagv", tmp_path / "b", Limits(0.2))  # the retained OFFLINE does not count
+        hear_broker(broker, "uagv", tmp_path / "b", ListenLimits(0.2))  # the retained OFFLINE does not count
     assert not (tmp_path / "b" / "messages.jsonl").exists()
 
 
@@ -110,7 +110,7 @@ def test_over_tls_with_certificates_and_a_password(
     for password, who in ((None, None), ("wrong", "dispatcher")):
         monkeypatch.delenv(PASSWORD, raising=False) if password is None else monkeypatch.setenv(PASSWORD, password)
         with pytest.raises(WarehouseError, match=f"refuses .*; check --user and the password in {PASSWORD}"):
-            hear_broker(broker._replace(user=who), "uagv", tmp_path / "none", Limits(1.0))
+            hear_broker(broker._replace(user=who), "uagv", tmp_path / "none", ListenLimits(1.0))
     monkeypatch.setenv(PASSWORD, "secret")
     messages = list(messages_of(story(), NAMES))
     with ThreadPoolExecutor() as pool:
@@ -149,7 +149,7 @@ def test_other_messages_are_left_out(brokers: Any, tmp_path: Path) -> None:
         asyncio.run(shout())
         heard: Heard = future.result(10)
     with pytest.raises(ConfigError, match="holds messages already"):
-        hear_broker(broker, "uagv", tmp_path, Limits(1.0))
+        hear_broker(broker, "uagv", tmp_path, ListenLimits(1.0))
     assert heard.why == "0.5 s are over"
     assert (heard.fleet.messages, heard.fleet.left_out["are no message"], heard.fleet.places) == (2, 3, 1)
 
@@ -159,7 +159,7 @@ def test_failed_connections_are_explained(publishes: bool, brokers: Any, folder:
     def call(where: Broker) -> object:
         if publishes:
             return publish(where, messages_of(story(), NAMES), NAMES, ["00000"], 1.0)
-        return hear_broker(where, "uagv", tmp_path, Limits(1.0))
+        return hear_broker(where, "uagv", tmp_path, ListenLimits(1.0))
 
     trusted, strange = (secure_context(folder / f"{name}.pem", None, None) for name in ("plant", "stranger"))
     unanswered = "does not answer: check host and port; a TLS port needs --tls or --cafile"
@@ -211,7 +211,7 @@ def test_a_broken_connection_is_made_again(tmp_path: Path, monkeypatch: pytest.M
     messages = list(messages_of(story(), NAMES))
     again = messages[0]  # retained by the broker, and sent once more
     scripted = Scripted(messages[:9], [], [again, *messages[12:]])
-    heard = hear_broker(Broker("127.0.0.1", scripted.port), "uagv", tmp_path, Limits(5.0))
+    heard = hear_broker(Broker("127.0.0.1", scripted.port), "uagv", tmp_path, ListenLimits(5.0))
     assert (heard.why, heard.stopped) == ("all vehicles are offline", None)
     assert told(messages[:9] + messages[12:]) == [
         (entry["topic"], entry["payload"]) for entry in lines(tmp_path / "messages.jsonl") if entry["payload"] != again
@@ -240,7 +240,7 @@ def test_a_lost_broker_is_an_exit_code(
 def test_a_refused_subscription_is_explained(tmp_path: Path) -> None:
     scripted = Scripted([], granted=0x80)
     with pytest.raises(WarehouseError, match="does not let user 'guest' read below uagv/; have it allowed"):
-        hear_broker(Broker("127.0.0.1", scripted.port, "guest"), "uagv", tmp_path, Limits(1.0))
+        hear_broker(Broker("127.0.0.1", scripted.port, "guest"), "uagv", tmp_path, ListenLimits(1.0))
 
 
 def test_brokers_are_named_as_hosts_with_ports() -> None:

@@ -15,12 +15,12 @@ from hypothesis import strategies as st
 from tests.render.episodes import driven
 from tests.train.fleet.stories import NAMES, ORIGIN, episode_story, story, write_lines
 from train.fleet.build import episode_of
-from train.fleet.driven import Driven, load_episode, load_simulated
+from train.fleet.driven import FleetEpisode, load_episode, load_simulated
 from train.fleet.factsheet import body_of, factsheet_of
-from train.fleet.figures import MOMENT, PRESENT, UNDER_WAY, Figures
+from train.fleet.figures import MOMENT, PRESENT, UNDER_WAY, FleetFigures
 from train.fleet.listen import hear_log
-from train.fleet.log import Entry, entry_of, moment_of
-from train.fleet.received import Fleet
+from train.fleet.log import LogEntry, entry_of, moment_of
+from train.fleet.received import HeardFleet
 from train.fleet.write import messages_of, write_log
 from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.errors import WarehouseError
@@ -55,7 +55,7 @@ def test_its_file_is_read_back_and_shown(tmp_path: Path) -> None:
     made = episode_of(hear_log(tmp_path).fleet, story().replay.grid, EnvConfig())
     made.save(tmp_path / "e.npz")
     back = load_episode(tmp_path / "e.npz")
-    assert isinstance(back, Driven)
+    assert isinstance(back, FleetEpisode)
     np.testing.assert_array_equal(back.moments, made.moments)
     assert (back.vehicles, back.notes, back.begin) == (made.vehicles, made.notes, "2026-01-01T00:00:00.000+00:00")
     replay = replay_of(back, "real")
@@ -84,7 +84,7 @@ def said(topic: str, payload: dict[str, Any], retain: int = 0) -> dict[str, Any]
     return {"tst": "2026-05-01T10:00:00.5Z", "topic": topic, "qos": 0, "retain": retain, "payload": payload}
 
 
-def heard(path: Path, messages: list[Any]) -> Fleet:
+def heard(path: Path, messages: list[Any]) -> HeardFleet:
     """Return what a log of messages says; bare payloads get the topic of their vehicle."""
     entries = [
         one if "payload" in one else said(
@@ -235,9 +235,9 @@ def test_versions_are_named(tmp_path: Path) -> None:
 
 
 def test_a_fleet_is_gone_when_all_that_spoke_are_offline() -> None:
-    fleet, topic = Fleet(), "uagv/v2/M/a"
+    fleet, topic = HeardFleet(), "uagv/v2/M/a"
     for name, payload in (("factsheet", {}), ("connection", {"connectionState": "OFFLINE"})):
-        fleet.add(Entry(f"{topic}/{name}", payload, 1, True))  # retained from before
+        fleet.add(LogEntry(f"{topic}/{name}", payload, 1, True))  # retained from before
         assert not fleet.gone
     for name, payload, gone in (
         ("state", foreign(1, 0), False),
@@ -247,7 +247,7 @@ def test_a_fleet_is_gone_when_all_that_spoke_are_offline() -> None:
         ("connection", link("ONLINE", 2), False),
         ("connection", link("OFFLINE", 3), True),
     ):
-        fleet.add(Entry(f"{topic}/{name}", payload, 1, False))
+        fleet.add(LogEntry(f"{topic}/{name}", payload, 1, False))
         assert fleet.gone == gone
     assert fleet.left_out == {"have another connectionState": 1}
 
@@ -286,7 +286,7 @@ def test_bodies_come_from_factsheets() -> None:
 
 
 def test_near_misses_and_contacts_are_counted_as_they_begin_and_end() -> None:
-    figures = Figures(EnvConfig(num_agents=2, time_step=1.0))
+    figures = FleetFigures(EnvConfig(num_agents=2, time_step=1.0))
     moment = np.zeros(2, MOMENT)
     moment["bits"] = PRESENT | UNDER_WAY
     # two bodies 0.9 m long, one behind the other: gaps of 1 m, 5 cm, 1 m, an overlap, 5 cm and 1 m
@@ -320,9 +320,9 @@ JSON = st.recursive(
        st.sampled_from(["uagv/v2/M/a/state", "uagv/v2/M/a/factsheet", "a//b", "uagv/v2/M/b/visualization"]),
        st.binary(max_size=40))  # fmt: skip
 def test_whatever_comes_is_taken_or_said(changes: dict[str, Any], topic: str, junk: bytes) -> None:
-    fleet = Fleet()
+    fleet = HeardFleet()
     for second in range(3):
-        fleet.add(Entry("uagv/v2/M/a/state", foreign(second, second), None, None))
+        fleet.add(LogEntry("uagv/v2/M/a/state", foreign(second, second), None, None))
     fleet.add(entry_of(json.dumps(said(topic, {**foreign(1, 1), **changes})).encode()))
     fleet.add(entry_of(junk))
     with contextlib.suppress(WarehouseError):

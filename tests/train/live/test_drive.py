@@ -7,7 +7,7 @@ import pytest
 from tests.train.live.worlds import messages, world
 from train.live import drive
 from train.live.commands import Make, Play, Shelves, Speed, Step
-from train.live.drive import Drive
+from train.live.drive import WorldDrive
 from train.live.listeners import Listeners
 from warehouse_env.errors import WarehouseError
 
@@ -29,7 +29,7 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
     return found
 
 
-def go(one: Drive, clock: Clock, seconds: float) -> None:
+def go(one: WorldDrive, clock: Clock, seconds: float) -> None:
     """Let a drive do what is due, for this time."""
     end = clock.now + seconds
     while (wait := one.due_in()) <= end - clock.now:
@@ -39,7 +39,7 @@ def go(one: Drive, clock: Clock, seconds: float) -> None:
 
 
 def test_the_pace_is_kept(clock: Clock) -> None:
-    one = Drive(world(), Listeners())
+    one = WorldDrive(world(), Listeners())
     go(one, clock, 2.05)
     assert one.world.steps == 21  # one at once, then ten a second
     one.obey(Speed(4.0))
@@ -58,7 +58,7 @@ def test_the_pace_is_kept(clock: Clock) -> None:
 
 def test_pages_get_all_moments_in_order(clock: Clock) -> None:
     everybody = Listeners()
-    one = Drive(world(), everybody)
+    one = WorldDrive(world(), everybody)
     with everybody.joined() as early:
         go(one, clock, 3.0)
         with everybody.joined() as late:
@@ -82,7 +82,7 @@ def test_pages_get_all_moments_in_order(clock: Clock) -> None:
 
 def test_a_late_page_gets_earlier_samples(clock: Clock) -> None:
     everybody = Listeners()
-    one = Drive(world(), everybody)
+    one = WorldDrive(world(), everybody)
     go(one, clock, 5.05)
     with everybody.joined() as late:
         one.turn()
@@ -94,7 +94,7 @@ def test_a_late_page_gets_earlier_samples(clock: Clock) -> None:
 
 def test_pages_hear_that_a_world_is_made(clock: Clock) -> None:
     everybody = Listeners()
-    one = Drive(world(), everybody)
+    one = WorldDrive(world(), everybody)
     with everybody.joined() as page:
         one.turn()
         page.take(0.0)
@@ -115,7 +115,7 @@ def test_neither_pace_nor_pages_touch_the_bits(clock: Clock) -> None:
     for _ in range(60):
         plain.step()
     everybody = Listeners()
-    one = Drive(world(), everybody)
+    one = WorldDrive(world(), everybody)
     one.obey(Speed(None))
     with everybody.joined():
         while one.world.steps < 60:

@@ -12,8 +12,8 @@ from tests.render.browser import needs_chromium, until
 from tests.train.live.test_world import free_cell_far_off
 from tests.train.live.worlds import world
 from train.commands.live import about_live
-from train.live.floors import Floors
-from train.live.runner import Runner
+from train.live.floors import LiveFloors
+from train.live.runner import WorldRunner
 from train.live.server import Server
 from warehouse_env.render.live_page import live_page
 
@@ -23,8 +23,8 @@ Opener = Callable[..., Any]
 @pytest.fixture
 def server() -> Iterator[Server]:
     """A server of four robots on the open floor, which is not ready at once."""
-    runner = Runner(world)
-    about = about_live(Floors("open"), "greedy", 4)
+    runner = WorldRunner(world)
+    about = about_live(LiveFloors("open"), "greedy", 4)
     with Server(runner, live_page("Live warehouse", 0.1, about)) as running:
         thread = threading.Thread(target=running.serve_forever, kwargs={"poll_interval": 0.01}, daemon=True)
         thread.start()
