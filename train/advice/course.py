@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from train.advice import changes, fittings
 from train.advice.asked import RobotsNeeded, asked
 from train.advice.candidates import Bottleneck, bottlenecks, draw_trips, passing, plan_trips, traffic
-from train.advice.capacity import SCOUTS, Capacity, alone_seeds, begins_with, capacity, confirm, confirmed
+from train.advice.capacity import FIRST, SCOUTS, Capacity, alone_seeds, capacity, confirm, confirmed
 from train.advice.changes import Effect
 from train.advice.study import Team, TrialRuns
 from train.advice.trials import AdvicePlan, Drive, TimeBudget, Use
@@ -56,7 +56,7 @@ def advise(plan: AdvicePlan, drive: Drive, clock: TimeBudget) -> Advice:
 def _begun(plan: AdvicePlan, drive: Drive, clock: TimeBudget) -> TrialRuns:
     """Drive robots alone and the first number of them, then start the clock."""
     study = TrialRuns(plan, drive, clock)
-    first = [Team(policy, begins_with(plan.grid, plan.most)) for policy in plan.policies]
+    first = [Team(policy, min(FIRST, plan.most)) for policy in plan.policies]
     study.rows([Team(policy, 1) for policy in plan.policies], alone_seeds(plan))
     study.rows(first, plan.seeds(Use.CHOOSE, plan.at_most(SCOUTS)))
     study.restart()

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tests.train.advice.floors import floor_of
-from train.advice import capacity, changes
+from train.advice import changes
 from train.advice.answer import answer
 from train.advice.asked import RobotsNeeded
 from train.advice.candidates import (
@@ -213,7 +213,6 @@ def test_the_command_drives_answers_and_writes_a_page(
 ) -> None:
     pytest.importorskip("matplotlib")
     monkeypatch.setattr(changes, "SOUGHT", 1)
-    monkeypatch.setattr(capacity, "EASY", 0.0)  # nothing to be driven below for the knee but half of the best
     racks = ["..............", *[".####..####..."] * 2] * 4
     write_map(floor_of(*racks, ".............."), tmp_path / "hall.map")
     command = [*COMMON, "--goals", "1", "--map", str(tmp_path / "hall.map"), "--out", str(tmp_path)]

@@ -10,7 +10,7 @@ import pytest
 
 from tests.train.advice.floors import Curve, Slow, driver, floor_of, plan_of
 from train.advice.asked import asked
-from train.advice.capacity import Capacity, begins_with, capacity
+from train.advice.capacity import Capacity, capacity
 from train.advice.course import advise
 from train.advice.study import Team, TrialRuns
 from train.advice.trials import TimeBudget, Trial
@@ -100,12 +100,6 @@ def test_a_floor_on_which_all_get_stuck() -> None:
     assert one.goals.jammed
     assert one.jam is not None
     assert one.jam.robots == 1
-
-
-def test_the_search_begins_with_as_many_robots_as_a_floor_has_room_for() -> None:
-    assert begins_with(HALL, 512) == 32
-    assert begins_with(HALL, 5) == 4
-    assert begins_with(floor_of("....", "...."), 7) == 1
 
 
 def test_on_a_large_floor_the_peak_is_found_in_little_time() -> None:
