@@ -17,7 +17,6 @@ from train.advice.candidates import (
     EAST,
     WEST,
     Bottleneck,
-    aisle_cells,
     aisles,
     alternating,
     bottlenecks,
@@ -98,15 +97,6 @@ def test_walls_stay() -> None:
     opened = np.any([one.changed for one in aisles(walled, (1, 3))], axis=0)
     assert np.argwhere(opened).tolist() == [[2, 2], [2, 3], [2, 4], [2, 5]]
     assert aisles(floor_of("......", "......"), (0, 2)) == []
-
-
-def test_aisles_are_narrow_runs() -> None:
-    rows = aisle_cells(RACKS, along_row=True)
-    assert (rows > 0).tolist() == [[row in (0, 3, 6) and 1 <= column <= 4 for column in range(6)] for row in range(7)]
-    columns = aisle_cells(RACKS, along_row=False)
-    assert (columns[:, 0] > 0).tolist() == [False] * 7  # runs of two cells between crossings are no aisle
-    wide = floor_of("......", "......", "......", "######")
-    assert not aisle_cells(wide, along_row=True).any()
 
 
 def test_one_way_goes_where_most_drive() -> None:

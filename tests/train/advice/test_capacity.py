@@ -12,7 +12,7 @@ from tests.train.advice.floors import Curve, Slow, driver, floor_of, plan_of
 from train.advice.asked import asked
 from train.advice.capacity import Capacity, capacity
 from train.advice.course import advise
-from train.advice.study import Team, TrialRuns
+from train.advice.study import TrialRuns
 from train.advice.trials import TimeBudget, Trial
 
 HALL = floor_of(*["." * 48] * 48)  # 2,304 cells
@@ -46,12 +46,6 @@ def test_a_known_peak_is_found_through_noise(at: float, salt: int) -> None:
     assert curve(one.crew.robots) >= 0.93 * curve(at)
     assert one.crew.robots <= 2 * at
     assert one.goals.goals.mean == pytest.approx(curve(one.crew.robots), rel=0.05)
-
-
-def test_without_noise_the_best_number_is_found() -> None:
-    one = found(peaked(24.0))
-    assert one.crew == Team("ours", 24)
-    assert one.goals.goals.mean == pytest.approx(peaked(24.0)(24))
 
 
 def test_of_a_plateau_its_beginning_is_named() -> None:

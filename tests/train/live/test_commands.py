@@ -31,13 +31,10 @@ def test_messages_are_commands(message: dict[str, object], command: object) -> N
     ("message", "why"),
     [
         (b"", "must be a JSON object"),
-        (b'{"playing": true}', "what to"),
         (b'{"do": "plai"}', "did you mean play"),
         (b'{"do": "play"}', "lacks the entry 'playing'"),
-        (b'{"do": "play", "playing": 1}', "True or False"),
         (b'{"do": "play", "playing": true, "also": 1}', "unknown play parameter"),
         (b'{"do": "speed", "speed": 0.1}', "from 0.25 to 1000"),
-        (b'{"do": "make", "robots": 257}', "from 1 to 256"),
         (b'{"do": "make", "map": "/etc/passwd"}', "unknown make parameter"),
         (b'{"do": "shelves", "cells": [], "stand": true}', "1 to 1024 cells"),
         (b'{"do": "shelves", "cells": [[1, 2, 3]], "stand": true}', "a row and a column"),
