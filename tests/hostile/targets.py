@@ -38,7 +38,7 @@ from train.evaluation.jobs import go_on
 from train.evaluation.rollout import make_experiment
 from train.fleet.build import episode_of
 from train.fleet.check import check_log
-from train.fleet.driven import Driven, load_episode
+from train.fleet.driven import FleetEpisode, load_episode
 from train.fleet.factsheet import factsheet_of
 from train.fleet.listen import hear_log
 from train.learning import checkpoint
@@ -306,7 +306,7 @@ def _shown(content: bytes, folder: Path) -> None:
 def _watched(path: Path) -> None:
     """Look at an episode of a real fleet as the replay page does."""
     episode = load_episode(path)
-    if isinstance(episode, Driven) and len(episode.pose) < 20_000:  # of which a page is made in a few seconds
+    if isinstance(episode, FleetEpisode) and len(episode.pose) < 20_000:  # of which a page is made in a few seconds
         replay_of(episode, "real")
 
 

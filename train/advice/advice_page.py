@@ -5,22 +5,20 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from agents import POLICIES
-from train.advice.aim import Aim
-from train.advice.answer import answer, effect_text, held, robots_text, told
-from train.advice.candidates import Candidate, storage_lost
-from train.advice.changes import KINDS, Effect, kinds, sure
+from train.advice.answer import answer, effect_text, robots_text
+from train.advice.candidates import storage_lost
+from train.advice.changes import KINDS, Effect
 from train.advice.course import Advice
-from train.advice.ladder import ladder_table, measured, verdict
 from train.advice.take_away import recommended
 from train.advice.trials import BLOCK
 from train.reporting.page import Link, Page, Part, Shown, made_by
-from train.reporting.report import Table, number, with_interval
+from train.reporting.report import Table, difference, number, with_interval
 from warehouse_env.render import report_charts
 from warehouse_env.render.heat_maps import Panel, heat_maps
 
 
 def advice_page(advice: Advice, hall: Sequence[Part] = (), files: Sequence[Link] = ()) -> Page:
-    """Return the page; hall: what was understood of a hall. files: of the floor to take away."""
+    """Return the page; hall: how a hall's map was understood. files: of the floor to take away."""
     grid = advice.plan.grid
     parts = [
         *hall,
@@ -38,33 +36,29 @@ def advice_page(advice: Advice, hall: Sequence[Part] = (), files: Sequence[Link]
 
 def _to_take_away(advice: Advice, files: Sequence[Link]) -> Part:
     """Return the files of the recommended floor."""
-    found = recommended(advice)
-    text = f"This is {found.words}."
-    if found.effect is None:
-        return Part("The floor to take away", text, links=files)
-    one = found.effect.candidate
-    label = "The floor to take away"
-    opened = one.changed if one.kind != "one-way" else None
-    drawing = heat_maps([Panel("", one.grid, opened=opened)], "", label)
-    return Part(label, text, [Shown(drawing, f"{label}, in green what is changed.")], links=files)
+    found, label = recommended(advice), "The floor to take away"
+    pictures = []
+    if found.effect is not None:
+        drawing = heat_maps([_panel(found.effect, "", advice, heat=False)], "", label)
+        pictures = [Shown(drawing, f"{label}, in green what is changed.")]
+    return Part(label, f"This is {found.words}.", pictures, links=files)
 
 
 def _throughput(advice: Advice) -> Shown:
-    capacity = advice.capacity
-    noun = advice.plan.aim.noun
+    capacity, noun = advice.capacity, advice.plan.aim.noun
     label = f"{noun.capitalize()} per hour of all robots together over their number"
     found = [report_charts.FloorLoad(load.robots, *load.goals[:3], load.jammed) for load in capacity.loads]
     named = report_charts.FloorLoad(capacity.goals.robots, *capacity.goals.goals[:3], False)
     caption = (
-        f"{label}, in the second half of the episodes: means with 95% intervals. The large dot is the answer, in "
-        "episodes of its own. The dashed line is what they would reach if each were alone on the floor."
+        f"{label}, in the second half of the episodes: means with 95% intervals. The large dot is the answer, on new "
+        "seeds. The dashed line is the throughput if each robot were alone on the floor."
     )
     knee = capacity.knee[:3] if capacity.knee else None
     return Shown(report_charts.throughput(found, capacity.alone.mean, named, knee, label, noun), caption)
 
 
 def loads_table(advice: Advice) -> Table:
-    """Return a line for each number of robots, first the answer in episodes of its own."""
+    """Return a line for each number of robots, the answer on new seeds first."""
     capacity, aim = advice.capacity, advice.plan.aim
     lines = [(f"{capacity.goals.robots}, new seeds", capacity.goals)]
     lines += [(str(load.robots), load) for load in capacity.loads]
@@ -80,8 +74,8 @@ def loads_table(advice: Advice) -> Table:
     share = (aim.share.heading,) if aim.share else ()
     header = ("robots", "episodes", f"{aim.noun}/h, all", f"{aim.noun}/robot-h", "waiting %", "stuck %", *share, "")
     note = (
-        "The first line is the answer; the others are the episodes by which it was chosen. Of those that looked worse "
-        "there are fewer. Stuck: robots that at the end have not got on for over a minute."
+        "The first line is the answer; the others are the episodes of the choice, fewer of them where a number looked "
+        "worse. Stuck: robots without progress for over a minute at the end."
         f"{' In time: of the orders due by the end; no more than do not pile up.' if share else ''}"
     )
     return Table(f"Robots under {capacity.crew.policy}", header, tuple(cells), note)
@@ -96,8 +90,8 @@ def _heat(advice: Advice) -> Shown:
     ]
     label = f"Where {advice.crew.robots} robots wait, and where trips lead"
     caption = (
-        f"{label}. Left: how long an hour some robot stands on a cell; the numbers are the worst places. Right: the "
-        "share of trips, drawn at random, whose shortest route leads over a cell. Blue squares are stations."
+        f"{label}. Left: waiting time on each cell; the numbers are the worst places. Right: the share of random trips "
+        "whose shortest route visits a cell. Blue squares are stations."
     )
     return Shown(heat_maps(panels, "", label, shared=False), caption)
 
@@ -116,94 +110,60 @@ def places_table(advice: Advice) -> Table:
 
 
 def _of_changes(advice: Advice) -> Part:
-    """Return what changes bring, or why none was driven."""
-    why = "" if advice.effects else "None was driven: there was no time, or nowhere to change anything."
-    tables = [*ladder_tables(advice), *([changes_table(advice)] if advice.effects else [])]
+    """Return what changes gain, or why none was driven."""
+    why = "" if advice.effects else "None was driven: there was no time, or nothing can be changed."
+    tables = [changes_table(advice)] if advice.effects else []
     return Part("What a change would bring", why, _changes(advice), tables=tables)
 
 
 def _changes(advice: Advice) -> list[Shown]:
-    """Return where the best change of each kind lies, and what all of them bring."""
-    best = [effect for effect in advice.effects if effect.goals is not None]
-    if not best:
+    """Return where the measured changes lie, and what they gain."""
+    if not advice.effects:
         return []
     aim = advice.plan.aim
-    drawn_at = dict(zip("ABCD", _placed(best, aim), strict=False))
-    panels = [_panel(effect.candidate, letter, advice) for letter, effect in drawn_at.items()]
+    placed = [effect for effect in advice.effects if effect.candidate.changed.any()]
+    drawn_at = dict(zip("ABCD", placed, strict=False))
+    panels = [_panel(effect, letter, advice) for letter, effect in drawn_at.items()]
     label = "The changes that were measured"
     said = " ".join(
         f"**{letter}: {effect.candidate.kind}**: {effect.candidate.text}; {effect_text(effect, aim)}."
         for letter, effect in drawn_at.items()
     )
     caption = f"{label}, in green, over where robots wait without them [s per hour]. {said}"
-    raced = [one for one in advice.effects if one.first.samples]
-    looks = {
-        "first look": [report_charts.Pair(one.candidate.text, *one.first[:3]) for one in raced],
-        "measured": [report_charts.Pair(one.candidate.text, *one.goals[:3]) for one in best if one.goals is not None],
-    }
+    pairs = [report_charts.Pair(one.candidate.text, *one.gain[:3]) for one in advice.effects]
     differences = f"{aim.gained.capitalize()} per hour of all robots, difference from the floor as it is"
-    below = (
-        f"{differences}: paired, with intervals; blue and filled where the interval leaves out 0. The best of each "
-        "kind at first look was driven again with new seeds: what it was chosen by flatters it."
-    )
-    drawn = report_charts.differences(
-        {title: pairs for title, pairs in looks.items() if pairs}, differences, f"{aim.gained} per hour"
-    )
+    below = f"{differences}: paired, with intervals; blue and filled if the interval excludes 0."
+    drawn = report_charts.differences({"measured": pairs}, differences, f"{aim.gained} per hour")
     maps = [Shown(heat_maps(panels, "standing [s per hour]", label), caption)] if panels else []
     return [*maps, Shown(drawn, below)]
 
 
-def _placed(best: list[Effect], aim: Aim) -> list[Effect]:
-    """Return the changes that have a place on the floor, of stations the number that is best, or most."""
-    found = [effect for effect in best if effect.candidate.kind in KINDS]
-    stations = measured(best, "stations")
-    if stations:
-        chosen = verdict(stations, "stations", aim).number
-        found.append(next((one for one in stations if one.candidate.number == chosen), stations[-1]))
-    return [effect for effect in found if effect.candidate.changed.any()]
-
-
-def _panel(one: Candidate, letter: str, advice: Advice) -> Panel:
-    """Return the floor with a change."""
-    grid = advice.plan.grid if one.kind in KINDS else one.grid
-    return Panel(
-        f"{letter}: {one.kind}", grid, advice.floor.waiting, opened=None if one.kind == "one-way" else one.changed,
-        one_way=one.grid.one_way if one.kind == "one-way" else None,
-    )  # fmt: skip
-
-
-def ladder_tables(advice: Advice) -> list[Table]:
-    """Return what numbers of stations and of chargers bring, where they were tried."""
-    aim = advice.plan.aim
-    ladders = [kind for kind in kinds(advice.plan) if kind not in KINDS and measured(advice.effects, kind)]
-    return [ladder_table(advice.effects, kind, aim) for kind in ladders]
+def _panel(effect: Effect, letter: str, advice: Advice, heat: bool = True) -> Panel:
+    """Return the floor with a change, over where robots wait."""
+    one, way = effect.candidate, effect.candidate.kind == "one-way"
+    grid = advice.plan.grid if heat and one.kind in KINDS else one.grid
+    title = f"{letter}: {one.kind}" if letter else ""
+    waiting = advice.floor.waiting if heat else None
+    return Panel(title, grid, waiting, opened=None if way else one.changed, one_way=one.grid.one_way if way else None)
 
 
 def changes_table(advice: Advice) -> Table:
-    """Return a line for each change of the floor that was tried."""
-    gained, timed = advice.plan.aim.gained, advice.plan.aim.share is not None
+    """Return a line for each change that was measured."""
+    gained = advice.plan.aim.gained
     cells = [
         (
-            effect.candidate.text, effect.candidate.kind, told(effect.first), str(effect.first.samples),
-            told(effect.goals), str(effect.goals.samples) if effect.goals else "", told(effect.waiting, 100),
-            told(effect.trip), *([told(effect.took)] if timed else []),
+            effect.candidate.text, effect.candidate.kind, str(effect.tried), difference(effect.gain),
+            str(effect.gain.samples), "told" if effect.told else "not told",
             f"{100 * storage_lost(advice.plan.grid, effect.candidate).share:.0f}",
         )
         for effect in advice.effects
     ]  # fmt: skip
-    header = (
-        "change", "kind", f"{gained}/h, first look", "pairs", f"{gained}/h, measured", "pairs", "waiting %",
-        "metres a trip", *(["s an order"] if timed else []), "storage lost %",
-    )  # fmt: skip
+    header = ("change", "kind", "best of", f"{gained}/h", "pairs", "", "storage lost %")
     note = (
-        "Differences from the floor as it is, in pairs of episodes with the same seeds [interval by Student's t: 95% "
-        f"at first look, {' and '.join(_sure(advice))} of what was measured, so that {held(advice.plan)}]."
+        "Differences from the floor as it is, in pairs of episodes with the same new seeds; together, all intervals "
+        "hold with 95%."
     )
     return Table("Changes of the floor", header, tuple(cells), note)
-
-
-def _sure(advice: Advice) -> list[str]:
-    return [f"{share:.4g}%" for share in dict.fromkeys(100 * sure(kind) for kind in kinds(advice.plan))]
 
 
 def _facts(advice: Advice) -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""The fewest robots that make so many goals an hour, or orders in time, on seeds that had no part in finding them."""
+"""The fewest robots that make the goals an hour, or orders in time, asked for; confirmed on new seeds."""
 
 from __future__ import annotations
 
@@ -6,24 +6,23 @@ import math
 from typing import NamedTuple
 
 from train.advice.capacity import Capacity
-from train.advice.curve import Load, bracket, fewest_that
-from train.advice.study import Crew, Study
+from train.advice.curve import bracket, fewest_that
+from train.advice.study import Team, TrialRuns
 from train.advice.trials import Use
 from train.reporting.rows import Interval, mean_interval
 
-LOOKS = (4, 8, 12, 16)  # episodes of a number that is tried, until it is told whether it makes enough
-ANSWERS = 12  # episodes, with seeds of their own, of each number that may be the answer
+LOOKS = (4, 8, 12, 16)  # episodes of a number, until it is clear whether it makes enough
+ANSWERS = 12  # episodes on new seeds of a number that may be the answer
 TRIES = 3  # of such numbers, at most
-SURE = 1 - 0.05 / TRIES  # of each interval, so that all of them together hold with 95%
+SURE = 1 - 0.05 / TRIES  # of each interval, so that all together hold with 95%
 
 
-class Asked(NamedTuple):
-    """What it takes to make so many goals an hour, or such a share of the orders in time."""
+class RobotsNeeded(NamedTuple):
+    """What it takes to make the goals an hour, or the share of orders in time, asked for."""
 
     wanted: float  # goals per hour, or the share
-    robots: int | None  # that make them; None where of none it is sure
-    goals: Interval  # what those make, at SURE; else what the best do
-    fewer: Load | None  # the most robots tried below, which may not
+    robots: int | None  # that make them, None if no number surely does
+    goals: Interval  # what those make, at SURE; else what the best make
 
     @property
     def possible(self) -> bool:
@@ -31,17 +30,17 @@ class Asked(NamedTuple):
         return not self.goals.high < self.wanted
 
 
-def asked(study: Study, capacity: Capacity, share: float) -> Asked:
-    """Return the fewest robots of the chosen policy that make as much as the plan wants, if the floor can."""
+def asked(study: TrialRuns, capacity: Capacity, share: float) -> RobotsNeeded:
+    """Return the fewest robots of the chosen policy that make what the plan wants, if the floor can."""
     plan, policy = study.plan, capacity.crew.policy
     wanted = plan.wanted or 0.0
-    none = Asked(wanted, None, capacity.goals.asked, None)
+    none = RobotsNeeded(wanted, None, capacity.goals.asked)
     ends = bracket(capacity.loads, wanted)
     if ends is None:
         return none
 
     def reaches(robots: int) -> bool:
-        crew, made = Crew(policy, robots), Interval(0.0, -math.inf, math.inf, 0)
+        crew, made = Team(policy, robots), Interval(0.0, -math.inf, math.inf, 0)
         for episodes in LOOKS:
             seeds = plan.seeds(Use.ASK, plan.at_most(episodes))
             if not made.low < wanted <= made.high or not study.affords([crew], seeds, share):
@@ -51,10 +50,9 @@ def asked(study: Study, capacity: Capacity, share: float) -> Asked:
 
     number = fewest_that(reaches, *ends)
     for _ in range(TRIES):
-        (rows,) = study.rows([Crew(policy, number)], plan.seeds(Use.ANSWER, plan.at_most(ANSWERS)))
+        (rows,) = study.rows([Team(policy, number)], plan.seeds(Use.ANSWER, plan.at_most(ANSWERS)))
         made = mean_interval(map(plan.aim.asked, rows), SURE)
         if made.low >= wanted:
-            fewer = [load for load in study.loads(policy, Use.ASK) if load.robots < number]
-            return Asked(wanted, number, made, fewer[-1] if fewer else None)
+            return RobotsNeeded(wanted, number, made)
         number = min(plan.most, number + max(1, number // 16))
     return none

@@ -1,6 +1,6 @@
-"""A floor's bottlenecks, where robots wait, and changes that may help there: shelves taken away, and one-way aisles.
+"""A floor's bottlenecks, and changes that may help there: opened aisles and one-way rules.
 
-Pick faces and stations stay where they are, so that robots have the same tasks on every changed floor.
+Pick faces and stations stay, so robots have the same tasks on every changed floor.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from warehouse_env.traffic.conflicts import conflicts
 from warehouse_env.traffic.expected import endpoint_tasks
 from warehouse_env.traffic.together import Task
 
-TRIPS = 300  # drawn to stand for all
-MOST = 5  # places named
-RADIUS = 2  # [cells] that a place reaches from its middle
+TRIPS = 300  # that represent all
+MOST = 5  # bottlenecks
+RADIUS = 2  # [cells] of a place
 
 
 class Bottleneck(NamedTuple):
@@ -41,12 +41,12 @@ class Bottleneck(NamedTuple):
 
 
 def draw_trips(grid: GridMap, seed: int) -> list[Task]:
-    """Return trips between pick faces and stations, as lifelong robots get them."""
+    """Return random trips between pick faces and stations, as lifelong robots make them."""
     return endpoint_tasks(grid, TRIPS, np.random.default_rng([seed, 0]))
 
 
 def plan_trips(grid: GridMap, trips: Sequence[Task]) -> list[NDArray[np.int64]]:
-    """Return the cells int[L, 2] of a shortest route with the fewest turns for each trip; PlanError where is none."""
+    """Return the cells int[L, 2] of a shortest route with the fewest turns for each trip; PlanError if none exists."""
     planner, rng = AStarTurns(), np.random.default_rng(0)
     return [planner.plan(grid, start, goal, rng).cells for start, goal in trips]
 
@@ -71,7 +71,7 @@ def passing(routes: Sequence[NDArray[np.int64]], shape: tuple[int, int]) -> NDAr
 
 
 def bottlenecks(grid: GridMap, waiting: NDArray[np.float64], visits: NDArray[np.float64]) -> list[Bottleneck]:
-    """Return the places [at most MOST] where most time is spent waiting [s/h], worst first; visits: as `passing`."""
+    """Return up to MOST places with the longest waiting [s/h], worst first; visits: as `passing`."""
     found = []
     for row, column, heat in peaks(waiting, MOST, RADIUS):
         around = (slice(max(0, row - RADIUS), row + RADIUS + 1), slice(max(0, column - RADIUS), column + RADIUS + 1))
@@ -82,10 +82,10 @@ def bottlenecks(grid: GridMap, waiting: NDArray[np.float64], visits: NDArray[np.
 
 Kind = Literal["aisle", "one-way", "stations", "chargers"]
 REACH = 4  # [cells] from a bottleneck to a shelf that may be opened
-MOST_CELLS = 60  # of shelf that one change takes away
-WIDEST = 2  # [cells] across what still counts as an aisle
+MOST_CELLS = 60  # of shelf that one change removes
+WIDEST = 2  # [cells] across an aisle
 SHORTEST = 4  # [cells] along it
-PRICE = 4.0  # [cells] of detour that avoiding an expected conflict is worth, as in the study of traffic
+PRICE = 4.0  # [cells] of detour that an expected conflict costs
 EAST, NORTH, WEST, SOUTH = 1, 2, 3, 4  # one_way.ARROWS
 _NAMES = {EAST: "east", NORTH: "north", WEST: "west", SOUTH: "south"}
 _STEPS = ((0, 1), (-1, 0), (0, -1), (1, 0))
@@ -95,25 +95,23 @@ class Candidate(NamedTuple):
     """A changed floor."""
 
     kind: Kind
-    text: str  # what is changed, in words
+    text: str  # the change in words
     grid: GridMap
     changed: NDArray[np.bool_]  # [H, W], cells opened, given a direction, or made a station or none
-    work: Mapping[str, Any] = MappingProxyType({})  # fields of EnvConfig, where they are what is changed
-    number: int = 0  # of stations or chargers
-    before: int = 0  # of them on the floor as it is
+    work: Mapping[str, Any] = MappingProxyType({})  # changed fields of EnvConfig
 
 
 class Storage(NamedTuple):
-    """What a change takes away of the storage."""
+    """The storage that a change removes."""
 
     cells: int  # of shelf
     share: float  # of all shelf cells
-    faces: int  # pick faces that have no shelf beside them any more
-    of: int  # pick faces that have one
+    faces: int  # pick faces left without a shelf
+    of: int  # pick faces with a shelf before
 
 
 def storage_lost(grid: GridMap, one: Candidate) -> Storage:
-    """Return what is lost, of shelves that are no walls."""
+    """Return the shelves, not walls, that are lost."""
     before, after = shelves(grid.walls), shelves(grid.walls) & ~one.changed
     served, left = (int(beside(racks)[tuple(grid.picks.T)].sum()) for racks in (before, after))
     cells = int(before.sum() - after.sum())
@@ -121,10 +119,9 @@ def storage_lost(grid: GridMap, one: Candidate) -> Storage:
 
 
 def aisles(grid: GridMap, cell: Cell) -> list[Candidate]:
-    """Return what could be opened around a cell, on each of its sides where shelves are.
+    """Return what could be opened around a cell, on each side with shelves; the walls around a floor stay.
 
-    A gap through the next rack, its face taken away, and the same through all racks of the floor that lie in that
-    line: a new aisle, or one that is wider over its whole length. The walls around a floor stay.
+    A gap through the next rack or its face removed, and both through all racks in that line: a new or a wider aisle.
     """
     racks = shelves(grid.walls)
     found = []
@@ -144,10 +141,7 @@ def aisles(grid: GridMap, cell: Cell) -> list[Candidate]:
 
 
 def _nearest_face(grid: GridMap, racks: NDArray[np.bool_], cell: Cell, step: Cell) -> Cell | None:
-    """Return the first cell of a rack that way from a cell or, as on a crossing, from the nearest one beside it.
-
-    Beside it is what can be reached sideways over free cells, so that a rack behind another is none of its faces.
-    """
+    """Return the first cell of a rack in that direction from a cell, or from the nearest free cell sideways of it."""
     sides = {(step[1], step[0]), (-step[1], -step[0])}
     for distance in range(REACH + 1):
         for aside in sorted(sides):
@@ -162,7 +156,7 @@ def _nearest_face(grid: GridMap, racks: NDArray[np.bool_], cell: Cell, step: Cel
 
 
 def _next_shelf(grid: GridMap, racks: NDArray[np.bool_], cell: Cell, step: Cell) -> Cell | None:
-    """Return the first cell of a rack within REACH that way; None if there is none, or a wall before it."""
+    """Return the first cell of a rack within REACH in that direction, None if there is none or a wall."""
     for ahead in islice(_ray(grid.shape, cell, step), 1, REACH + 1):
         if not _is_free(grid, ahead):
             return ahead if racks[ahead] else None
@@ -170,7 +164,7 @@ def _next_shelf(grid: GridMap, racks: NDArray[np.bool_], cell: Cell, step: Cell)
 
 
 def _ray(shape: tuple[int, ...], cell: Cell, step: Cell) -> Iterator[Cell]:
-    """Yield the cells of a floor from one on, that way."""
+    """Yield the cells of a floor from one on, in a direction."""
     row, column = cell
     while 0 <= row < shape[0] and 0 <= column < shape[1]:
         yield row, column
@@ -178,12 +172,12 @@ def _ray(shape: tuple[int, ...], cell: Cell, step: Cell) -> Iterator[Cell]:
 
 
 def _run(racks: NDArray[np.bool_], cell: Cell, step: Cell) -> list[Cell]:
-    """Return the cells of a rack from one on, that way."""
+    """Return the cells of a rack from one on, in a direction."""
     return list(takewhile(lambda one: racks[one], _ray(racks.shape, cell, step)))
 
 
 def _line(racks: NDArray[np.bool_], cell: Cell, step: Cell) -> list[Cell]:
-    """Return all cells of racks on the row, or the column, of a cell that goes along `step`."""
+    """Return all cells of racks in a cell's row or column, whichever runs along `step`."""
     row, column = cell
     if step[0]:
         return [(int(one), column) for one in np.flatnonzero(racks[:, column])]
@@ -235,7 +229,7 @@ def run_lengths(free: NDArray[np.bool_]) -> NDArray[np.int64]:
 
 
 def one_ways(grid: GridMap, cell: Cell, flow: NDArray[np.float64]) -> list[Candidate]:
-    """Return the aisles through a cell as one-way streets, the way that most drive there; flow: as `traffic`."""
+    """Return the aisles through a cell as one-way streets in the busier direction; flow: as `traffic`."""
     found = []
     for along_row in (True, False):
         label = aisle_cells(grid, along_row)
@@ -250,19 +244,19 @@ def one_ways(grid: GridMap, cell: Cell, flow: NDArray[np.float64]) -> list[Candi
 
 
 def _directed(grid: GridMap, street: NDArray[np.bool_], ways: NDArray[Any], text: str) -> Candidate:
-    """Return the floor whose cells of a street bool[H, W] are one way, by directions [H, W]."""
+    """Return the floor with a one-way street bool[H, W], by directions [H, W]."""
     directions = np.where(street, ways, grid.one_way).astype(grid.one_way.dtype)
     return Candidate("one-way", text, dataclasses.replace(grid, one_way=directions), street)
 
 
 def _towards(flow: NDArray[np.float64], way: int) -> float:
-    """Return how much of flow [K, 8] has a part towards a direction."""
+    """Return how much of flow [K, 8] goes in a direction, also diagonally."""
     middle = 2 * (way - 1)
     return float(sum(flow[:, (middle + turn) % 8].sum() for turn in (-1, 0, 1)))
 
 
 def alternating(grid: GridMap) -> list[Candidate]:
-    """Return the floor with all aisles along rows, or along columns, one way in turn."""
+    """Return the floors with all aisles along rows, or along columns, one way in alternating directions."""
     found = []
     for along_row, name in ((True, "west-east"), (False, "north-south")):
         label = aisle_cells(grid, along_row)
@@ -279,14 +273,14 @@ def alternating(grid: GridMap) -> list[Candidate]:
 
 
 def cut_off(grid: GridMap) -> Cell | None:
-    """Return an endpoint between which and the first one no robot can drive both ways; None where all are joined."""
+    """Return an endpoint without a way to and from the first one, None if all are connected."""
     first, *others = grid.endpoints[2]
     region = grid.return_region(first)
     return next((cell for cell in others if not region[cell]), None)
 
 
 def expected_cost(grid: GridMap, trips: Sequence[Task], robots: int) -> float:
-    """Return the cells that a trip costs: its length, and PRICE for each conflict that it meets among `robots`."""
+    """Return the cost of a trip in cells: its length, and PRICE for each expected conflict with `robots`."""
     routes = plan_trips(grid, trips)
     length = float(np.mean([path_length(route) for route in routes]))
     met = 2.0 * conflicts(routes, grid.shape).all / len(routes) * robots / len(routes)
@@ -294,6 +288,6 @@ def expected_cost(grid: GridMap, trips: Sequence[Task], robots: int) -> float:
 
 
 def choose(candidates: Sequence[Candidate], trips: Sequence[Task], robots: int, most: int) -> list[Candidate]:
-    """Return the `most` changes by which trips should cost least, each once."""
+    """Return the `most` different changes with the least expected cost of trips."""
     different = {one.changed.tobytes() + one.grid.one_way.tobytes(): one for one in reversed(candidates)}
     return sorted(different.values(), key=lambda one: expected_cost(one.grid, trips, robots))[:most]

@@ -1,4 +1,4 @@
-"""What a floor does with more and more robots: where it jams, where one more is hardly worth it, how many make enough.
+"""Throughput over the number of robots: the peak, the jam, the knee, and the fewest robots that make enough.
 
 Nothing here drives: rows or means in, numbers of robots out.
 """
@@ -17,14 +17,14 @@ from train.advice.aim import GOALS, Aim
 from train.reporting.columns import MEASURES
 from train.reporting.rows import Interval, Row, t_quantile
 
-STUCK = 0.05  # share of robots stuck at the end from which a floor counts as jammed
-NEAR = 0.97  # of the most goals: with less, a smaller number is not named in place of the best, though none can be told
-HALF = 0.5  # of what the first robot brings: what a further one should
-DRAWS = 2_000  # of the means, for the interval of the knee
+STUCK = 0.05  # share of robots stuck at the end, from which on a floor is jammed
+NEAR = 0.97  # of the best throughput, which a smaller number must reach to be named instead
+HALF = 0.5  # of the first robot's throughput, which a further one should add
+DRAWS = 2_000  # of all means, for the interval of the knee
 
 
-class Load(NamedTuple):
-    """What a floor does with a number of robots."""
+class LoadPoint(NamedTuple):
+    """Throughput of a number of robots."""
 
     robots: int
     episodes: int
@@ -33,21 +33,20 @@ class Load(NamedTuple):
     stuck: Interval  # share at the end
     waiting: Interval  # share of time
     jammed: bool
-    share: Interval | None = None  # of what is made, where that is asked for
+    share: Interval | None = None  # of orders in time, if that is asked for
 
     @property
     def asked(self) -> Interval:
-        """What is held against the wish."""
+        """What the wish is about: throughput, or the share of orders in time."""
         return self.goals if self.share is None else self.share
 
 
-def loads(rows: Mapping[int, Sequence[Row]], aim: Aim = GOALS) -> list[Load]:
-    """Return what was measured for each number of robots, fewest first.
+def loads(rows: Mapping[int, Sequence[Row]], aim: Aim = GOALS) -> list[LoadPoint]:
+    """Return the load of each number of robots, fewest first.
 
-    A floor is jammed with so many robots where STUCK of them are stuck, or all together reach less than `aim.fell` of
-    the most that fewer robots reached.
+    A floor is jammed if STUCK of the robots are stuck, or all make less than `aim.fell` of what fewer robots made.
     """
-    found: list[Load] = []
+    found: list[LoadPoint] = []
     for robots in sorted(rows):
         own = rows[robots]
         each, stuck, waiting = (one.interval(own) for one in (aim.late, MEASURES["stuck"], MEASURES["waiting_share"]))
@@ -55,17 +54,17 @@ def loads(rows: Mapping[int, Sequence[Row]], aim: Aim = GOALS) -> list[Load]:
         best = max((load.goals.mean for load in found), default=0.0)
         jammed = stuck.mean >= STUCK or goals.mean < aim.fell * best
         share = None if aim.share is None else aim.share.interval(own)
-        found.append(Load(robots, len(own), goals, each, stuck, waiting, jammed, share))
+        found.append(LoadPoint(robots, len(own), goals, each, stuck, waiting, jammed, share))
     return found
 
 
-def peak(found: Sequence[Load]) -> Load:
-    """Return the load with the most goals, the smallest of equals; one that jams only where all do."""
+def peak(found: Sequence[LoadPoint]) -> LoadPoint:
+    """Return the load with the highest throughput, the smallest of equals; a jammed one only if all are."""
     return max(found, key=lambda load: (not load.jammed, load.goals.mean, -load.robots))
 
 
-def jams_from(found: Sequence[Load]) -> Load | None:
-    """Return the smallest load from which on all that were tried jam; None where the largest does not."""
+def jams_from(found: Sequence[LoadPoint]) -> LoadPoint | None:
+    """Return the smallest load from which on all loads jam, None if the largest does not."""
     jammed = list(takewhile(lambda load: load.jammed, reversed(found)))
     return jammed[-1] if jammed else None
 
@@ -77,17 +76,16 @@ def rungs(low: int, high: int) -> list[int]:
 
 
 def smallest(means: Mapping[int, float], left: Sequence[int]) -> int:
-    """Return the smallest of the numbers `left`, which were not told apart from the best, that comes NEAR to it."""
+    """Return the smallest number of `left` that comes NEAR to the best."""
     best = max(means[robots] for robots in left)
     return min(robots for robots in left if means[robots] >= NEAR * best)
 
 
-def knee(found: Sequence[Load], alone: Interval, seed: int) -> Interval | None:
-    """Return the number of robots from which a further one brings less than HALF of what one alone does.
+def knee(found: Sequence[LoadPoint], alone: Interval, seed: int) -> Interval | None:
+    """Return the number of robots from which a further one adds less than HALF of one alone, None if there is none.
 
-    What a further robot brings is taken to fall all the way, and between two loads to be what the middle between them
-    has. The interval is that of DRAWS of all means by Student's t; infinite above where one draw in forty has no knee.
-    None where the loads do not reach it.
+    What a further robot adds is assumed to fall monotonically, and is interpolated between the middles of loads. The
+    interval is of DRAWS of all means by Student's t; it is open above if one draw in forty has no knee.
     """
     known = [load for load in found if load.goals.samples >= 2]
     if not known:
@@ -105,13 +103,13 @@ def knee(found: Sequence[Load], alone: Interval, seed: int) -> Interval | None:
 
 
 def _draws(mean: Interval, rng: np.random.Generator) -> NDArray[np.float64]:
-    """Return float64[DRAWS]: what a mean may really be, by its interval."""
+    """Return float64[DRAWS]: draws of a mean by its interval."""
     freedom = mean.samples - 1
     return mean.mean + (mean.high - mean.mean) / t_quantile(freedom) * rng.standard_t(freedom, DRAWS)
 
 
 def _crossing(means: NDArray[np.float64], widths: NDArray[np.float64], middles: NDArray[np.float64]) -> float:
-    """Return where slopes fall to HALF of means[0], infinite where they do not; means[1:] at the ends of the widths."""
+    """Return where slopes fall to HALF of means[0], else infinity; means[1:] are at the ends of the widths."""
     slopes = falling(np.diff([0.0, *means[1:]]) / widths, widths)
     slopes, middles = np.concatenate([[max(means[0], slopes[0])], slopes]), np.concatenate([[0.0], middles])
     below = np.flatnonzero(slopes < HALF * means[0])
@@ -123,7 +121,7 @@ def _crossing(means: NDArray[np.float64], widths: NDArray[np.float64], middles: 
 
 
 def falling(values: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the values that never rise and are nearest to `values` by weighted squares (pool adjacent violators)."""
+    """Return the non-increasing values nearest to `values` by weighted squares (pool adjacent violators)."""
     pools: list[tuple[float, float, int]] = []  # mean, weight, members
     for value, weight in zip(values.tolist(), weights.tolist(), strict=True):
         pools.append((value, weight, 1))
@@ -134,17 +132,17 @@ def falling(values: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArra
 
 
 def fewest_that(reaches: Callable[[int], bool], low: int, high: int) -> int:
-    """Return the fewest robots that reach something, by halves: `low` do not, `high` do; within a sixteenth of them."""
+    """Return the fewest robots that reach a goal, by bisection to a sixteenth: `low` do not, `high` do."""
     while high - low > max(1, high // 16):
         middle = (low + high) // 2
         low, high = (low, middle) if reaches(middle) else (middle, high)
     return high
 
 
-def bracket(found: Sequence[Load], wanted: float) -> tuple[int, int] | None:
-    """Return between which numbers the fewest lie that make `wanted` goals, or such a share; None where no mean does.
+def bracket(found: Sequence[LoadPoint], wanted: float) -> tuple[int, int] | None:
+    """Return the numbers between which the fewest robots lie that make `wanted`; None if no mean reaches it.
 
-    The first has a mean below (0: none), the second is the first with an interval above, or that with the most.
+    The mean of the first lies below (0: no robots), the interval of the second above, or it is the best number.
     """
     top = max(found, key=lambda load: (not load.jammed, load.asked.mean, -load.robots))
     rising = [load for load in found if load.robots <= top.robots]

@@ -1,4 +1,4 @@
-"""What was understood of a hall's map, and what is doubtful about it, as parts of an advice's page."""
+"""How a hall's map was understood, and what is doubtful about it, as parts of an advice's page."""
 
 from __future__ import annotations
 
@@ -12,14 +12,11 @@ from warehouse_env.maps.halls import places
 from warehouse_env.maps.halls.hall import Hall, parse
 from warehouse_env.render.hall_map import SMALL, cell_kinds, hall_map
 
-_SIGNS = ("aisles close", "by unknown pixels", "lies beside")  # of what may be otherwise, in a hall's report
+_SIGNS = ("aisles close", "by unknown pixels", "lies beside")  # of doubtful lines in a hall's report
 
 
 def hall_parts(hall: Hall, name: str) -> list[Part]:
-    """Return two parts: the map with the floor laid over it and what was read, and what is doubtful.
-
-    name: by which the hall was read.
-    """
+    """Return two parts: the map with the floor over it, and what is doubtful; name: as it was typed."""
     label = f"The map of {hall.grid.name}, and the floor that robots drive on"
     caption = (
         f"{label}, in metres of the map's own frame. Robots drive on whole cells of {hall.grid.cell_size:g} m; what is "
@@ -34,7 +31,7 @@ def hall_parts(hall: Hall, name: str) -> list[Part]:
 
 
 def doubts(hall: Hall, name: str) -> Iterator[str]:
-    """Yield what may be otherwise than it was taken, one sentence each, and what settles it; the gravest first."""
+    """Yield what may be wrong, and what settles it, one sentence each, the gravest first."""
     path, how = parse(name)
     if not companion(path, places.SUFFIX).exists() and how.lanes is None:
         picks, stations = len(hall.places["picks"]), len(hall.places["stations"])
@@ -54,7 +51,7 @@ def doubts(hall: Hall, name: str) -> Iterator[str]:
 
 
 def with_parameter(name: str, parameter: str) -> str:
-    """Return a hall's name, without its folders, read by one more parameter."""
+    """Return a hall's name without its folders, with one more parameter."""
     path, colon, given = name.partition(":")
     kept = [one for one in given.split(",") if colon and one.partition("=")[0] != parameter.partition("=")[0]]
     return f"{Path(path).name}:{','.join([*kept, parameter])}"

@@ -1,4 +1,4 @@
-"""Races: of several, which is the best? A few rounds for all, more for those that are still in."""
+"""Races: find the best of several in rounds, dropping those that are significantly worse."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ import numpy as np
 
 from train.reporting.rows import mean_interval
 
-FEWEST = 3  # rounds before somebody is out
+FEWEST = 3  # rounds before any is dropped
 
 Arm = TypeVar("Arm")
 Play = Callable[[Sequence[Arm], int], Sequence[float]]
-"""From those still in and the number of the round to their values in it."""
+"""From the remaining arms and the number of the round to their values in it."""
 
 
 class Raced(NamedTuple, Generic[Arm]):
     """How a race went."""
 
-    values: Mapping[Arm, Sequence[float]]  # one of each round that it was in
-    left: Sequence[Arm]  # who was not told apart from the best
+    values: Mapping[Arm, Sequence[float]]  # one for each of its rounds
+    left: Sequence[Arm]  # not told apart from the best
 
     @property
     def best(self) -> Arm:
-        """Who has the highest mean of those left, the first of equals."""
+        """The remaining arm with the highest mean, the first of equals."""
         return max(self.left, key=lambda arm: mean(self.values[arm]))
 
 
@@ -32,10 +32,10 @@ def race(
     arms: Sequence[Arm], play: Play[Arm], rounds: int, go_on: Callable[[Sequence[Arm], int], bool],
     settled: Callable[[Sequence[Arm]], bool] = lambda left: len(left) <= 1,
 ) -> Raced[Arm]:  # fmt: skip
-    """Play up to `rounds`, as long as it is not settled and there is time for those that are in.
+    """Play up to `rounds`, until it is settled or there is no time.
 
-    Who is told worse than the best so far, by the 95% interval of the difference in the same rounds, is out. Each
-    round tests anew, so this is a rule of thumb: what a race chose is to be measured in rounds of its own.
+    An arm is dropped if the 95% interval of its difference from the best in the same rounds lies below 0. Each round
+    tests again, so this is a rule of thumb: measure the winner in rounds of its own.
     """
     values: dict[Arm, list[float]] = {arm: [] for arm in arms}
     left = list(arms)

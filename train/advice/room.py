@@ -1,11 +1,8 @@
-"""What room a floor has for robots: where their bodies pass, and how many of them find a start.
-
-Each robot needs a goal of its own, so pick faces and stations bound their number, and floor to stand on.
-"""
+"""The room that a floor has for robots: where their bodies fit, and how many find a start and a goal of their own."""
 
 from __future__ import annotations
 
-from train.advice.trials import Plan
+from train.advice.trials import AdvicePlan
 from train.books import simulator_of
 from train.evaluation.rollout import make_experiment
 from train.kinds import Kinds
@@ -14,17 +11,17 @@ from warehouse_env.errors import ConfigError
 from warehouse_env.maps.fitting import fitted
 from warehouse_env.maps.grid_map import GridMap
 
-PROBES = 40  # seeds on which all must find a start
-SPARSE = 4  # endpoints a robot of the default size, from which on nobody has trouble with that
-STEP = 0.9  # from a number that does not find one to the next that is tried
-MARGIN = 0.9  # of what was found, for other seeds
+PROBES = 40  # seeds on which all robots must find a start
+SPARSE = 4  # endpoints a robot of the default size, from which on all find a start
+STEP = 0.9  # from one number that is tried to the next
+MARGIN = 0.9  # of the number found, for other seeds
 
 
 def for_kinds(grid: GridMap, kinds: Kinds) -> tuple[GridMap, tuple[str, ...]]:
-    """Return a floor as it is for a body that holds those of all kinds, and what that takes from it, a sentence each.
+    """Return the floor for a body that covers those of all kinds, and where that does not fit, a sentence each.
 
-    So robots have the same tasks however many there are, and on every changed floor. ConfigError where no pick face or
-    no station can be reached.
+    So robots have the same tasks in any number and on every changed floor. ConfigError if no pick face or no station
+    can be reached.
     """
     config = EnvConfig(**kinds.each())
     floor = grid.at_pace(max(robot.max_speed for robot in config.bodies))
@@ -36,19 +33,19 @@ def for_kinds(grid: GridMap, kinds: Kinds) -> tuple[GridMap, tuple[str, ...]]:
     return made, narrow
 
 
-def most_with_a_start(plan: Plan) -> int:
-    """Return the most robots, up to `plan.most`, that find starts that touch nothing, whatever the seed."""
+def most_with_a_start(plan: AdvicePlan) -> int:
+    """Return the most robots, up to `plan.most`, that find free starts with any seed."""
     body = RobotSpec() if plan.kinds is None else EnvConfig(**plan.kinds.each()).widest_body
     if plan.most * SPARSE * body.longer * body.wider <= len(plan.grid.endpoints[2]):
         return plan.most
     robots = plan.most
-    while robots > 1 and not _start(plan, robots):  # from above: where one finds none, that is soon seen
+    while robots > 1 and not _start(plan, robots):  # from above, since failures are found quickly
         robots = int(STEP * robots)
     return robots if robots == plan.most else max(1, int(MARGIN * robots))
 
 
-def _start(plan: Plan, robots: int) -> bool:
-    """Return whether so many robots find a start on every seed that is tried."""
+def _start(plan: AdvicePlan, robots: int) -> bool:
+    """Return whether this many robots find a start on every seed tried."""
     env = EnvConfig(num_agents=robots, planner=plan.planner)
     config = make_experiment(plan.policies[0], env, 1, plan.seconds, plan.seed, plan.given(robots)).config
     try:

@@ -1,4 +1,4 @@
-"""Episodes of the floor as it is, by policy and number of robots: each driven once, with what it cost."""
+"""Episodes of the floor as it is, by policy and number of robots: each driven once and timed."""
 
 from __future__ import annotations
 
@@ -6,33 +6,32 @@ import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-from train.advice.curve import STUCK, Load, loads
+from train.advice.curve import STUCK, LoadPoint, loads
 from train.advice.race import Raced, race
-from train.advice.trials import BLOCK, Clock, Drive, Plan, Use
+from train.advice.trials import BLOCK, AdvicePlan, Drive, TimeBudget, Use
 from train.reporting.rows import Row
 
-STEEPNESS = 1.25  # power by which time grows with the robots, where no two numbers of them were driven
+STEEPNESS = 1.25  # power by which time grows with the robots, before two numbers of them were driven
 
 
-class Crew(NamedTuple):
-    """Who drives: so many robots under a policy."""
+class Team(NamedTuple):
+    """Robots under a policy."""
 
     policy: str
     robots: int
 
 
-class Study:
-    """What was driven so far; what is asked for again is not driven again."""
+class TrialRuns:
+    """The episodes driven so far; none is driven twice."""
 
-    def __init__(self, plan: Plan, drive: Drive, clock: Clock) -> None:
+    def __init__(self, plan: AdvicePlan, drive: Drive, clock: TimeBudget) -> None:
         self.plan, self.clock = plan, clock
-        self.stretch = 1.0  # of all shares of the time, where nothing comes behind what they are for
         self._drive = drive
-        self._rows: dict[tuple[Crew, int], Row] = {}
+        self._rows: dict[tuple[Team, int], Row] = {}
         self._took: dict[int, tuple[float, int]] = {}  # [s] and episodes, by number of robots
 
-    def rows(self, crews: Sequence[Crew], seeds: Sequence[int]) -> list[list[Row]]:
-        """Drive what is lacking; return the rows of each crew in the order of the seeds."""
+    def rows(self, crews: Sequence[Team], seeds: Sequence[int]) -> list[list[Row]]:
+        """Return the rows of each crew in the order of the seeds; drive those that are missing."""
         missing = [(crew, seed) for seed in seeds for crew in crews if (crew, seed) not in self._rows]
         asked = [trial for crew, seed in missing for trial in self.plan.trials(self.plan.grid, *crew, [seed])]
         for key, row in zip(missing, self._drive(asked) if asked else [], strict=True):
@@ -42,15 +41,12 @@ class Study:
         return [[self._rows[crew, seed] for seed in seeds] for crew in crews]
 
     def restart(self) -> None:
-        """Begin the time anew, and forget what took longer for being the first."""
+        """Restart the clock, and forget the times of the first episodes, which include compiling."""
         self.clock.restart()
         self._took.clear()
 
     def seconds(self, robots: int) -> float:
-        """Return the time [s] that an episode should take, all processes at work, by the largest ones that were driven.
-
-        NaN where none was.
-        """
+        """Return the expected time [s] of an episode with all processes busy; NaN before any was driven."""
         took = {count: spent / episodes for count, (spent, episodes) in sorted(self._took.items()) if spent > 0}
         if not took:
             return math.nan
@@ -63,14 +59,14 @@ class Study:
             power = min(2.0, max(1.0, math.log(took[most] / took[half]) / math.log(most / half)))
         return float(took[most] * (robots / most) ** power)
 
-    def affords(self, crews: Sequence[Crew], seeds: Sequence[int], share: float) -> bool:
-        """Return whether what is lacking of these episodes ends within a share of the time, by what is known."""
+    def affords(self, crews: Sequence[Team], seeds: Sequence[int], share: float) -> bool:
+        """Return whether the missing ones of these episodes should end within a share of the time."""
         lacking = [crew.robots for crew in crews for seed in seeds if (crew, seed) not in self._rows]
         needed = sum(map(self.seconds, lacking))
-        return math.isnan(needed) or self.clock.allows(needed, min(1.0, self.stretch * share))
+        return math.isnan(needed) or self.clock.allows(needed, share)
 
-    def loads(self, policy: str, use: Use = Use.CHOOSE) -> list[Load]:
-        """Return what a policy's robots did on the seeds of a use, for each number of them."""
+    def loads(self, policy: str, use: Use = Use.CHOOSE) -> list[LoadPoint]:
+        """Return what a policy's robots made on the seeds of a use, for each number of them."""
         own = set(self.plan.seeds(use, BLOCK))
         found: dict[int, list[Row]] = {}
         for (crew, seed), row in sorted(self._rows.items()):
@@ -78,24 +74,21 @@ class Study:
                 found.setdefault(crew.robots, []).append(row)
         return loads(found, self.plan.aim)
 
-    def of(self, crew: Crew) -> list[Row]:
+    def of(self, crew: Team) -> list[Row]:
         """Return all rows of a crew."""
         return [row for (one, _), row in sorted(self._rows.items()) if one == crew]
 
     def race(
-        self, crews: Sequence[Crew], rounds: int, share: float,
-        settled: Callable[[Sequence[Crew]], bool] = lambda left: len(left) <= 1,
-    ) -> Raced[Crew]:  # fmt: skip
-        """Race crews for what all robots make together, a seed a round, within a share of the time.
+        self, crews: Sequence[Team], rounds: int, share: float,
+        settled: Callable[[Sequence[Team]], bool] = lambda left: len(left) <= 1,
+    ) -> Raced[Team]:  # fmt: skip
+        """Race crews by what all robots make, one seed a round, within a share of the time; jams count nothing."""
 
-        An episode at whose end robots are stuck counts nothing.
-        """
-
-        def play(left: Sequence[Crew], number: int) -> list[float]:
+        def play(left: Sequence[Team], number: int) -> list[float]:
             rows = self.rows(left, self.plan.seeds(Use.CHOOSE, 1, number))
             return [self.plan.aim.made(row) * (row["stuck"] < STUCK) for (row,) in rows]
 
-        def go_on(left: Sequence[Crew], number: int) -> bool:
+        def go_on(left: Sequence[Team], number: int) -> bool:
             return self.affords(left, self.plan.seeds(Use.CHOOSE, 1, number), share)
 
         return race(crews, play, self.plan.at_most(rounds), go_on, settled)

@@ -1,11 +1,10 @@
-"""Trials: one episode each of a policy's robots on a floor, which may be one that is only thought of; what is asked.
+"""Trials, one episode each of a policy's robots on a floor; the plan of an advice, and its clock.
 
-All trials of a seed have the same starts and first goals where floors have the same endpoints, so they pair.
+Trials of a seed have the same starts and first goals on floors with the same endpoints, so they pair.
 """
 
 from __future__ import annotations
 
-import hashlib
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -23,11 +22,10 @@ from train.own import versions
 from train.reporting.rows import Row, plain
 from warehouse_env import __version__
 from warehouse_env.config import EnvConfig
-from warehouse_env.files import MOST, read_bytes
 from warehouse_env.maps.grid_map import GridMap
 
-BLOCK = 1_000  # seeds of each use, so that what is confirmed has none of those it was chosen by
-AS_IS = "as it is"  # the floor without a change
+BLOCK = 1_000  # seeds of each use, so a choice is confirmed on seeds of their own
+AS_IS = "as it is"  # name of the unchanged floor
 
 
 @dataclass(frozen=True)
@@ -47,34 +45,38 @@ class Trial(Job):
 
     @property
     def identity(self) -> Row:
-        """What its row is known by."""
-        code = versions(self.policy, self.planner, "")  # of parts of one's own
+        """The fields that identify its row."""
+        code = versions(self.policy, self.planner, "", self._orders_file)  # of user code and orders
+        config = EnvConfig(num_agents=self.robots, **self.work).to_dict()
         return {
             "floor": self.floor, "content": f"{self.grid.key} {self.grid.endpoints[2]}", "policy": self.policy,
             "robots": self.robots, "seed": self.seed, "planner": self.planner,
-            "asked_seconds": self.seconds, "version": __version__,
-            **({"versions": code} if code else {}),
-            **({"work": _plain(self.work, self.robots)} if self.work else {}),
+            "asked_seconds": self.seconds, "version": __version__, **({"versions": code} if code else {}),
+            "work": plain({name: config[name] for name in self.work}),
         }  # fmt: skip
 
     @property
     def title(self) -> str:
-        """Its robots and their policy, and its floor where that is changed."""
+        """Its robots and their policy, and its floor if that is changed."""
         changed = "" if self.floor == AS_IS else f", {self.floor}"
         return f"{self.robots} robot{'s' * (self.robots > 1)} · {self.policy}{changed}"
 
     @property
+    def _orders_file(self) -> str:
+        orders = self.work.get("orders")
+        return "" if orders is None else orders.file or ""
+
+    @property
     def files(self) -> tuple[str, ...]:
         """The policy, the planner and the orders."""
-        return self.policy, self.planner, *filter(None, [_orders_file(self.work)])
+        return self.policy, self.planner, *filter(None, [self._orders_file])
 
     def left(self, rows: Sequence[Row]) -> tuple[Sequence[Row], Trial | None]:
-        """Return its row, if there is one; one of other work is another's."""
-        own = [row for row in rows if row.get("work") == self.identity.get("work")]
-        return (own[:1], None) if own else ([], self)
+        """Return its row, if there is one."""
+        return (rows[:1], None) if rows else ([], self)
 
     def run(self, tick: Tick) -> Result:
-        """Drive an episode; its row also says what was noted of places."""
+        """Drive an episode; its row also says where robots waited."""
         env = EnvConfig(num_agents=self.robots, planner=self.planner)
         experiment = make_experiment(self.policy, env, 1, self.seconds, self.seed, self.work)
         places, begin = Places(experiment), time.perf_counter()
@@ -90,53 +92,38 @@ class Trial(Job):
         return Result([kept | self.identity | {"took_s": time.perf_counter() - begin}])
 
 
-def _orders_file(work: Mapping[str, Any]) -> str | None:
-    """Return the name of the file of the orders, None where there is none."""
-    return work["orders"].file if "orders" in work else None
-
-
-def _plain(work: Mapping[str, Any], robots: int) -> Row:
-    """Return fields of EnvConfig as plain JSON, and what is in the file of the orders, if there is one."""
-    config = EnvConfig(num_agents=robots, **work).to_dict()
-    given = {name: config[name] for name in work}
-    file = _orders_file(work)
-    if file is not None:
-        given["orders"]["content"] = hashlib.blake2b(read_bytes(file, "orders", MOST), digest_size=16).hexdigest()
-    return dict(plain(given))
-
-
 Drive = Callable[[Sequence[Trial]], list[Row]]
 """From trials to their rows."""
 
 
 class Use(IntEnum):
-    """What episodes are for: each use has seeds of its own."""
+    """The purpose of episodes; each has seeds of its own."""
 
     CHOOSE = 0  # between numbers of robots and between policies
     ALONE = 1
-    CONFIRM = 2  # what was chosen
+    CONFIRM = 2  # the choice
     LOOK = 3  # at changes of the floor
-    MEASURE = 4  # those that looked best
+    MEASURE = 4  # the best changes
     ASK = 5  # how many robots make so many goals
     ANSWER = 6
 
 
 @dataclass(frozen=True)
-class Plan:
+class AdvicePlan:
     """What is asked."""
 
     grid: GridMap
-    policies: tuple[str, ...]  # those that may drive, the first one looks for the number of robots
+    policies: tuple[str, ...]  # the first one is used to find the number of robots
     planner: str
     seconds: float  # of an episode
     seed: int
     episodes: int | None  # of everything; None: what the clock allows
     most: int  # robots
-    wanted: float | None = None  # goals per hour of all robots together, or share of the orders in time
+    wanted: float | None = None  # goals per hour of all robots, or share of the orders in time
     processes: int = 1  # episodes driven at a time
     work: Mapping[str, Any] = field(default_factory=dict)  # fields of EnvConfig: service, orders, battery
-    kinds: Kinds | None = None  # of robots, by share; None: all are as RobotSpec has them
-    narrow: tuple[str, ...] = ()  # what their bodies take from the floor, a sentence each
+    kinds: Kinds | None = None  # of robots, by share; None: RobotSpec
+    narrow: tuple[str, ...] = ()  # where their bodies do not fit, a sentence each
 
     @property
     def aim(self) -> Aim:
@@ -147,10 +134,9 @@ class Plan:
         self, grid: GridMap, policy: str, robots: int, seeds: Sequence[int], floor: str = AS_IS,
         work: Mapping[str, Any] = MappingProxyType({}),
     ) -> list[Trial]:  # fmt: skip
-        """Return an episode for each seed; work: instead of the plan's own fields of these names.
+        """Return an episode for each seed; work: replaces fields of the plan's own.
 
-        One robot alone is in turn of each kind, as often as there are such robots in a fleet, so that many episodes
-        say what one of the fleet does alone.
+        A robot alone is of each kind in turn, in proportion to the fleet's shares.
         """
         turns = [(seed - self.seed) % BLOCK if robots == 1 else 0 for seed in seeds]
         return [
@@ -165,16 +151,16 @@ class Plan:
         return {**self.work, **({} if self.kinds is None else self.kinds.of(robots, first))}
 
     def seeds(self, use: Use, count: int, first: int = 0) -> range:
-        """Return seeds of a use, from its number `first` on; at most BLOCK of them are its own."""
+        """Return seeds of a use, from its number `first` on."""
         begin = self.seed + BLOCK * use + first
         return range(begin, begin + count)
 
     def at_most(self, episodes: int) -> int:
-        """Return how many episodes to drive where there is time for so many."""
+        """Return the number of episodes to drive if there is time for this many."""
         return episodes if self.episodes is None else self.episodes
 
 
-class Clock:
+class TimeBudget:
     """A budget of time, or none."""
 
     def __init__(self, minutes: float | None) -> None:
@@ -197,5 +183,5 @@ class Clock:
         return math.inf if self._budget is None else self._budget - self.spent
 
     def allows(self, seconds: float, share: float = 1.0) -> bool:
-        """Return whether so much more time stays within a share of the budget."""
+        """Return whether this much more time stays within a share of the budget."""
         return self._budget is None or self.spent + seconds <= share * self._budget

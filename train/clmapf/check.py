@@ -1,4 +1,4 @@
-"""The exact check of any solution, ours or others': what it must not do, at any instant, and its figures."""
+"""The exact check of a solution, ours or others', at every instant, and its figures."""
 
 from __future__ import annotations
 
@@ -12,39 +12,34 @@ from train.clmapf.instance import BODY, DISC_RADIUS, Instance
 from train.clmapf.motions import BEGIN, END, LENGTH, Fault, Motions, body_beyond, motions_of
 from train.clmapf.solution import States
 
-TOLERANCE = 0.01  # of stated poses, lengths and turns: the authors' files have six digits
 _LEAST_SLACK = 1e-6
-_HORIZON = 1.0  # gaps beyond are not asked for
+_HORIZON = 1.0  # larger gaps are not measured
 
 
-class Checked(NamedTuple):
+class SolutionCheck(NamedTuple):
     """What a check found."""
 
     faults: list[Fault]
-    makespan: float  # [s] until the last robot stands at its end for good
+    makespan: float  # [s] until the last robot has arrived
     flowtime: float  # [s] of all robots
-    driven: float  # length of all robots' ways
-    gap: float  # the least between two bodies, at most _HORIZON
-    disc_gap: float  # the least between a body and a disc, at most _HORIZON
+    driven: float  # length of all robots' routes
+    gap: float  # least between two bodies, at most _HORIZON
+    disc_gap: float  # least between a body and a disc, at most _HORIZON
     beyond: float  # how far a body reaches beyond the border
-    slack: float  # overlaps up to this are taken for rounding, all over twice this are found
+    slack: float  # overlaps up to this count as rounding; all above twice this are found
     unit: float  # [s] of a unit of t
 
 
-def check(
-    instance: Instance, schedule: dict[str, States], unit: float = 1.0, whole: bool = False,
-    tolerance: float = TOLERANCE,
-) -> Checked:  # fmt: skip
+def check(instance: Instance, schedule: dict[str, States], unit: float = 1.0, whole: bool = False) -> SolutionCheck:
     """Check a solution: its robots, ends, arcs, curvature, speed, border, bodies and discs.
 
-    unit: seconds of a unit of t; whole: bodies, not only axles, must stay on the floor; tolerance: of stated poses,
-    lengths and turns.
+    unit: seconds of a unit of t; whole: bodies, not only axles, must stay on the floor.
     """
     faults = [Fault("has no states", name, "", 0.0, 0.0) for name in instance.names if name not in schedule]
     faults += [Fault("is no robot", name, "", 0.0, 0.0) for name in schedule if name not in instance.names]
     if faults:
-        return Checked(faults, math.nan, math.nan, math.nan, math.nan, math.nan, math.nan, 0.0, unit)
-    motions, found = motions_of(instance, schedule, unit, whole, tolerance)
+        return SolutionCheck(faults, math.nan, math.nan, math.nan, math.nan, math.nan, math.nan, 0.0, unit)
+    motions, found = motions_of(instance, schedule, unit, whole)
     slack = max(_LEAST_SLACK, 2.0 * motions.miss)
     shape = Shape(
         BODY.half_length, BODY.half_width, 0.5 * (BODY.ahead - BODY.behind), max(BODY.ahead, BODY.behind),
@@ -55,13 +50,13 @@ def check(
     ends = list(_arrivals(motions))
     driven = float(abs(motions.arcs[:, LENGTH]).sum())
     faults = [*found, *bodies, *discs]
-    return Checked(
+    return SolutionCheck(
         faults, max(ends), sum(ends), driven, gap, disc_gap, body_beyond(motions, instance), slack, unit
     )  # fmt: skip
 
 
 def _arrivals(motions: Motions) -> Iterator[float]:
-    """Yield when each robot stands for good [s]."""
+    """Yield when each robot has arrived [s]."""
     for begin, end in itertools.pairwise(motions.first.tolist()):
         driving = [arc for arc in motions.arcs[begin:end].tolist() if abs(arc[LENGTH]) > _LEAST_SLACK]
         yield max(0.0, driving[-1][END]) if driving else 0.0

@@ -1,6 +1,6 @@
-"""An instance of the benchmark: poses to go from and to, discs, and what makes it impossible as stated.
+"""An instance of the benchmark: start and goal poses, discs, and why it may be impossible as stated.
 
-Its frame is left-handed: forward is (cos yaw, -sin yaw). Here headings are -yaw at the same x and y.
+The benchmark's frame is left-handed: forward is (cos yaw, -sin yaw). Here headings are -yaw at the same x and y.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from numpy.typing import NDArray
 from train.central.car_like.floor import Body
 from train.evaluation.audit.bodies import Outline, gap, point_gap
 from warehouse_env.errors import MapError, shown
-from warehouse_env.files import as_number, path_of, write_text
+from warehouse_env.files import as_number, path_of
 from warehouse_env.maps.plain_yaml import read_yaml
 
 BODY = Body(ahead=2.0, behind=1.0, half_width=1.0, radius=3.0)
 DISC_RADIUS = 0.8
-NO_DISC = (-1.0, -1.0)  # what stands in a file without obstacles
-LARGEST = 8 * 2**20  # [bytes] of a file, instance or solution: those of 100 robots have half a million
+NO_DISC = (-1.0, -1.0)  # in a file without obstacles
+LARGEST = 8 * 2**20  # [bytes] of an instance or a solution; 100 robots need half a million
 _MOST, _WIDEST = 1000, 4000.0  # robots, and the floor's side
 
 Poses = NDArray[np.float64]  # [N, 3]: x, y and heading
@@ -32,7 +32,7 @@ Poses = NDArray[np.float64]  # [N, 3]: x, y and heading
 
 @dataclass(frozen=True)
 class Instance:
-    """What is to be solved."""
+    """An instance."""
 
     name: str
     width: float
@@ -44,7 +44,7 @@ class Instance:
 
     @property
     def cell(self) -> tuple[float, bool, int]:
-        """Which of the benchmark's cells it belongs to: side of the floor, whether there are discs, robots."""
+        """Cell of the benchmark: side of the floor, whether there are discs, number of robots."""
         return self.width, len(self.discs) > 0, len(self.names)
 
 
@@ -69,7 +69,7 @@ def body_gap(pose: NDArray[np.float64], other: NDArray[np.float64]) -> float:
 
 
 def why_impossible(instance: Instance) -> Iterator[str]:
-    """Say what no route can mend: poses that overlap discs or each other, or whose axle is off the floor."""
+    """Yield what no route can solve: poses that overlap discs or each other, or with the axle off the floor."""
     for what, poses in (("start", instance.starts), ("goal", instance.goals)):
         for i, pose in enumerate(poses):
             who = f"the {what} of {instance.names[i]}"
@@ -84,7 +84,7 @@ def why_impossible(instance: Instance) -> Iterator[str]:
 
 
 def least_gap(instance: Instance) -> float:
-    """Return how near a start or goal is to a disc or to another at the least."""
+    """Return the least gap between a start or goal and a disc or another one."""
     found = math.inf
     for poses in (instance.starts, instance.goals):
         found = min([found, *(disc_gap(pose, disc) for pose in poses for disc in instance.discs)])
@@ -93,7 +93,7 @@ def least_gap(instance: Instance) -> float:
 
 
 def read_instance(path: Path, name: str) -> Instance:
-    """Read a file of the benchmark; MapError says what is wrong with it."""
+    """Read a file of the benchmark; MapError if it is wrong."""
     data = read_yaml(path_of(path, MapError), "instance", LARGEST)
     agents, floor = _member(data, "agents", list, path), _member(data, "map", dict, path)
     width, height = _numbers(_member(floor, "dimensions", list, path), 2, "dimensions", path)
@@ -110,26 +110,11 @@ def read_instance(path: Path, name: str) -> Instance:
     return Instance(name, width, height, names, starts, goals, kept)
 
 
-def write_instance(instance: Instance, path: Path) -> None:
-    """Write an instance as the benchmark does."""
-    lines = ["agents:"]
-    for name, start, goal in zip(instance.names, instance.starts, instance.goals, strict=True):
-        lines += [f"  - start: {_listed(start)}", f"    name: {name}", f"    goal: {_listed(goal)}"]
-    lines += ["map:", f"  dimensions: [{instance.width:g}, {instance.height:g}]", "  obstacles:"]
-    discs = instance.discs.tolist() or [NO_DISC]
-    lines += [f"    - [{x:.6g}, {y:.6g}]" for x, y in discs]
-    write_text(path, "\n".join(lines) + "\n")
-
-
-def _listed(pose: NDArray[np.float64]) -> str:
-    return f"[{pose[0]:.10g}, {pose[1]:.10g}, {0.0 - pose[2]:.10g}]"
-
-
 def _member(data: Any, key: str, kind: type, path: Path) -> Any:
-    """Return what stands under a name, which must be a list or a dict."""
+    """Return a member, which must be a list or a dict; an empty one is an empty list."""
     found = data.get(key) if isinstance(data, dict) else None
     if found is None and kind is list and isinstance(data, dict) and key in data:
-        return []  # a name with nothing behind it
+        return []
     if not isinstance(found, kind):
         raise MapError(f"{path} has no {key}, so it is no instance of the benchmark")
     return found

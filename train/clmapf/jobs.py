@@ -1,11 +1,11 @@
-"""An instance solved, or a solution of it checked, as a job whose row is kept."""
+"""Jobs that solve an instance, or check a solution of it, and keep a row."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
 
-from train.clmapf.check import Checked, check
+from train.clmapf.check import SolutionCheck, check
 from train.clmapf.instance import Instance, read_instance, why_impossible
 from train.clmapf.solution import read_solution, write_solution
 from train.clmapf.solve import solve
@@ -14,64 +14,44 @@ from train.reporting.rows import Row
 from warehouse_env import __version__
 from warehouse_env.errors import MapError
 
-_FAULTS = 20  # that a row tells
+_FAULTS = 20  # in a row
 
 
 @dataclass(frozen=True)
-class SolveJob(Job):
-    """Plan the routes of an instance, write them, and check what was written."""
+class InstanceJob(Job):
+    """Solve an instance and check the solution as it is written, or only check a solution."""
 
     folder: Path
     name: str  # of the file in the folder
     solutions: Path  # a folder
-    seed: int
     whole: bool  # whether whole bodies must stay on the floor
+    seed: int | None = None  # of the planner; None: only check
+    unit: float = 1.0  # seconds of a unit of t
 
     titled = "{name}"
 
     def run(self, tick: Tick) -> Result:
-        """Solve and check; nothing is planned where the instance is impossible as stated."""
-        instance = read_instance(self.folder / self.name, self.name)
-        row = row_of(instance) | {"seed": self.seed, "whole_bodies": self.whole, "version": __version__}
-        if row["impossible"]:
-            return Result([row])
-        solved = solve(instance, self.seed, self.whole)
-        row |= {"seconds": solved.seconds, "nodes": solved.found.nodes, "meeting": solved.found.meeting}
-        row |= {"stranded": [instance.names[i] for i in solved.found.stranded]}
-        if solved.complete:
-            path = self.solutions / self.name
-            flowtime = float(sum(route[-1, -1] for route in solved.routes))
-            write_solution(path, instance.names, solved.routes, flowtime, solved.seconds)
-            row |= figures(check(instance, read_solution(path), whole=self.whole)) | {
-                "flowtime_alone": float(solved.found.alone.sum())
-            }
-        return Result([row])
-
-
-@dataclass(frozen=True)
-class CheckJob(Job):
-    """Check the solution of an instance."""
-
-    folder: Path
-    name: str
-    solutions: Path
-    unit: float  # seconds of a unit of t
-    whole: bool  # see SolveJob
-
-    titled = "{name}"
-
-    def run(self, tick: Tick) -> Result:
-        """Check what is there."""
-        instance = read_instance(self.folder / self.name, self.name)
-        path = self.solutions / self.name
+        """Return the row."""
+        instance, path = read_instance(self.folder / self.name, self.name), self.solutions / self.name
         row = row_of(instance)
+        if self.seed is not None:
+            row |= {"seed": self.seed, "whole_bodies": self.whole, "version": __version__}
+            if row["impossible"]:
+                return Result([row])
+            found, seconds = solve(instance, self.seed, self.whole)
+            row |= {"seconds": seconds, "nodes": found.nodes, "meeting": found.meeting}
+            row |= {"stranded": [instance.names[i] for i in found.stranded]}
+            if found.stranded or found.meeting:
+                return Result([row])
+            write_solution(path, instance.names, found.routes, seconds)
+            row["flowtime_alone"] = float(found.alone.sum())
         if path.is_file():
             row |= figures(check(instance, read_solution(path), self.unit, self.whole))
         return Result([row])
 
 
 def row_of(instance: Instance) -> Row:
-    """Return what a row says of an instance, solved or not."""
+    """Return a row about an instance."""
     return {
         "instance": instance.name, "size": instance.width, "agents": len(instance.names),
         "obstacle": len(instance.discs) > 0, "obstacles": len(instance.discs),
@@ -79,8 +59,8 @@ def row_of(instance: Instance) -> Row:
     }  # fmt: skip
 
 
-def figures(checked: Checked) -> Row:
-    """Return what a row says of a solution."""
+def figures(checked: SolutionCheck) -> Row:
+    """Return a row about a solution."""
     return {
         "solved": not checked.faults, "faults": [str(fault) for fault in checked.faults[:_FAULTS]],
         "fault_count": len(checked.faults), "makespan": checked.makespan, "flowtime": checked.flowtime,

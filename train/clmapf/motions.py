@@ -1,4 +1,4 @@
-"""What robots drive between the states of a solution: arcs of constant curvature, and what is wrong with each alone."""
+"""The arcs that robots drive between the states of a solution, and the faults of each arc by itself."""
 
 from __future__ import annotations
 
@@ -13,21 +13,22 @@ from numpy.typing import NDArray
 from train.clmapf.instance import BODY, Instance
 from train.clmapf.solution import States
 
+TOLERANCE = 0.01  # of given poses, lengths and turns: the authors' files have six digits
 AUTHORS_STEP = 2.118  # seconds of a step of the authors' solver: radius 3 times 0.706 rad
 BEGIN, END, X, Y, HEADING, LENGTH, BEND = range(7)  # columns of motions float64[M, 7]; LENGTH is negative in reverse
 _AXLE = ((0.0, 0.0),)
 _CORNERS = tuple((ahead, left) for ahead in (BODY.ahead, -BODY.behind) for left in (BODY.half_width, -BODY.half_width))
-_STILL = 1e-12  # [rad] of a turn that is none
+_STILL = 1e-12  # [rad] up to which there is no turn
 
 
 class Fault(NamedTuple):
-    """One thing that a solution must not do."""
+    """A fault of a solution."""
 
     kind: str
     robot: str
     other: str  # another robot, an obstacle's number, or nothing
     time: float  # [s]
-    size: float  # depth of an overlap, or by how much a limit is broken
+    size: float  # depth of an overlap, or excess over a limit
 
     def __str__(self) -> str:
         other = f" {self.other}" if self.other else ""
@@ -35,17 +36,17 @@ class Fault(NamedTuple):
 
 
 class Motions(NamedTuple):
-    """What all robots drive, one after the other in `arcs`; before and after its own a robot stands."""
+    """The arcs of all robots in turn; a robot stands before and after its own."""
 
     arcs: NDArray[np.float64]  # [M, 7]
     first: NDArray[np.int64]  # [N + 1]: robot i has the arcs from first[i] up to first[i + 1], at least one
-    miss: float  # how far [m] a stated state is off the end of the arc that leads to it, at the most
+    miss: float  # most [m] that a given state is off the end of its arc
 
 
 def arc_between(state: NDArray[np.float64], after: NDArray[np.float64]) -> tuple[float, float, float]:
     """Return (signed length, turn [rad], miss) of the arc from a state towards another.
 
-    The chord of an arc lies at the mean of both headings; what of the way is across it is missed.
+    The chord of an arc lies at the mean of both headings; the part of the way across it is the miss.
     """
     turn = math.remainder(after[2] - state[2], math.tau)
     mean, dx, dy = state[2] + 0.5 * turn, after[0] - state[0], after[1] - state[1]
@@ -55,22 +56,22 @@ def arc_between(state: NDArray[np.float64], after: NDArray[np.float64]) -> tuple
 
 
 def motions_of(
-    instance: Instance, schedule: dict[str, States], unit: float, whole: bool, tolerance: float
+    instance: Instance, schedule: dict[str, States], unit: float, whole: bool
 ) -> tuple[Motions, list[Fault]]:
-    """Return what is driven, and what is wrong with each robot: ends, times, jumps, curvature, speed, the border."""
+    """Return the arcs, and the faults of each robot: ends, times, jumps, curvature, speed, border."""
     arcs, first, worst = [], [0], 0.0
     faults: list[Fault] = []
     for i, name in enumerate(instance.names):
         states = schedule[name]
-        faults += _ends(name, states, instance.starts[i], instance.goals[i], unit, tolerance)
+        faults += _ends(name, states, instance.starts[i], instance.goals[i], unit)
         for state, after in itertools.pairwise(states):
             length, turn, miss = arc_between(state, after)
             arc = (unit * state[3], unit * after[3], *state[:3], length, turn / length if length else 0.0)
-            found = list(_limits(name, arc, turn, miss, tolerance))
+            found = list(_limits(name, arc, turn, miss))
             if not found:
                 worst = max(worst, miss)
             faults += found
-            faults += _border(name, arc, instance, whole, tolerance)
+            faults += _border(name, arc, instance, whole)
             arcs.append(arc if arc[1] > arc[0] else (arc[0], arc[0], *state[:3], 0.0, 0.0))
         last = states[-1]
         arcs.append((unit * last[3], unit * last[3], *last[:3], 0.0, 0.0))
@@ -79,42 +80,42 @@ def motions_of(
 
 
 def _ends(
-    name: str, states: States, start: NDArray[np.float64], goal: NDArray[np.float64], unit: float, tolerance: float
+    name: str, states: States, start: NDArray[np.float64], goal: NDArray[np.float64], unit: float
 ) -> Iterator[Fault]:
     if states[0, 3] < -1e-9:
         yield Fault("begins before the time 0", name, "", unit * states[0, 3], -unit * states[0, 3])
     for what, state, pose in (("begins off its start", states[0], start), ("ends off its goal", states[-1], goal)):
         off = math.dist(state[:2], pose[:2]) + abs(math.remainder(state[2] - pose[2], math.tau))
-        if off > tolerance:
+        if off > TOLERANCE:
             yield Fault(what, name, "", unit * state[3], off)
 
 
-def _limits(name: str, arc: tuple[float, ...], turn: float, miss: float, tolerance: float) -> Iterator[Fault]:
-    """Say which limits an arc breaks; rounding may make as much of a length or a turn as the tolerance."""
+def _limits(name: str, arc: tuple[float, ...], turn: float, miss: float) -> Iterator[Fault]:
+    """Yield the limits that an arc breaks by more than TOLERANCE."""
     seconds, length = arc[END] - arc[BEGIN], abs(arc[LENGTH])
-    if miss > tolerance:
+    if miss > TOLERANCE:
         yield Fault("states that no arc joins", name, "", arc[BEGIN], miss)
-    if BODY.radius * abs(turn) - length > tolerance:
+    if BODY.radius * abs(turn) - length > TOLERANCE:
         yield Fault("a turn that is too tight", name, "", arc[BEGIN], abs(turn) / max(length, 1e-9) - 1 / BODY.radius)
     if seconds < -1e-9:
         yield Fault("time runs backwards", name, "", arc[BEGIN], -seconds)
-    elif length > seconds + tolerance:
+    elif length > seconds + TOLERANCE:
         yield Fault("too fast", name, "", arc[BEGIN], length / max(seconds, 1e-9) - 1.0)
 
 
-def _border(name: str, arc: tuple[float, ...], instance: Instance, whole: bool, tolerance: float) -> Iterator[Fault]:
+def _border(name: str, arc: tuple[float, ...], instance: Instance, whole: bool) -> Iterator[Fault]:
     off = _beyond(arc, instance, _CORNERS if whole else _AXLE)
-    if off > tolerance:
+    if off > TOLERANCE:
         yield Fault(f"the {'body' if whole else 'axle'} leaves the floor", name, "", arc[BEGIN], off)
 
 
 def body_beyond(motions: Motions, instance: Instance) -> float:
-    """Return how far a corner of a body reaches beyond the floor's border, exactly; 0 where none does."""
+    """Return how far a corner of a body reaches beyond the floor's border, 0 if none does."""
     return max(0.0, *(_beyond(arc, instance, _CORNERS) for arc in motions.arcs.tolist()))
 
 
 def _beyond(arc: tuple[float, ...], instance: Instance, points: tuple[tuple[float, float], ...]) -> float:
-    """Return how far points of a body, ahead and left of its axle, get beyond the border on an arc."""
+    """Return how far points of a body, ahead and left of its axle, reach beyond the border on an arc."""
     most = -math.inf
     for ahead, left in points:
         low_x, high_x, low_y, high_y = extent(arc, ahead, left)

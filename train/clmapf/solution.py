@@ -1,8 +1,8 @@
-"""A solution's file, as the benchmark's authors write it: statistics, and of each robot the states x, y, yaw and t.
+"""A solution file as the benchmark's authors write it: statistics, and for each robot the states x, y, yaw and t.
 
-How it is read: t are seconds at unit speed; in the authors' files whole steps, each of 2.118 s. Between two states in a
-row a robot drives one arc of constant curvature at constant speed, forwards or backwards, turning by less than half a
-circle; it waits where they are the same. Before its first state and after its last it stands.
+t is in seconds at unit speed; in the authors' files it counts steps of 2.118 s. Between two states a robot drives one
+arc of constant curvature at constant speed, forwards or backwards, and turns by less than half a circle; it waits if
+they are equal. Before its first state and after its last it stands.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from train.central.car_like.traffic import BEGIN, END, HEADING, PIECE, X, Y, pose_at
+from train.central.car_like.traffic import BEGIN, END, HEADING, X, Y, pose_at
 from train.clmapf.instance import LARGEST
 from warehouse_env.errors import MapError, shown
 from warehouse_env.files import as_number, path_of, write_text
@@ -23,12 +23,12 @@ from warehouse_env.maps.plain_yaml import read_yaml
 
 _KEYS = ("x", "y", "yaw", "t")
 _FARTHEST = 1e6  # of a coordinate or time that is read
-_STEP = 2.0  # of a piece between two states that are written, at the most
+_STEP = 2.0  # [s] between two states, at most
 States = NDArray[np.float64]  # [K, 4]: x, y, heading, t
 
 
 def read_solution(path: Path) -> dict[str, States]:
-    """Return the states of each robot by its name; MapError says what is wrong with the file."""
+    """Return the states of each robot by its name; MapError if the file is wrong."""
     data = read_yaml(path_of(path, MapError), "solution", LARGEST)
     schedule = data.get("schedule") if isinstance(data, dict) else None
     if not isinstance(schedule, dict) or not schedule:
@@ -50,7 +50,7 @@ def _states(rows: Any, name: str, path: Path) -> States:
 
 
 def states_of(route: NDArray[np.float64]) -> States:
-    """Return the states of a route float64[K, PIECE] of the planner: long pieces in several, so that arcs are told."""
+    """Return the states of a route float64[K, PIECE] of the planner; long pieces are split, so that arcs are unique."""
     states = [route[0, [X, Y, HEADING, BEGIN]].tolist()]
     for n, piece in enumerate(route):
         seconds = piece[END] - piece[BEGIN]
@@ -61,12 +61,10 @@ def states_of(route: NDArray[np.float64]) -> States:
     return np.array(states)
 
 
-def write_solution(
-    path: Path, names: Sequence[str], routes: Sequence[NDArray[np.float64]], flowtime: float, seconds: float
-) -> None:
-    """Write the routes of all robots."""
-    assert all(route.shape[1] == PIECE for route in routes)
-    makespan = max(float(route[-1, END]) for route in routes)
+def write_solution(path: Path, names: Sequence[str], routes: Sequence[NDArray[np.float64]], seconds: float) -> None:
+    """Write the routes of all robots; seconds: of the planner."""
+    ends = [float(route[-1, END]) for route in routes]
+    flowtime, makespan = sum(ends), max(ends)
     lines = ["statistics:", f"  cost: {flowtime:.9g}", f"  makespan: {makespan:.9g}", f"  flowtime: {flowtime:.9g}"]
     lines += [f"  runtime: {seconds:.6g}", "schedule:"]
     for name, route in zip(names, routes, strict=True):

@@ -1,4 +1,4 @@
-"""The table of the benchmark's cells, and what others have published on it with the rules of each figure."""
+"""The table of the benchmark's cells, and published results with the rules of each figure."""
 
 from __future__ import annotations
 
@@ -9,15 +9,11 @@ from train.reporting.rows import Row, mean_interval, wilson_interval
 
 _HEADER = (
     "floor", "obstacles", "robots", "instances", "impossible", "solved of the others", "makespan", "flowtime",
-    "seconds", "most", "makespan, authors", "ours there", "flowtime, authors", "ours there ",
+    "seconds", "most",
 )  # fmt: skip
-# Means over ex 0 to 3 on empty 50 x 50 by the authors' solver, run for this table; its own rule of collision.
-AUTHORS = {5: (29.0, 116.0), 10: (32.0, 233.0), 15: (35.0, 377.0), 20: (40.0, 508.0)}
-_AUTHORS_RUNS = ("ex00", "ex01", "ex02", "ex03")
 NOTE = (
     "solved: by the exact check, of the instances that are not impossible as stated [95% interval by Wilson's score]. "
-    "makespan, flowtime: means over the solved ones, at unit speed. seconds: of one core. authors: means over ex 0 to "
-    "3, run once with their own rule, axles 4.47 apart at whole steps of 2.118; ours on the same instances."
+    "makespan, flowtime: means over the solved ones, at unit speed. seconds: of one core."
 )
 PUBLISHED = (
     ("CL-CBS", "77.9% of 480 of its instances", "as run by that paper", "arXiv 2512.12243"),
@@ -30,17 +26,14 @@ PUBLISHED = (
 
 
 def published_table() -> Table:
-    """Return what others say of themselves; none of these rules is the one of our table."""
+    """Return published results; each follows another rule than our table."""
     return Table("Published, each by its own rule", ("method", "solved", "rule and instances", "source"), PUBLISHED)
 
 
 def cells_table(rows: Sequence[Row]) -> Table:
     """Return one line for each cell of the benchmark."""
     ordered = sorted(rows, key=lambda row: (row["size"], row["obstacle"], row["agents"]))
-    lines = [
-        _line(group)
-        for group in grouped(ordered, ("size", "obstacle", "agents")).values()
-    ]  # fmt: skip
+    lines = [_line(group) for group in grouped(ordered, ("size", "obstacle", "agents")).values()]
     return Table("CL-MAPF, as stated", _HEADER, tuple(lines), NOTE)
 
 
@@ -55,17 +48,7 @@ def _line(group: Sequence[Row]) -> tuple[str, ...]:
         f"{side} x {side}", obstacles, str(first["agents"]), str(len(group)), str(len(group) - len(possible)),
         f"{len(solved)}: {share}", _mean(solved, "makespan"), _mean(solved, "flowtime"),
         number(sum(seconds) / len(seconds), 2) if seconds else "-", number(max(seconds), 2) if seconds else "-",
-        *_beside(first, solved),
     )  # fmt: skip
-
-
-def _beside(first: Row, solved: Sequence[Row]) -> tuple[str, str, str, str]:
-    """Return the authors' makespan and flowtime, each with ours on the same instances."""
-    same = [row for row in solved if any(run in row["instance"] for run in _AUTHORS_RUNS)]
-    if first["size"] != 50 or first["obstacle"] or first["agents"] not in AUTHORS or len(same) != len(_AUTHORS_RUNS):
-        return "-", "-", "-", "-"
-    makespan, flowtime = AUTHORS[first["agents"]]
-    return number(makespan), _mean(same, "makespan"), number(flowtime), _mean(same, "flowtime")
 
 
 def _mean(rows: Iterable[Row], name: str) -> str:
@@ -74,7 +57,7 @@ def _mean(rows: Iterable[Row], name: str) -> str:
 
 
 def impossible_lines(rows: Iterable[Row]) -> list[str]:
-    """Return a sentence for each instance that nobody can solve as stated."""
+    """Return a sentence for each instance that is impossible as stated."""
     return [f"{row['instance']}: {row['impossible'][0]}" for row in rows if row["impossible"]]
 
 

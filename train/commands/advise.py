@@ -1,4 +1,4 @@
-"""`warehouse advise`: how many robots make the most of a floor, where they wait, what would help -> a page."""
+"""`warehouse advise`: how many robots a floor bears, where they wait, and what would help, as a page."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from pathlib import Path
 from typing import Annotated, ClassVar
 
 from agents import POLICIES, make_policy, policy_config
-from train.advice.advice_page import advice_page, changes_table, ladder_tables, loads_table, places_table
+from train.advice.advice_page import advice_page, changes_table, loads_table, places_table
 from train.advice.answer import answer
 from train.advice.course import advise
 from train.advice.hall_part import hall_parts
 from train.advice.room import for_kinds, most_with_a_start
 from train.advice.take_away import FOLDER, write_floor
-from train.advice.trials import Clock, Plan
+from train.advice.trials import AdvicePlan, TimeBudget
 from train.commands.evaluate import GOES_ON
 from train.commands.kinds import Fleet
 from train.commands.layouts import BY_MAP, check_connected
@@ -46,12 +46,12 @@ SECONDS, ORDERED = 300.0, 1800.0  # [s] of an episode, and of one with orders, t
 
 @dataclass(frozen=True)
 class Advise(Fleet, Work, WorkerOptions):
-    """Say how many robots make the most of a floor, from when on one more is hardly worth it, and what would help.
+    """Say how many robots make the most of a floor, where a further one is hardly worth it, and what would help.
 
-    Robots drive for good between pick faces and stations: more and more of them, then around the best number, under the
-    policy that drives best there. What is chosen is measured again on new seeds. Then aisles are opened at the worst
-    bottlenecks and made one way, each in pairs of episodes with the floor as it is. Where robots are served, carry out
-    orders or charge, they are judged by that, and other numbers of stations and chargers are tried, too. Example:
+    Robots drive between pick faces and stations: more and more of them, then around the best number, under the policy
+    that drives best there. The choice is measured again on new seeds. Then aisles are opened at the worst bottlenecks
+    and made one way, in pairs of episodes with the floor as it is. If robots are served, carry out orders or charge,
+    they are judged by that, and one more and one fewer station and charger are tried, too. Example:
     warehouse advise --map hall.map --minutes 10 --goals 4000
     """
 
@@ -59,32 +59,32 @@ class Advise(Fleet, Work, WorkerOptions):
     """The floor: a name of `warehouse layouts`, a file NAME.map, or NAME.yaml of map_server, as in hall.yaml:cell=0.75,
     with one-way cells beside it in NAME.oneway if there are any, or your own, FILE.py:FUNCTION."""
     goals: float | None = None
-    """Also say how many robots it takes to make so many goals an hour, all together."""
+    """Also say how many robots make this many goals an hour, all together."""
     in_time: float = 0.95
-    """Share of the orders, where there are some, that are to be dropped in time: it says how many robots that takes."""
+    """With orders, share of them to be dropped in time; the answer says how many robots that takes."""
     fleet: Path | None = None
-    """Ask for robots of other kinds: a JSON file, as [{"share": 1, "robot": {"length": 1.4, "max_speed": 0.8}}]; a
-    smaller share leaves the rest as they are by default."""
+    """Ask for other kinds of robots: a JSON file, as [{"share": 1, "robot": {"length": 1.4, "max_speed": 0.8}}]; with a
+    smaller share, the others are the default robots."""
     policy: tuple[str, ...] = ()
-    """Policies that may drive, names or folders: the best of them does (the shipped ones that hold off contact)."""
+    """Policies to choose from, names or folders (the shipped ones that rule out contact)."""
     minutes: float = 5.0
-    """Time to take [min], about, beside compilation at first use; more means more episodes, narrower intervals."""
+    """Time to take [min], besides compilation at first use; more minutes give more episodes and narrower intervals."""
     episodes: int | None = None
-    """Episodes of everything instead of a time: the same advice on every machine, however long it takes."""
+    """Number of episodes of everything instead of a time: the same advice on every machine, however long it takes."""
     seconds: float | None = None
-    """Simulated time of an episode [s] (300, and where orders are given 1,800 if left out)."""
+    """Simulated time of an episode [s] (300, with orders 1,800)."""
     most: int = MOST
     """Most robots to try."""
     planner: str = "astar_turns"
-    """Planner of the routes; the exact one, since a colony's plans take longer than driving them on large floors."""
+    """Planner of the routes; the exact one, since on large floors ant colonies plan longer than robots drive."""
     seed: int = 0
-    """The first seed, the next ones count on."""
+    """The first seed; the others count on."""
     resume: bool = False
-    """Keep the rows that the file holds already, and drive only the episodes that it lacks."""
+    """Keep the rows in the file, and drive only the missing episodes."""
     overwrite: bool = False
-    """Replace the rows that the file holds already."""
+    """Replace the rows in the file."""
     json: Path | None = None
-    """File for the rows, one an episode, as JSON lines (OUT/rows.jsonl if left out)."""
+    """File for the rows, one an episode, as JSON lines (OUT/rows.jsonl)."""
     out: Path = Path("results/advice")
     """Folder for the rows and the page."""
 
@@ -103,7 +103,7 @@ class Advise(Fleet, Work, WorkerOptions):
     def run(self) -> None:
         """Drive, print the answer, write rows and page."""
         grid, narrow = self._floor()
-        for text in narrow:  # what may call for another command, before this one takes its time
+        for text in narrow:  # before the long run, since it may call for another command
             warnings.warn(f"{grid.name}: {text}", MapWarning, stacklevel=2)
         make_planner(self.planner)
         check_connected(grid)
@@ -118,16 +118,14 @@ class Advise(Fleet, Work, WorkerOptions):
             closing(self.workers()) as workers,
         ):
             plan = dataclasses.replace(plan, processes=workers.width)
-            clock, begin = Clock(None if self.episodes else self.minutes), time.monotonic()
+            clock, begin = TimeBudget(None if self.episodes else self.minutes), time.monotonic()
             with (
                 self._bar(clock, file) as moved,
                 Runner(file, file.old(), workers, goes_on=GOES_ON, progress=moved) as drive,
             ):
-                advice = advise(plan, drive, clock, lambda text: print(text, flush=True))
+                advice = advise(plan, drive, clock)
         loads_table(advice).print()
         places_table(advice).print()
-        for table in ladder_tables(advice):
-            table.print()
         if advice.effects:
             changes_table(advice).print()
         console = make_console(sys.stdout)
@@ -139,14 +137,14 @@ class Advise(Fleet, Work, WorkerOptions):
             f"{self.out / FOLDER}, in {time.monotonic() - begin:.0f} s"
         )
 
-    def _check(self, plan: Plan) -> None:
-        """Raise what is wrong with a policy, or with what robots of some kind are to do, before the start."""
+    def _check(self, plan: AdvicePlan) -> None:
+        """Raise what is wrong with a policy or with the work, before the start."""
         kinds = {} if plan.kinds is None else plan.kinds.each()
         for policy in plan.policies:
             make_policy(policy, policy_config(policy, EnvConfig(planner=self.planner)).replace(**plan.work, **kinds))
 
-    def _plan(self, grid: GridMap) -> Plan:
-        """Return what is asked."""
+    def _plan(self, grid: GridMap) -> AdvicePlan:
+        """Return the plan."""
         most = min(self.most, len(grid.endpoints[2]) - 1, len(grid.free_cells) // 4)
         policies, work = tuple(dict.fromkeys(self.policy)) or contact_free(), self.work()
         seconds, wanted = self.seconds or SECONDS, self.goals
@@ -155,36 +153,36 @@ class Advise(Fleet, Work, WorkerOptions):
             self.note_orders(grid)
             due = work["orders"].due if self.orders is None else min(order.due for order in read_orders(self.orders))
             if self.goals is not None:
-                raise ConfigError("--goals must be left out where orders are given, which say how much there is to do")
+                raise ConfigError("--goals does not go with orders, which say how much there is to do")
             if due >= seconds:
                 raise ConfigError(f"--seconds {seconds:g} must be more than {due:g}, when the first order is due")
-        return Plan(
+        return AdvicePlan(
             grid, policies, self.planner, seconds, self.seed, self.episodes, max(1, most), wanted, work=work,
             kinds=self.kinds(),
         )  # fmt: skip
 
     def kinds(self) -> Kinds | None:
-        """Return the kinds of robots; ConfigError where the file says how many there are, which is asked for."""
+        """Return the kinds of robots; ConfigError if the file counts them, since their number is sought."""
         kinds = super().kinds()
         if kinds is not None and not kinds.by_share:
-            raise ConfigError(f'fleet {self.fleet} must say "share", not "count": how many robots there are is sought')
+            raise ConfigError(f'fleet {self.fleet} must say "share", not "count": the number of robots is sought')
         return kinds
 
     def _floor(self) -> tuple[GridMap, tuple[str, ...]]:
-        """Return the floor as it is for the robots, and what their bodies take from it."""
+        """Return the floor for the robots, and where their bodies do not fit."""
         if self.layout is None:
             raise ConfigError("name the floor with --layout NAME_OR_FILE")
         grid, kinds = make_layout(self.layout), self.kinds()
         return (grid, ()) if kinds is None else for_kinds(grid, kinds)
 
     def _understood(self, grid: GridMap) -> list[Part]:
-        """Return what was understood of a hall's map, and what of it is for the robots; nothing for another floor."""
+        """Return how a hall's map was understood; nothing for another floor."""
         name = str(self.layout)
         return hall_parts(dataclasses.replace(read_hall(name), grid=grid), name) if is_hall(name) else []
 
     @contextmanager
-    def _bar(self, clock: Clock, file: RowFile) -> Iterator[Progress]:
-        """Show how much of the time is over, or how many episodes are driven where there is no limit of time."""
+    def _bar(self, clock: TimeBudget, file: RowFile) -> Iterator[Progress]:
+        """Show how much of the time is over, or how many episodes are driven."""
         with make_progress() as progress:
             total = None if self.episodes else round(60 * self.minutes)
             bar = progress.add_task("1 robot", total=total)
@@ -196,6 +194,6 @@ class Advise(Fleet, Work, WorkerOptions):
 
 
 def contact_free() -> tuple[str, ...]:
-    """Return the shipped policies that drive under the shield and by right of way, which rule out contact."""
+    """Return the shipped policies with shield and right of way, which rule out contact."""
     specs = {name: policy_config(name, EnvConfig()).traffic_spec for name in POLICIES}
     return tuple(name for name, spec in specs.items() if spec.shield and spec.right_of_way)

@@ -1,4 +1,4 @@
-"""`warehouse live`: a simulation that runs behind a page in the browser, which shows and steers it."""
+"""`warehouse live`: a running simulation, shown and steered on a page in the browser."""
 
 from __future__ import annotations
 
@@ -9,28 +9,29 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
+from agents import POLICIES
 from train.commands.evaluate import Drive
 from train.commands.kinds import Fleet
 from train.commands.layouts import BY_MAP
 from train.evaluation.rollout import config_of
 from train.live.commands import MOST_ROBOTS
-from train.live.floors import Floors
-from train.live.runner import Runner
+from train.live.floors import LiveFloors
+from train.live.runner import WorldRunner
 from train.live.server import Server
-from train.live.world import Setting, World, policies
+from train.live.world import World, WorldSetting
 from train.reporting.rows import RowFile
 from warehouse_env.config import EnvConfig
 from warehouse_env.planning import make_planner
 from warehouse_env.render.live_page import live_page
 from warehouse_env.render.page_text import about_page
 
-_LOOKS_EVERY = 0.2  # [s], whether the simulation has failed
+_LOOKS_EVERY = 0.2  # [s] between two checks whether the simulation has failed
 _STOPS_IN = 2.0  # [s] at most
 
 
 @dataclass(frozen=True)
 class Live(Fleet, Drive):
-    """Run a simulation behind a page in the browser; set pace, floor, robots, shelves and people there."""
+    """Run a simulation on a page in the browser; set pace, floor, robots, shelves and people there."""
 
     policy: str = "threaded_ppo"
     """Policy to begin with: a name, or the folder of a trained one."""
@@ -52,16 +53,16 @@ class Live(Fleet, Drive):
         self._between(0, 2**53, "seed")
 
     def run(self) -> None:
-        """Serve until Ctrl-C; say where."""
-        floors = Floors(self.layout)
+        """Print the address and serve until Ctrl-C."""
+        floors = LiveFloors(self.layout)
         chosen = self.chosen()
         people, kinds = int(chosen.pop("people", 0)), self.kinds()
-        setting = Setting(self.policy, floors.first, self.robots, people, self.seed, self.planner, chosen, kinds)
+        setting = WorldSetting(self.policy, floors.first, self.robots, people, self.seed, self.planner, chosen, kinds)
         make_planner(self.planner)
         config = config_of(self.policy, EnvConfig(num_agents=self.robots, people=people), setting.given)
         file = RowFile(self.json)
         about = about_live(floors, self.policy, self.robots)
-        runner = Runner(lambda: World(setting, floors))
+        runner = WorldRunner(lambda: World(setting, floors))
         with Server(runner, live_page("Live warehouse", config.near_miss_gap, about), self.port) as server:
             threading.Thread(target=server.serve_forever, name="server", daemon=True).start()
             runner.start()
@@ -82,16 +83,16 @@ class Live(Fleet, Drive):
             raise runner.failed
 
 
-def about_live(floors: Floors, policy: str, robots: int) -> dict[str, object]:
-    """Return what the page must know of what there is to choose from, and of what the world begins with."""
+def about_live(floors: LiveFloors, policy: str, robots: int) -> dict[str, object]:
+    """Return the choices that the page offers, and how the world begins."""
     return about_page(MOST_ROBOTS) | {
         "layers": about_page(robots)["layers"], "terms": [], "floors": floors.names, "most": MOST_ROBOTS,
-        "policies": dict([(policy, "the one to begin with"), *policies()]),
+        "policies": {policy: "the first one"} | {name: entry.summary for name, entry in POLICIES.items()},
     }  # fmt: skip
 
 
-def row_of(runner: Runner) -> dict[str, object]:
-    """Return what a live world came to, as a row."""
+def row_of(runner: WorldRunner) -> dict[str, object]:
+    """Return a row about a live world."""
     assert runner.drive is not None
     world = runner.drive.world
     setting = world.setting
@@ -104,8 +105,8 @@ def row_of(runner: Runner) -> dict[str, object]:
     }  # fmt: skip
 
 
-def _said(runner: Runner) -> str:
-    """Say what came of a world that was stopped."""
+def _said(runner: WorldRunner) -> str:
+    """Describe a world that was stopped."""
     if runner.drive is None:
         return "the world was still being made"
     row = row_of(runner)

@@ -1,4 +1,4 @@
-"""A broker of MQTT: where it is, and how to speak to it. Needs the package aiomqtt."""
+"""An MQTT broker: where it is, how to connect, and why a connection failed. Needs the package aiomqtt."""
 
 from __future__ import annotations
 
@@ -13,41 +13,37 @@ from warehouse_env.errors import ConfigError, WarehouseError, shown
 
 PORT, SECURE_PORT = 1883, 8883
 PASSWORD = "WAREHOUSE_MQTT_PASSWORD"
-"""Name of the variable of the environment that holds the password."""
-TIMEOUT = 10.0  # [s] for which a broker may take for an answer
-KEEP_ALIVE = 15  # [s] after which a broker without a word is asked whether it is there
+"""Name of the environment variable that holds the password."""
+TIMEOUT = 10.0  # [s] to wait for an answer of the broker
+KEEP_ALIVE = 15  # [s] without traffic before the client pings the broker
 _ADDRESS = re.compile(r"(\[[0-9A-Fa-f:.%]+\]|[^\s:/\[\]]+)(?::(\d{1,5}))?")
+_REFUSED = (134, 135)  # MQTT reason codes: bad user name or password, not authorized
 
 
 class Broker(NamedTuple):
-    """Where a broker is, and how to speak to it."""
+    """Where a broker is, and how to connect to it."""
 
     host: str
     port: int
     user: str | None = None
-    context: ssl.SSLContext | None = None  # of TLS; without one all is sent as it is
+    context: ssl.SSLContext | None = None  # None: no TLS
     timeout: float = TIMEOUT
 
     @property
     def name(self) -> str:
-        """As it is typed."""
+        """The address as HOST:PORT."""
         return f"{self.host}:{self.port}"
 
-    @property
-    def password(self) -> str | None:
-        """The user's, if there is any."""
-        return os.environ.get(PASSWORD)
-
     def client(self, **options: Any) -> Any:
-        """Return a client, to be entered; WarehouseError where aiomqtt is missing."""
+        """Return a client to be entered; WarehouseError if aiomqtt is missing."""
         return package().Client(
-            self.host, self.port, username=self.user, password=self.password, timeout=self.timeout,
+            self.host, self.port, username=self.user, password=os.environ.get(PASSWORD), timeout=self.timeout,
             keepalive=KEEP_ALIVE, tls_context=self.context, **options,
         )  # fmt: skip
 
 
 def package() -> Any:
-    """Return the module aiomqtt; WarehouseError where it is missing."""
+    """Return the module aiomqtt; WarehouseError if it is missing."""
     try:
         return importlib.import_module("aiomqtt")
     except ImportError:
@@ -55,7 +51,7 @@ def package() -> Any:
 
 
 def broker_of(text: str, user: str | None = None, context: ssl.SSLContext | None = None) -> Broker:
-    """Return the broker of HOST or HOST:PORT; ConfigError for what is neither."""
+    """Return the broker named by HOST or HOST:PORT; ConfigError if `text` is neither."""
     found = _ADDRESS.fullmatch(text)
     port = int(found[2] or (PORT if context is None else SECURE_PORT)) if found else 0
     if found is None or not 0 < port < 65536 or len(found[1]) > 253:
@@ -64,11 +60,33 @@ def broker_of(text: str, user: str | None = None, context: ssl.SSLContext | None
 
 
 def hush() -> None:
-    """Let nothing be printed of connections that ended: the first error that is raised says it."""
+    """Print nothing about closed connections: the first error raised reports them."""
     asyncio.get_running_loop().set_exception_handler(lambda loop, context: None)
 
 
 def reason(error: Exception) -> str:
-    """Return what a client's error says, in a few words."""
-    inner = error.__cause__ if not str(error) and error.__cause__ is not None else error
-    return " ".join(str(inner).split())[:200] or type(error).__name__
+    """Return the text of a client's error, shortened."""
+    cause = error.__cause__ or error.__context__ or error
+    said = getattr(cause, "strerror", None) or str(error) or str(cause)
+    return " ".join(said.split())[:200] or type(error).__name__
+
+
+def not_connected(broker: Broker, error: Exception) -> WarehouseError:
+    """Return the error for a connection that could not be made: what is wrong, and what to do."""
+    name, cause = f"broker {broker.name}", error.__context__
+    if getattr(getattr(error, "rc", None), "value", None) in _REFUSED:
+        who = "clients without a user" if broker.user is None else f"user {shown(broker.user)}"
+        return WarehouseError(f"{name} refuses {who}; check --user and the password in {PASSWORD}")
+    if isinstance(cause, ssl.SSLCertVerificationError):
+        return WarehouseError(
+            f"the certificate of {name} is not trusted ({cause.verify_message}); name its authority's file with "
+            "--cafile, and the broker as its certificate does"
+        )
+    if isinstance(cause, ssl.SSLError):
+        return WarehouseError(f"{name} does not answer in TLS at this port ({reason(error)}); name its TLS port")
+    if isinstance(cause, TimeoutError):
+        return WarehouseError(
+            f"{name} does not answer: check host and port; a TLS port needs --tls or --cafile, any other neither, and "
+            "some brokers need --cert and --key"
+        )
+    return WarehouseError(f"{name} cannot be reached: {reason(error)}")

@@ -1,4 +1,4 @@
-"""From what vehicles said at their own moments to an episode: all of them at even moments, on a floor of cells."""
+"""Turn what vehicles said at moments of their own into an episode: all vehicles at even moments, on a floor."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from train.fleet.driven import MOST_POINTS, Driven
+from train.fleet.driven import MOST_POINTS, FleetEpisode
 from train.fleet.factsheet import body_of
 from train.fleet.figures import MOMENT, PRESENT, UNDER_WAY
-from train.fleet.places import LOST, SILENCE, Clock, Places, places_of, spans
-from train.fleet.received import GONE, Fleet, Key, Vehicle
+from train.fleet.places import SILENCE, EvenTimes, Track, places_of, spans
+from train.fleet.received import GONE, HeardFleet, HeardVehicle, Key
 from train.reporting.report import counted
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, WarehouseError, shown
@@ -26,64 +26,69 @@ _COARSEST = 10.0  # [s]
 _MOST, _LONGEST = 5_000_000, 200_000  # moments of all vehicles; of one
 
 
-def episode_of(fleet: Fleet, grid: GridMap, config: EnvConfig, every: float | None = None) -> Driven:
-    """Return the episode of what a fleet said; config: its floor by name.
+def episode_of(fleet: HeardFleet, grid: GridMap, config: EnvConfig, every: float | None = None) -> FleetEpisode:
+    """Return the episode of what a fleet said; config: names the floor.
 
-    every: seconds between two moments, as often as vehicles say where they are if None. Raises WarehouseError where
-    there is too little, or where it covers more time than can be kept.
+    every: seconds between two moments (None: as often as vehicles report). Raises WarehouseError if there are too few
+    positions, or too long a time.
     """
-    notes = [f"{count:,} messages or lines {why}: left out" for why, count in sorted(fleet.left_out.items())]
-    if fleet.gaps:
-        broke = counted(len(fleet.gaps), "time")
-        notes.append(f"the connection to the broker broke {broke}; nothing was heard for {sum(fleet.gaps):.1f} s then")
-    for major, count in sorted(fleet.versions.items()):
-        if major != 2:
-            version = f"version {shown(fleet.named[major])} of VDA 5050"
-            notes.append(f"{counted(count, 'message')} are of {version}; what version 2.1 does not have is not shown")
-    name = _map_of(fleet, grid, notes)
+    name, elsewhere = _map_of(fleet, grid)
     found = {key: places_of(vehicle, name, grid) for key, vehicle in sorted(fleet.vehicles.items())}
     placed = {key: places for key, places in found.items() if len(places.seconds)}
+    notes = [*_messages_notes(fleet), *elsewhere]
     if not placed:
         why = "".join(f"; {note}" for note in notes)
         raise WarehouseError(f"{counted(fleet.messages, 'message')} came, and none says where a vehicle is{why}")
     if len(placed) < len(found):
         notes.append(f"{counted(len(found) - len(placed), 'vehicle')} never said where: left out")
     clock = _clock(placed, every)
-    frames = clock.frames
-    pose = np.zeros((frames, 1, len(placed), 3), np.float32)
-    moments = np.zeros((frames, len(placed)), MOMENT)
+    pose = np.zeros((clock.frames, 1, len(placed), 3), np.float32)
+    moments = np.zeros((clock.frames, len(placed)), MOMENT)
     works = any(told.works for vehicle in fleet.vehicles.values() for told in vehicle.told)
     lines: list[NDArray[np.float32]] = []
     for k, (key, places) in enumerate(placed.items()):
         pose[:, 0, k] = _at(places, clock)
-        moments[:, k] = _Teller(fleet.vehicles[key], places, grid, clock, works).moments(pose[:, 0, k], lines)
+        moments[:, k] = _Timeline(fleet.vehicles[key], places, grid, clock, works).moments(pose[:, 0, k], lines)
     if sum(map(len, lines)) > MOST_POINTS:
         raise WarehouseError(f"the orders in these messages have more than {MOST_POINTS:,} nodes; cut the log")
-    _note_places(placed, grid, notes)
-    _note_absences(fleet, placed, notes)
-    config = _config(fleet, list(placed), config, clock, notes)
+    config, bodies = _config(fleet, list(placed), config, clock)
+    notes += [*_places_notes(placed, grid), *_absences_notes(fleet, placed), *bodies]
     stamp = datetime.fromtimestamp(clock.begin, UTC).isoformat(timespec="milliseconds")
-    actions = np.zeros((frames - 1, 1, len(placed)), np.int8)
+    actions = np.zeros((clock.frames - 1, 1, len(placed)), np.int8)
     names = tuple("/".join(key) for key in placed)
-    return Driven(config, grid, (0,), actions, pose, "", None, moments, tuple(lines), names, stamp, tuple(notes))
+    return FleetEpisode(config, grid, (0,), actions, pose, "", None, moments, tuple(lines), names, stamp, tuple(notes))
 
 
-def _map_of(fleet: Fleet, grid: GridMap, notes: list[str]) -> str:
-    """Return the map that positions are taken of: the floor's own name, or the one that most are on."""
+def _messages_notes(fleet: HeardFleet) -> list[str]:
+    """Return notes on messages that were left out or are of another version, and on lost connections."""
+    notes = [f"{count:,} messages or lines {why}: left out" for why, count in sorted(fleet.left_out.items())]
+    if fleet.gaps:
+        broke = counted(len(fleet.gaps), "time")
+        notes.append(f"the connection to the broker broke {broke}; nothing was heard for {sum(fleet.gaps):.1f} s then")
+    notes += [
+        f"{counted(count, 'message')} are of version {major} of VDA 5050; what version 2.1 does not have is not shown"
+        for major, count in sorted(fleet.versions.items())
+        if major != 2
+    ]
+    return notes
+
+
+def _map_of(fleet: HeardFleet, grid: GridMap) -> tuple[str, list[str]]:
+    """Return the map whose positions are used, the floor's own name or the most frequent one, and notes on it."""
     count: Counter[str] = Counter()
     for vehicle in fleet.vehicles.values():
         for number, times in Counter(vehicle.map).items():
             count[vehicle.maps[number]] += times
     name = grid.name if grid.name in count or not count else count.most_common(1)[0][0]
-    others = sum(count.values()) - count[name]
+    others, notes = sum(count.values()) - count[name], []
     if others:
         notes.append(f"{counted(others, 'position')} on other maps than {shown(name)}: left out")
     if name not in ("", grid.name):
         notes.append(f"positions are on the map {shown(name)}, taken for the floor {shown(grid.name)}")
-    return name
+    return name, notes
 
 
-def _clock(placed: dict[Key, Places], every: float | None) -> Clock:
+def _clock(placed: dict[Key, Track], every: float | None) -> EvenTimes:
     """Return the episode's moments."""
     begin = min(float(places.seconds[0]) for places in placed.values())
     end = max(float(places.seconds[-1]) for places in placed.values())
@@ -100,34 +105,33 @@ def _clock(placed: dict[Key, Places], every: float | None) -> Clock:
             f"these messages go from {first} to {last}, {frames:,} moments of {step:g} s for "
             f"{counted(len(placed), 'vehicle')}; cut the log, or name more seconds with --every"
         )
-    return Clock(begin, step, frames)
+    return EvenTimes(begin, step, frames)
 
 
-def _at(places: Places, clock: Clock) -> NDArray[np.float64]:
-    """Return float64[F, 3], the poses at even moments: straight from one report to the next, unless it was lost."""
+def _at(places: Track, clock: EvenTimes) -> NDArray[np.float64]:
+    """Return float64[F, 3], the poses at even moments: interpolated between reports, except where it is unknown."""
     own = np.round(places.seconds - clock.begin, 6)
     pose = np.stack([np.interp(clock.times, own, places.pose[:, axis]) for axis in range(3)], axis=-1)
-    for k, inside, back in spans(places, places.lost > 0, clock):
+    for k, inside, back in spans(places, clock):
         pose[inside.start : back] = places.pose[k]
         pose[back : inside.stop] = places.pose[k + 1]
     pose[:, 2] = np.remainder(pose[:, 2] + np.pi, 2 * np.pi) - np.pi
     return pose
 
 
-class _Teller:
-    """What one vehicle told of its orders, at even moments."""
+class _Timeline:
+    """What one vehicle said of its orders, at even moments."""
 
-    def __init__(self, vehicle: Vehicle, places: Places, grid: GridMap, clock: Clock, works: bool) -> None:
-        """works: whether goals are only what a vehicle works at, since some vehicle tells such actions."""
+    def __init__(self, vehicle: HeardVehicle, places: Track, grid: GridMap, clock: EvenTimes, works: bool) -> None:
+        """works: only orders with an action count as goals, since some vehicle reports actions."""
         self._told = sorted(vehicle.told, key=lambda told: told.seconds)
         self._places, self._grid, self._clock, self._works = places, grid, clock, works
-        self._mute = not any(told.order for told in vehicle.told)  # of orders: then it is always taken to drive
+        self._mute = not any(told.order for told in vehicle.told)  # no orders: it counts as always under way
 
     def moments(self, pose: NDArray[np.float32], lines: list[NDArray[np.float32]]) -> NDArray[Any]:
-        """Return MOMENT[F]; the lines that it is ordered along are added."""
+        """Return MOMENT[F]; append the lines of its orders."""
         times = self._clock.times
         out = np.zeros(len(times), MOMENT)
-        out["bits"] = PRESENT * self._present(times)
         lines.append(pose[:1, :2].copy())
         now = np.zeros((), MOMENT)
         now["line"], now["goal"] = len(lines) - 1, self._cell(pose[0, :2])
@@ -136,12 +140,12 @@ class _Teller:
         at = 0
         for number, told in enumerate(self._told):
             frame = bisect.bisect_left(times, round(told.seconds - self._clock.begin, 6) - 1e-6)
-            out[at:frame] = _with(out[at:frame], now)
+            out[at:frame] = now
             at = frame
             if told.nodes:
                 lines.append(self._line(told.nodes, pose[min(frame, len(pose) - 1), :2]))
                 now["line"], now["goal"] = len(lines) - 1, self._cell(lines[-1][-1])
-            if told.order != order:  # one that is first seen when it is done was done since the last word
+            if told.order != order:  # an order that is done when first seen was done since the last state
                 order, done, planned = told.order, not told.order or (number == 0 and not told.left), 0.0
             if told.nodes and not planned:  # as it was first given
                 planned = float(np.hypot(*np.diff(lines[-1], axis=0).T).sum())
@@ -151,41 +155,33 @@ class _Teller:
                     now["goals"] += 1
                     now["planned"] += planned
             now["bits"] = told.bits | UNDER_WAY * (self._mute or told.left > 0)
-        out[at:] = _with(out[at:], now)
-        for _, inside, _ in spans(self._places, self._places.asleep, self._clock):
-            out["bits"][inside] &= ~np.uint8(UNDER_WAY)
+        out[at:] = now
         out["bits"][times > self._places.seconds[-1] - self._clock.begin + self._clock.step / 2] &= ~np.uint8(UNDER_WAY)
+        out["bits"] |= PRESENT * self._present(times).astype(np.uint8)
         return out
 
     def _present(self, times: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Return bool[F]: whether it is known where it is. Between two places that it did not drive it never is."""
-        first, until = self._places.seconds[0] - self._clock.begin, self._places.until - self._clock.begin
+        """Return bool[F]: whether its place is known."""
+        first, until = self._places.seconds[[0, -1]] - self._clock.begin
         half = self._clock.step / 2
         found = (times >= first - half) & (times <= until + half)
-        for k, _, back in spans(self._places, self._places.lost > 0, self._clock):
+        for k, _, back in spans(self._places, self._clock):
             left = round((self._places.seconds[k] - self._clock.begin) / self._clock.step) + 1
             found[max(min(left, back - 1), 0) : back] = False
         return np.asarray(found)
 
     def _line(self, nodes: tuple[tuple[float, float], ...], here: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return the way from where the vehicle is over the nodes to come."""
+        """Return the line from the vehicle over the nodes to come."""
         return np.concatenate([[here], np.array(nodes) - self._grid.origin]).astype(np.float32)
 
     def _cell(self, point: NDArray[np.float32]) -> int:
-        """Return the cell of a point, the nearest one if it lies off the floor."""
+        """Return the number of the cell nearest to a point."""
         row, column = self._grid.nearest_cell(point).tolist()
         return int(row * self._grid.shape[1] + column)
 
 
-def _with(moments: NDArray[Any], now: NDArray[Any]) -> NDArray[Any]:
-    """Return moments with what was told, beside whether the vehicle is there."""
-    filled = np.full(moments.shape, now)
-    filled["bits"] |= moments["bits"]
-    return filled
-
-
-def _note_places(placed: dict[Key, Places], grid: GridMap, notes: list[str]) -> None:
-    """Note what of the positions cannot be, on this floor; WarehouseError where none lies on it."""
+def _places_notes(placed: dict[Key, Track], grid: GridMap) -> list[str]:
+    """Return notes on positions that are impossible on this floor; WarehouseError if none lies on it."""
     side = np.array(grid.shape[::-1]) * grid.cell_size
     poses = np.concatenate([places.pose[:, :2] for places in placed.values()])
     on = np.asarray(((poses >= 0) & (poses < side)).all(axis=1))
@@ -196,38 +192,35 @@ def _note_places(placed: dict[Key, Places], grid: GridMap, notes: list[str]) -> 
             f"no position lies on the floor: they are from {low} to {high} m, the floor from {floor[0]} to {floor[1]}; "
             "is --map or --layout another one, or its origin?"
         )
-    if not on.all():
-        notes.append(f"{counted(int((~on).sum()), 'position')} of {len(on):,} lie off the floor")
     in_shelves = int(grid.occupied[tuple(grid.nearest_cell(poses[on]).T)].sum())
-    if in_shelves:
-        notes.append(f"{counted(in_shelves, 'position')} of {len(on):,} lie in cells of shelves or walls")
+    found = ((int((~on).sum()), "off the floor"), (in_shelves, "in cells of shelves or walls"))
+    return [f"{counted(count, 'position')} of {len(on):,} lie {where}" for count, where in found if count]
 
 
-def _note_absences(fleet: Fleet, placed: dict[Key, Places], notes: list[str]) -> None:
-    """Note when vehicles were not there, and who fell silent without a word."""
-    why = Counter(int(one) for places in placed.values() for one in places.lost if one)
-    notes += [
-        f"{counted(count, 'time')} a vehicle {LOST[one - 1]}: it is absent meanwhile"
-        for one, count in sorted(why.items())
-    ]
+def _absences_notes(fleet: HeardFleet, placed: dict[Key, Track]) -> list[str]:
+    """Return notes on when vehicles were absent, and on those that fell silent."""
+    absent = sum(int(places.lost.sum()) for places in placed.values())
     end = max(float(places.seconds[-1]) for places in placed.values())
-    last = {key: fleet.vehicles[key].connected[-1:] for key in placed}
-    silent = sum(
-        end - places.until > SILENCE + 1 and not (last[key] and last[key][0][1] in GONE)
-        for key, places in placed.items()
+    silent = [key for key, places in placed.items() if end - places.seconds[-1] > SILENCE + 1]
+    silent = [key for key in silent if not any(state in GONE for _, state in fleet.vehicles[key].connected[-1:])]
+    found = (
+        (
+            absent,
+            "time",
+            "the place of a vehicle is unknown (offline, silent, carried or on another map): it is absent",
+        ),
+        (len(silent), "vehicle", "fell silent for good without going offline: absent since then"),
     )
-    if silent:
-        notes.append(f"{counted(silent, 'vehicle')} fell silent for good without going offline: absent from then on")
+    return [f"{counted(count, noun)} {what}" for count, noun, what in found if count]
 
 
-def _config(
-    fleet: Fleet, keys: list[Key], config: EnvConfig, clock: Clock, notes: list[str]
-) -> EnvConfig:  # fmt: skip
-    """Return the config of the episode: as many robots, of the body that the factsheets tell."""
+def _config(fleet: HeardFleet, keys: list[Key], config: EnvConfig, clock: EvenTimes) -> tuple[EnvConfig, list[str]]:
+    """Return the config of the episode, with the body of the first factsheet, and notes on that body."""
     bodies = [body_of(fleet.vehicles[key].factsheet) for key in keys]
     body, how = bodies[0]
-    notes.append(f"the vehicles' bodies: {how}")
+    notes = [f"the vehicles' bodies: {how}"]
     if any(other != body for other, _ in bodies):
         notes.append("the vehicles differ in size; all are taken for the first one's")
     robot = dataclasses.replace(config.robot, **body)
-    return config.replace(num_agents=len(keys), time_step=clock.step, max_steps=clock.frames - 1, robot=robot)
+    made = config.replace(num_agents=len(keys), time_step=clock.step, max_steps=clock.frames - 1, robot=robot)
+    return made, notes

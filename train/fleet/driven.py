@@ -1,7 +1,7 @@
-"""What a real fleet drove, as an episode's file: its poses, and what its messages tell beside.
+"""What a real fleet drove, as an episode file: its poses, and what else its messages say.
 
-Such an episode cannot be run again, for nobody knows its vehicles' commands; it is shown from what was kept. The file
-is one of `warehouse record` (with actions that say nothing), with the rest as further members of the archive.
+Such an episode cannot be run again, since its vehicles' commands are unknown; it is shown from what was kept. The file
+is one of `warehouse record` with empty actions, and further members of the archive hold the rest.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from train.fleet.figures import LOADED, MOMENT, PRESENT, Figures
+from train.fleet.figures import LOADED, MOMENT, PRESENT, FleetFigures
 from warehouse_env.errors import WarehouseError
 from warehouse_env.files import complete_file, zip_member
 from warehouse_env.render.replay import REWARD_TERMS
@@ -33,17 +33,17 @@ _COUNT, _POINT = np.dtype("<i4"), np.dtype("<f4")
 
 
 @dataclass(frozen=True, eq=False)
-class Driven(Episode):
-    """One world of N vehicles, T steps of time_step after one another."""
+class FleetEpisode(Episode):
+    """One world of N vehicles over T steps of time_step."""
 
     moments: NDArray[Any] = None  # type: ignore[assignment]  # MOMENT[T + 1, N]
-    lines: tuple[NDArray[np.float32], ...] = ()  # each [K, 2] [m], along which vehicles were ordered
+    lines: tuple[NDArray[np.float32], ...] = ()  # each [K, 2] [m], of the orders
     vehicles: tuple[str, ...] = ()  # as MANUFACTURER/SERIAL
     begin: str = ""  # of the first moment, UTC
-    notes: tuple[str, ...] = ()  # what was left out, and what is not known
+    notes: tuple[str, ...] = ()  # what was left out, and what is unknown
 
     def save(self, path: str | Path) -> None:
-        """Write to a file (.npz), as a whole or not at all."""
+        """Write to a file (.npz), completely or not at all."""
         about = {"vehicles": self.vehicles, "begin": self.begin, "notes": self.notes}
         members = {
             _ABOUT: json.dumps(about).encode(),
@@ -58,27 +58,25 @@ class Driven(Episode):
                     archive.writestr(name, content)
 
     def replay(self) -> Iterator[Any]:
-        """Yield what stands for a simulator at each moment."""
-        shown = Shown(self)
+        """Yield a stand-in for the simulator at each moment."""
+        shown = FleetPlayback(self)
         for pose, moment in zip(self.pose[:, 0], self.moments, strict=True):
             shown.take(pose, moment)
             yield shown
 
     def row(self) -> dict[str, float]:
-        """Return the metrics of the whole, as those of an episode."""
-        figures = Figures(self.config)
-        for pose, moment in zip(self.pose[:, 0], self.moments, strict=True):
-            figures.take(pose, moment)
-        return episode_row(figures.robots[0], figures.seconds, self.config)
+        """Return the metrics of the whole episode."""
+        *_, last = self.replay()
+        return dict(last.episode_metrics())
 
 
-class Shown:
-    """What pages and pictures ask a simulator for, of a fleet that is not simulated."""
+class FleetPlayback:
+    """The parts of a simulator that pages and pictures use, for a fleet that is not simulated."""
 
-    def __init__(self, driven: Driven) -> None:
+    def __init__(self, driven: FleetEpisode) -> None:
         self.config, self.grid = driven.config, driven.grid
         self._lines, count = driven.lines, driven.config.num_agents
-        self._figures = Figures(driven.config)
+        self._figures = FleetFigures(driven.config)
         self.robots = self._figures.robots
         self.state, self.events = state_of(self.robots), events_of(self.robots)
         self.routes = np.zeros((1, count, max(map(len, driven.lines)), 2), np.float32)
@@ -90,7 +88,7 @@ class Shown:
         self._line = np.full(count, -1)
 
     def take(self, pose: NDArray[np.float32], moment: NDArray[Any]) -> None:
-        """Go on to the next moment."""
+        """Take the next moment."""
         self._figures.take(pose, moment)
         robots = self.robots[0]
         self.state.pose[0] = pose
@@ -104,11 +102,11 @@ class Shown:
         self._line = moment["line"].copy()
 
     def at_work(self) -> NDArray[np.bool_]:
-        """Return bool[N]: which vehicles say something yet."""
+        """Return bool[N]: which vehicles are present."""
         return np.asarray(self._present)
 
     def jams(self) -> Jams:
-        """Nobody tells whom it waits for."""
+        """Return no waits: messages do not tell who waits for whom."""
         return Jams(*(np.full(self.robots.shape, NOBODY, np.int32) for _ in range(3)))
 
     def seconds(self, world: int) -> float:
@@ -128,17 +126,15 @@ def load_episode(path: str | Path) -> Episode:
 
 
 def load_simulated(path: str | Path) -> Episode:
-    """Read an episode that can be run again; WarehouseError for one of a real fleet, whose commands nobody knows."""
+    """Read an episode that can be run again; WarehouseError for one of a real fleet."""
     episode = load_episode(path)
-    if isinstance(episode, Driven):
-        raise WarehouseError(
-            f"{path} is what a real fleet drove, which cannot be run again; `warehouse replay` shows it"
-        )
+    if isinstance(episode, FleetEpisode):
+        raise WarehouseError(f"{path} is of a real fleet, which cannot be run again; `warehouse replay` shows it")
     return episode
 
 
-def _driven(episode: Episode, archive: zipfile.ZipFile) -> Driven:
-    """Return the episode with what stands in further members, each checked before it is read."""
+def _driven(episode: Episode, archive: zipfile.ZipFile) -> FleetEpisode:
+    """Return the episode with its further members, each checked before it is used."""
     about = json.loads(zip_member(archive, _ABOUT, _LONGEST_TEXT))
     frames, worlds, robots, _ = episode.pose.shape
     size = frames * robots * MOMENT.itemsize
@@ -154,7 +150,7 @@ def _driven(episode: Episode, archive: zipfile.ZipFile) -> Driven:
     if not good.all() or not np.isfinite(points).all() or not np.isfinite(episode.pose).all():
         raise WarehouseError("some of its goals, lines or poses are none")
     lines = tuple(np.split(points.astype(np.float32), np.cumsum(counts)[:-1]))
-    return Driven(
+    return FleetEpisode(
         episode.config, episode.grid, episode.seeds, episode.actions, episode.pose, episode.policy, None,
         moments.reshape(frames, robots), lines, tuple(map(str, about["vehicles"])), str(about["begin"]),
         tuple(map(str, about["notes"])),

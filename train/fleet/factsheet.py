@@ -1,4 +1,4 @@
-"""What kind of vehicle a simulated robot is, in the words of a factsheet, and a robot's body out of any factsheet."""
+"""Write the factsheet of simulated robots, and read a vehicle's body from any factsheet."""
 
 from __future__ import annotations
 
@@ -7,16 +7,13 @@ from typing import Any
 
 from warehouse_env.config import EnvConfig, RobotSpec
 
-WHEEL = {"diameter": 0.2, "width": 0.08}  # [m]; the simulation has no size of wheels
-
 
 def factsheet_of(config: EnvConfig, every: float) -> dict[str, Any]:
-    """Return the factsheet of a config's robots, who say every so many seconds where they are.
+    """Return the factsheet of a config's robots; every: seconds between two reports.
 
-    It names no blockingTypes of actions, for the official schema takes no list of them.
+    The actions have no blockingTypes, since the official schema accepts no list of them.
     """
     robot = config.robot
-    speeds = {"speedMin": 0.0, "speedMax": robot.max_speed}
     return {
         "typeSpecification": {
             "seriesName": "warehouse_env", "seriesDescription": "simulated; the position is that of the fixed axle",
@@ -24,7 +21,8 @@ def factsheet_of(config: EnvConfig, every: float) -> dict[str, Any]:
             "localizationTypes": ["NATURAL"], "navigationTypes": ["AUTONOMOUS"],
         },
         "physicalParameters": {
-            **speeds, "accelerationMax": robot.max_acceleration, "decelerationMax": robot.max_acceleration,
+            "speedMin": 0.0, "speedMax": robot.max_speed,
+            "accelerationMax": robot.max_acceleration, "decelerationMax": robot.max_acceleration,
             "heightMin": robot.height, "heightMax": robot.height, "width": robot.width, "length": robot.length,
         },
         "protocolLimits": {
@@ -33,41 +31,28 @@ def factsheet_of(config: EnvConfig, every: float) -> dict[str, Any]:
         },
         "protocolFeatures": {"optionalParameters": [], "agvActions": [
             {"actionType": kind, "actionScopes": ["NODE"]} for kind in ("pick", "drop")]},
-        "agvGeometry": {"wheelDefinitions": _wheels(robot), "envelopes2d": [_envelope(robot)]},
+        "agvGeometry": {"envelopes2d": [_envelope(robot)]},
         "loadSpecification": {"loadSets": [{"setName": "goods", "loadType": "goods", "maxWeight": robot.payload}]},
     }  # fmt: skip
 
 
 def _envelope(robot: RobotSpec) -> dict[str, Any]:
-    """Return the outline of the body, seen from its position."""
+    """Return the outline of the body around its position."""
     ahead, back, half = robot.front_overhang, -robot.rear_reach, robot.width / 2
     corners = [(ahead, half), (back, half), (back, -half), (ahead, -half)]
     return {"set": "body", "polygonPoints": [{"x": round(x, 4), "y": round(y, 4)} for x, y in corners]}
 
 
-def _wheels(robot: RobotSpec) -> list[dict[str, Any]]:
-    """Return the fixed axle's two wheels, and the one that drives and steers."""
-    half = round(robot.width / 2 - WHEEL["width"] / 2, 4)
-    still = {"isActiveDriven": False, "isActiveSteered": False, "type": "FIXED"}
-    fixed = [still | WHEEL | {"position": {"x": 0.0, "y": y, "theta": 0.0}} for y in (half, -half)]
-    along = robot.wheelbase if robot.front_steered else -robot.wheelbase
-    drives = {"type": "DRIVE", "isActiveDriven": True, "isActiveSteered": True}
-    return [*fixed, drives | WHEEL | {"position": {"x": along, "y": 0.0, "theta": 0.0}}]
-
-
 def body_of(factsheet: dict[str, Any]) -> tuple[dict[str, float], str]:
-    """Return what a factsheet tells of a body, by names of RobotSpec, and how it was found; read liberally.
+    """Return the fields of RobotSpec that a factsheet gives, and their source.
 
-    An outline (envelopes2d) says where the position lies in the body; without one it is taken for the middle.
+    An outline (envelopes2d) places the position in the body; without one it is the middle.
     """
     found = _outline(factsheet)
     if found is not None:
-        (west, east), (south, north) = found
-        return {
-            "length": round(east - west, 6),
-            "width": round(north - south, 6),
-            "front_overhang": east,
-        }, "the outline in its factsheet"
+        west, east, south, north = found
+        size = {"length": round(east - west, 6), "width": round(north - south, 6)}
+        return {**size, "front_overhang": east}, "the outline in its factsheet"
     parameters = factsheet.get("physicalParameters")
     sizes = [parameters.get(name) if isinstance(parameters, dict) else None for name in ("length", "width")]
     length, width = (_size(size) for size in sizes)
@@ -77,17 +62,17 @@ def body_of(factsheet: dict[str, Any]) -> tuple[dict[str, float], str]:
     return body, "length and width in its factsheet, the position in the middle"
 
 
-def _outline(factsheet: dict[str, Any]) -> tuple[tuple[float, float], tuple[float, float]] | None:
-    """Return the bounds in x and y [m] of the first outline around the position; None if there is none."""
-    for geometry, outline in (("mobileRobotGeometry", "vertices"), ("agvGeometry", "polygonPoints")):  # 3 on, until 2
+def _outline(factsheet: dict[str, Any]) -> tuple[float, float, float, float] | None:
+    """Return the bounds (west, east, south, north) [m] of the first outline around the position, or None."""
+    for geometry, outline in (("mobileRobotGeometry", "vertices"), ("agvGeometry", "polygonPoints")):  # versions 3, 2
         try:
             points = factsheet[geometry]["envelopes2d"][0][outline]
-            listed = [[float(point[axis]) for point in points] for axis in ("x", "y")]
-            (west, east), (south, north) = ((min(values), max(values)) for values in listed)
+            xs, ys = ([float(point[axis]) for point in points] for axis in ("x", "y"))
+            found = min(xs), max(xs), min(ys), max(ys)
         except (KeyError, IndexError, TypeError, ValueError, OverflowError):
             continue
-        if all(map(math.isfinite, (west, east, south, north))) and west < 0 <= east and south < north:
-            return (west, east), (south, north)
+        if all(map(math.isfinite, found)) and found[0] < 0 <= found[1] and found[2] < found[3]:
+            return found
     return None
 
 

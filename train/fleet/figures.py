@@ -1,4 +1,4 @@
-"""What poses over time tell of a fleet, as the simulator counts it: metres, standing, near misses, contacts, goals."""
+"""Figures of a fleet from its poses, counted like the simulator's: metres, standing, near misses, contacts, goals."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from warehouse_env.simulation.state import GAP_HORIZON, ROBOT
 from warehouse_env.simulation.traffic.waits import SLOW
 
 PRESENT, LOADED, AT_ROBOT, AT_SHELF, AT_PERSON, UNDER_WAY = 1, 2, 4, 8, 16, 32
-"""Bits of what a vehicle says of itself at a moment: that it is there, carries something, touches one, has to drive."""
+"""Bits of a vehicle at a moment: it is present, carries something, touches something, has to drive."""
 MOMENT = np.dtype(
     [
         ("bits", np.uint8),
         ("goal", np.int32),  # row * columns + column of the cell
-        ("line", np.int32),  # which of the lines it is ordered along
+        ("line", np.int32),  # which of the lines of the orders
         ("goals", np.int32),  # reached so far
         ("planned", np.float32),  # [m] to them
     ]
@@ -31,7 +31,7 @@ _STANDS_WITHIN = 1.0  # [m]
 
 @kernel
 def _step_robots(robots, poses, before, moments, was, seconds, dt, late):
-    """Let each robot's own clocks and totals go on by a moment; was: moments and `before`: poses a moment ago."""
+    """Advance each robot's clocks and totals by a moment; was, before: moments and poses a moment ago."""
     for i in range(robots.shape[0]):
         r = robots[i]
         motion, task, events, totals, clocks = r["motion"], r["task"], r["events"], r["totals"], r["clocks"]
@@ -82,9 +82,9 @@ def _step_robots(robots, poses, before, moments, was, seconds, dt, late):
 
 @kernel
 def _look_at_pairs(robots, active, count, bits, near, fleet):
-    """Begin and end near misses and contacts of pairs; active int64[K, 4]: two robots, status, whether seen now.
+    """Begin and end near misses and contacts of pairs; active int64[K, 4]: two robots, status, whether near now.
 
-    A pair touches where its bodies overlap, or where both say that they touch a robot. Returns how many are active.
+    A pair touches if its bodies overlap, or both report to touch a robot. Returns how many are active.
     """
     apart, back = 2.0 * fleet.radius + GAP_HORIZON, 0.0
     for body in fleet.bodies:
@@ -157,8 +157,8 @@ def _look_at_pairs(robots, active, count, bits, near, fleet):
     return kept
 
 
-class Figures:
-    """The records ROBOT[1, N] of a fleet, brought up to date moment by moment."""
+class FleetFigures:
+    """The records ROBOT[1, N] of a fleet, updated moment by moment."""
 
     def __init__(self, config: EnvConfig) -> None:
         count = config.num_agents

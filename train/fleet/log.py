@@ -1,4 +1,4 @@
-"""Logs of MQTT messages as JSON lines, read liberally: `mosquitto_sub -F %J`, or a message of VDA 5050 a line."""
+"""Logs of MQTT messages as JSON lines, as `mosquitto_sub -F %J` prints them."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ LONGEST = 4_000_000  # characters of a line
 _LARGEST_FILE = 10**12  # [bytes]
 
 
-class Entry(NamedTuple):
-    """One message as it was kept."""
+class LogEntry(NamedTuple):
+    """A message as it was logged."""
 
-    topic: str | None  # its whole name, None where a line holds no more than the message
+    topic: str
     payload: dict[str, Any]
     qos: int | None
     retain: bool | None
@@ -33,38 +33,34 @@ class Bad(NamedTuple):
 
 
 def log_path(given: Path) -> Path:
-    """Return where the log lies: the file itself, or in the folder."""
+    """Return the path of a log: the file itself, or the one in the folder."""
     path = path_of(given)
     return path / LOG if path.is_dir() else path
 
 
-def read_log(path: Path) -> Iterator[tuple[int, Entry | Bad]]:
-    """Yield each line that is not empty, with its number from 1 on; WarehouseError where the file cannot be read."""
+def read_log(path: Path) -> Iterator[tuple[int, LogEntry | Bad]]:
+    """Yield each non-empty line with its number, from 1; WarehouseError if the file cannot be read."""
     for number, line in text_lines(path, "log of messages", _LARGEST_FILE, LONGEST, WarehouseError):
         if line.strip():
             yield number, entry_of(line.encode("utf-8", "surrogateescape"))
 
 
-def entry_of(line: bytes) -> Entry | Bad:
-    """Return what a line holds."""
+def entry_of(line: bytes) -> LogEntry | Bad:
+    """Parse a line of a log."""
     data = decoded(line)
     if isinstance(data, Bad):
         return data
-    if "payload" not in data or not isinstance(data.get("topic"), str):
-        return Entry(None, data, None, None)
-    payload = data["payload"]
-    if isinstance(payload, str):  # as -F %j has it
-        payload = decoded(payload.encode("utf-8", "surrogatepass"))
-        if isinstance(payload, Bad):
-            return payload
+    topic, payload = data.get("topic"), data.get("payload")
+    if not isinstance(topic, str):
+        return Bad("it has no topic")
     if not isinstance(payload, dict):
         return Bad("its payload is no JSON object")
     qos, retain = data.get("qos"), data.get("retain")
-    return Entry(data["topic"], payload, qos if qos in (0, 1, 2) else None, bool(retain) if retain in (0, 1) else None)
+    return LogEntry(topic, payload, qos if qos in (0, 1, 2) else None, bool(retain) if retain in (0, 1) else None)
 
 
 def decoded(text: bytes) -> dict[str, Any] | Bad:
-    """Return the JSON object of a text."""
+    """Parse a JSON object."""
     try:
         data = json.loads(text)
     except (ValueError, RecursionError) as error:
@@ -73,9 +69,9 @@ def decoded(text: bytes) -> dict[str, Any] | Bad:
 
 
 def moment_of(stamp: object, zoned: bool = False) -> float | None:
-    """Return the seconds since 1970 of a timestamp by ISO 8601; None for what is none.
+    """Return the seconds since 1970 of an ISO 8601 timestamp, None if it is none.
 
-    zoned: whether it must name its zone; else one that does not is taken for UTC.
+    zoned: a zone is required; otherwise a timestamp without one is UTC.
     """
     if not isinstance(stamp, str) or len(stamp) > 40:
         return None
@@ -88,9 +84,9 @@ def moment_of(stamp: object, zoned: bool = False) -> float | None:
         return None
 
 
-def version_of(entry: Entry) -> tuple[str, int | None]:
-    """Return the version that a message, or else its topic, names: as written, and its major number or None."""
-    level = "" if entry.topic is None else "".join(entry.topic.split("/")[-4:-3])
+def version_of(entry: LogEntry) -> tuple[str, int | None]:
+    """Return the version of a message, or else of its topic: as written, and its major number or None."""
+    level = "".join(entry.topic.split("/")[-4:-3])
     for said in (entry.payload.get("version"), level if level[:1] in ("v", "V") else None):
         if (major := major_of(said)) is not None:
             return str(said), major

@@ -1,4 +1,4 @@
-"""Messages of VDA 5050: topics, headers that count, quality of service, and the line of a log that holds one."""
+"""VDA 5050 messages: topics, headers with counters, quality of service, and lines of a log."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from datetime import UTC, datetime, timedelta
 from typing import Any, NamedTuple
 
 VERSION = "2.1.0"
-MAJOR = "v2"  # as topics name it
+MAJOR = "v2"  # in topics
 TOPICS = ("connection", "factsheet", "order", "state", "visualization")
 LOG = "messages.jsonl"
 """Name of the log in the folder that `warehouse fleet` writes."""
@@ -36,31 +36,31 @@ class Message(NamedTuple):
 
 
 def log_line(received: str, topic: str, qos: int, retain: bool, text: str) -> str:
-    """Return the line of a log for a payload whose JSON is `text`."""
+    """Return the line of a log for a payload with the JSON `text`."""
     about = {"tst": received, "topic": topic, "qos": qos, "retain": int(retain), "payloadlen": len(text.encode())}
     return f'{json.dumps(about)[:-1]}, "payload": {text}}}\n'
 
 
 @dataclass(frozen=True)
 class Names:
-    """How a fleet is called, and when it begins."""
+    """First parts of a fleet's topics, and when its episode begins."""
 
     manufacturer: str
     interface: str
     begin: datetime
 
     def topic(self, serial: str, name: str) -> str:
-        """Return the whole name of a vehicle's topic."""
+        """Return the full name of a vehicle's topic."""
         return f"{self.interface}/{MAJOR}/{self.manufacturer}/{serial}/{name}"
 
     def stamp(self, seconds: float) -> str:
-        """Return a moment as the messages name it: UTC, to the millisecond."""
+        """Return a moment as a timestamp in UTC, to the millisecond."""
         moment = (self.begin + timedelta(milliseconds=round(seconds * 1000))).astimezone(UTC)
         return f"{moment.strftime('%Y-%m-%dT%H:%M:%S')}.{moment.microsecond // 1000:03d}Z"
 
 
 class Sender:
-    """Puts headers on what one vehicle, or who gives it orders, sends; each topic counts for itself."""
+    """Adds headers to the messages of one vehicle and to its orders; each topic has its own counter."""
 
     def __init__(self, names: Names, serial: str) -> None:
         self._names, self._serial = names, serial
@@ -70,18 +70,18 @@ class Sender:
         """Return the message of a topic."""
         number = self._sent[name]
         self._sent[name] += 1
-        lasting = name == "connection"  # the others are sent at most once, as the standard says
+        lasting = name == "connection"  # the standard sends the others at most once
         header = self.header(seconds, number)
         return Message(seconds, self._names.topic(self._serial, name), header | body, int(lasting), lasting)
 
     def header(self, seconds: float, number: int) -> dict[str, Any]:
-        """Return the header of a topic's message of this number, counted from 0."""
+        """Return the header of a topic's message with this number, counted from 0."""
         return {
             "headerId": number, "timestamp": self._names.stamp(seconds), "version": VERSION,
             "manufacturer": self._names.manufacturer, "serialNumber": self._serial,
         }  # fmt: skip
 
     def last_will(self) -> Message:
-        """Return what the broker says for a vehicle that is cut off after its first message of this topic."""
+        """Return what the broker publishes if the vehicle is cut off after its first connection message."""
         payload = self.header(0.0, 1) | {"connectionState": "CONNECTIONBROKEN"}
         return Message(0.0, self._names.topic(self._serial, "connection"), payload, 1, True)

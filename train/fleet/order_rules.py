@@ -1,4 +1,4 @@
-"""The rules of VDA 5050 for orders and for what a state says of them, as a checker keeps them."""
+"""The rules of VDA 5050 for orders, and for what states say of them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 from warehouse_env.errors import shown
 
 Point = tuple[int, str, bool]
-"""Sequence id, name, whether it is released, of a node or an edge."""
+"""Sequence id, name and whether it is released, of a node or an edge."""
 
 
 def points_of(listed: list[dict[str, Any]], name: str) -> list[Point]:
@@ -18,17 +18,15 @@ def points_of(listed: list[dict[str, Any]], name: str) -> list[Point]:
 
 
 class OrderBook:
-    """What one vehicle was ordered, by the updates of its order, and what it said of that."""
+    """The updates of one vehicle's order."""
 
     def __init__(self) -> None:
         self._id: str | None = None
         self._nodes: dict[int, list[Point]] = {}  # all of the order, as of each update
         self._edges: dict[int, list[Point]] = {}
         self._last = -1  # update
-        self._said: tuple[str, int, int] = ("", -1, -1)  # order, update and last node's sequence id
-        self._open = False  # by what it said last, it has not done it
+        self._open = False  # not done, by the last state
         self._cancelled = False
-        self._released: set[int] = set()  # sequence ids that a state of this order has shown released
 
     def act(self, payload: dict[str, Any]) -> None:
         """Take an instant action: after cancelOrder another order may come at once."""
@@ -40,7 +38,7 @@ class OrderBook:
     def order(self, payload: dict[str, Any]) -> Iterator[str]:
         """Take an order or its update; yield what is wrong."""
         nodes, edges = points_of(payload["nodes"], "nodeId"), points_of(payload["edges"], "edgeId")
-        wrong = [*_chain(payload, nodes, edges)]
+        wrong = list(_chain(payload, nodes, edges))
         yield from wrong
         if wrong:
             return
@@ -49,24 +47,21 @@ class OrderBook:
             if self._open and not self._cancelled:
                 yield f"order {shown(number)} comes while {shown(self._id)} is under way"
             self._id, self._nodes, self._edges, self._open, self._cancelled = number, {}, {}, True, False
-            self._released = set()
         else:
             if update <= self._last:
                 yield f"update {update} of order {shown(number)} comes after {self._last}"
                 return
-            before, before_edges = self._nodes[self._last], self._edges[self._last]
-            base = [node for node in before if node[2]]
+            base = [node for node in self._nodes[self._last] if node[2]]
             if nodes[0] != base[-1]:
                 yield f"update {update} begins at {shown(nodes[0][:2])}, not at the base's last node {base[-1][:2]}"
                 return
-            first = base[-1][0]
             nodes = [*base[:-1], *nodes]
-            edges = [*(edge for edge in before_edges if edge[0] < first), *edges]
+            edges = [*(edge for edge in self._edges[self._last] if edge[0] < base[-1][0]), *edges]
         self._last = update
         self._nodes[update], self._edges[update] = nodes, edges
 
     def state(self, payload: dict[str, Any]) -> Iterator[str]:
-        """Take a state; yield what does not agree with the order that it names."""
+        """Take a state; yield what contradicts the order that it names."""
         nodes, edges = (points_of(payload[f"{kind}States"], f"{kind}Id") for kind in ("node", "edge"))
         number, update, at = payload["orderId"], payload["orderUpdateId"], payload["lastNodeSequenceId"]
         undone = any(one["actionStatus"] not in ("FINISHED", "FAILED") for one in payload["actionStates"])
@@ -79,9 +74,6 @@ class OrderBook:
             if self._id is not None:
                 yield f"it has update {update} of order {shown(number)}, which was not sent"
             return
-        before, self._said = self._said, (number, update, at)
-        if before[0] == number and (update, at) < before[1:] and (update < before[1] or at < before[2]):
-            yield f"it goes back from node {before[2]} of update {before[1]} to node {at} of update {update}"
         ordered = self._nodes[update]
         if (at, payload["lastNodeId"]) not in [node[:2] for node in ordered if node[2]]:
             yield f"its last node {shown(payload['lastNodeId'])} with sequence id {at} is none of its base"
@@ -90,10 +82,6 @@ class OrderBook:
             yield f"its nodeStates are not the order's nodes behind sequence id {at}"
         if edges != [edge for edge in self._edges[update] if edge[0] > at]:
             yield f"its edgeStates are not the order's edges behind sequence id {at}"
-        taken = {point[0] for point in (*nodes, *edges) if not point[2]} & self._released
-        if taken:
-            yield f"sequence id {min(taken)} was released and is no more"
-        self._released |= {point[0] for point in (*nodes, *edges) if point[2]}
 
 
 def _chain(payload: dict[str, Any], nodes: list[Point], edges: list[Point]) -> Iterator[str]:
@@ -104,17 +92,13 @@ def _chain(payload: dict[str, Any], nodes: list[Point], edges: list[Point]) -> I
     if len(edges) != len(nodes) - 1:
         yield f"it has {len(nodes)} nodes and {len(edges)} edges"
         return
-    numbers = [point[0] for pair in zip(nodes, [*edges, nodes[-1]], strict=True) for point in pair][:-1]
-    if numbers != list(range(numbers[0], numbers[0] + len(numbers))) or numbers[0] % 2:
+    first = nodes[0][0]
+    numbers = sorted(point[0] for point in (*nodes, *edges))
+    if first % 2 or numbers != [*range(first, first + len(numbers))] or [node[0] for node in nodes] != numbers[::2]:
         yield "the sequence ids of its nodes and edges do not count up in turn from an even one"
     ends = [(edge["startNodeId"], edge["endNodeId"]) for edge in payload["edges"]]
     if ends != [(first[1], last[1]) for first, last in itertools.pairwise(nodes)]:
         yield "its edges do not join its nodes one after the other"
-    if [edge[2] for edge in edges] != [node[2] for node in nodes[1:]] or sorted(
-        nodes, key=lambda node: not node[2]
-    ) != nodes:
+    released = [node[2] for node in nodes]
+    if [edge[2] for edge in edges] != released[1:] or released != sorted(released, reverse=True):
         yield "its base is not followed by its horizon"
-    for edge in payload["edges"]:
-        curve = edge.get("trajectory")
-        if curve and len(curve["knotVector"]) != len(curve["controlPoints"]) + curve["degree"] + 1:
-            yield f"the trajectory of edge {shown(edge['edgeId'])} has not as many knots as control points + degree + 1"

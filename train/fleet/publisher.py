@@ -1,4 +1,4 @@
-"""A fleet's messages over MQTT, published as they fall due, each vehicle by a connection of its own."""
+"""Publish a fleet's messages over MQTT when they are due, each vehicle over a connection of its own."""
 
 from __future__ import annotations
 
@@ -7,10 +7,9 @@ import contextlib
 from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
-from train.fleet.broker import Broker, hush, package, reason
-from train.fleet.greeting import greet
+from train.fleet.broker import Broker, hush, not_connected, package, reason
 from train.fleet.messages import Message, Names, Sender
-from warehouse_env.errors import LostError, WarehouseError
+from warehouse_env.errors import LostError
 
 
 class Sent(NamedTuple):
@@ -24,19 +23,18 @@ def publish(
     broker: Broker, messages: Iterable[Message], names: Names, serials: Iterable[str], speed: float,
     sent: Callable[[], object] = lambda: None,
 ) -> Sent:  # fmt: skip
-    """Publish messages as they fall due, each vehicle by a connection of its own, whose last will it leaves.
+    """Publish messages when they are due, each vehicle over its own connection with a last will.
 
-    sent: called after each message. A vehicle's orders go by its connection, too, so that nobody gets them before the
-    states that they come after. Whatever ends it, vehicles that were online say that they are not. Raises
-    WarehouseError where the broker cannot be reached, LostError where it goes away.
+    sent: called after each message. A vehicle's orders use its connection as well, so they never overtake its states.
+    However it ends, vehicles that were online say OFFLINE. Raises WarehouseError if the broker cannot be reached,
+    LostError if it goes away.
     """
-    greet(broker)
-    publisher = _Publisher(broker, names, list(serials), speed, sent)
+    publisher = _Publisher(broker, {serial: Sender(names, serial) for serial in serials}, speed, sent)
     try:
         return asyncio.run(publisher.run(messages))
-    except package().MqttError as error:
+    except (package().MqttError, UnicodeError) as error:
         if not publisher.began:
-            raise WarehouseError(f"broker {broker.name} cannot be reached: {reason(error)}") from None
+            raise not_connected(broker, error) from None
         count = f"{publisher.count:,} messages were sent"
         raise LostError(f"broker {broker.name} answers no more ({reason(error)}); {count}") from None
 
@@ -44,11 +42,8 @@ def publish(
 class _Publisher:
     """The connections of a fleet."""
 
-    def __init__(
-        self, broker: Broker, names: Names, serials: list[str], speed: float, sent: Callable[[], object]
-    ) -> None:
-        self._broker, self._speed, self._sent = broker, speed, sent
-        self._senders = {serial: Sender(names, serial) for serial in serials}
+    def __init__(self, broker: Broker, senders: dict[str, Sender], speed: float, sent: Callable[[], object]) -> None:
+        self._broker, self._senders, self._speed, self._sent = broker, senders, speed, sent
         self._online: dict[str, Any] = {}  # clients by serial number
         self._now = 0.0  # [s] of the messages
         self.count = 0
@@ -56,18 +51,18 @@ class _Publisher:
 
     async def run(self, messages: Iterable[Message]) -> Sent:
         """Connect, publish all, and leave."""
-        package_, clients = package(), dict[str, Any]()
+        aiomqtt, clients = package(), dict[str, Any]()
         hush()
         async with contextlib.AsyncExitStack() as stack:
             for serial, sender in self._senders.items():
                 will = sender.last_will()
-                last = package_.Will(will.topic, will.text, will.qos, will.retain)
+                last = aiomqtt.Will(will.topic, will.text, will.qos, will.retain)
                 clients[serial] = await stack.enter_async_context(self._broker.client(will=last))
             self.began = True
             try:
                 return await self._publish(messages, clients)
             finally:
-                with contextlib.suppress(package_.MqttError, TimeoutError):
+                with contextlib.suppress(aiomqtt.MqttError, TimeoutError):
                     await asyncio.wait_for(self._leave(), self._broker.timeout)
 
     async def _publish(self, messages: Iterable[Message], clients: dict[str, Any]) -> Sent:
@@ -91,9 +86,8 @@ class _Publisher:
         return Sent(self.count, late)
 
     async def _leave(self) -> None:
-        """Say of those that are still online that they are not any more."""
+        """Say OFFLINE for vehicles that are still online."""
         for serial, client in self._online.items():
-            word = self._senders[serial].last_will()
-            stamp = self._senders[serial].header(self._now, 1)
-            text = word._replace(payload=stamp | {"connectionState": "OFFLINE"}).text
-            await client.publish(word.topic, text, word.qos, word.retain)
+            will, header = self._senders[serial].last_will(), self._senders[serial].header(self._now, 1)
+            text = will._replace(payload=header | {"connectionState": "OFFLINE"}).text
+            await client.publish(will.topic, text, will.qos, will.retain)

@@ -1,18 +1,16 @@
-"""Rows of a real fleet's figures, as those of an evaluation, and the table that holds them beside a simulated one."""
+"""Rows of a real fleet's figures, like those of an evaluation, and the table beside a simulated episode."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
 
-from train.fleet.driven import Driven
+from train.fleet.driven import FleetEpisode
 from train.reporting.report import Table, number
 from train.reporting.rows import Row, plain
 from warehouse_env import __version__
 from warehouse_env.simulation.record.recording import Episode
 
-UNTOLD = ("reroutes",)
-"""Figures of an episode that no message tells."""
 _COLUMNS = (
     ("seconds", "s"), ("robot_km", "km"), ("goals", "goals"), ("goals_per_robot_hour", "goals/robot-h"),
     ("waiting_share", "waiting %"), ("near_misses", "near misses"), ("collisions_robot", "contacts"),
@@ -20,22 +18,21 @@ _COLUMNS = (
     ("longest_standing_s", "longest standing s"),
 )  # fmt: skip
 _NOTE = (
-    "A fleet's figures are what its messages tell: goals are orders done (with work at their end, where any vehicle "
-    "tells its actions), waiting is standing with an order to drive, gaps are of bodies at the positions said, planned "
-    "is straight from node to node of an order as it was first seen. Contacts are overlaps, or errors that two "
-    "vehicles side by side report; with shelves and people only what vehicles report. Nobody tells who waits for whom, "
-    "what was planned anew, nor what happened between two positions."
+    "Figures of a fleet come from its messages. Goals are finished orders (only those with an action, if any vehicle "
+    "reports actions). Waiting is standing with an order to drive. Gaps are between bodies at the reported positions. "
+    "Planned lengths are straight from node to node of an order when first seen. Contacts between robots are overlaps, "
+    "or errors that two adjacent vehicles report; contacts with shelves and people are only reported errors."
 )
 
 
-def row_of(episode: Driven, source: str) -> Row:
-    """Return the row of a fleet; what no message tells is None."""
-    told = episode.row() | dict.fromkeys(UNTOLD, math.nan)
+def row_of(episode: FleetEpisode, source: str) -> Row:
+    """Return the row of a fleet; reroutes are None, since no message tells them."""
+    told = episode.row() | {"reroutes": math.nan}
     return _row(episode, told, "fleet", source) | {"notes": list(episode.notes), "vehicles": list(episode.vehicles)}
 
 
 def row_of_simulated(episode: Episode, source: str, moved: Callable[[], object]) -> Row:
-    """Return the row of a recorded episode, which is run again; moved: called after each moment."""
+    """Return the row of a recorded episode by running it again; moved: called after each moment."""
     metrics: dict[str, float] = {}
     for step, simulator in enumerate(episode.replay()):
         moved()
@@ -54,7 +51,7 @@ def _row(episode: Episode, metrics: dict[str, float], policy: str, source: str) 
 
 
 def fleet_table(rows: Sequence[Row], notes: Sequence[str]) -> Table:
-    """Return the table: a line for the fleet, and one for each episode beside it."""
+    """Return the table: a line for the fleet, and one for each episode."""
     cells = []
     for row in rows:
         values = [row.get(name) for name, _ in _COLUMNS]

@@ -1,4 +1,4 @@
-"""TLS: whom to trust and who one is, out of files in PEM format; what is wrong with them is said."""
+"""TLS settings from PEM files: which brokers to trust, and the client's own certificate."""
 
 from __future__ import annotations
 
@@ -12,53 +12,35 @@ _LARGEST_FILE = 4_000_000  # [bytes]
 
 
 def secure_context(authority: Path | None, certificate: Path | None, key: Path | None) -> ssl.SSLContext:
-    """Return how to speak TLS; ConfigError for files that are not what their options say.
+    """Return the TLS settings; ConfigError for unsuitable files.
 
-    authority: certificates of who is trusted, those of this machine if None. certificate, key: the client's own, for
-    brokers that ask for them.
+    authority: certificates to trust (None: those of this machine). certificate, key: the client's own.
     """
     if (certificate is None) != (key is None):
         raise ConfigError("--cert and --key go together: a client's certificate, and its private key")
-    if authority is None:
-        context = ssl.create_default_context()
-    else:
-        context = ssl.create_default_context(cafile=_with_certificate("--cafile", authority))
-        # Python 3.13 asks more of certificates than brokers and their other clients do: small authorities fail it.
+    for option, path in (("--cafile", authority), ("--cert", certificate), ("--key", key)):
+        if path is not None:
+            read_bytes(path, option, _LARGEST_FILE, ConfigError)
+    try:
+        context = ssl.create_default_context(cafile=None if authority is None else path_of(authority))
+    except ssl.SSLError:
+        raise ConfigError(f"--cafile {authority} holds no certificate in PEM format") from None
+    if authority is not None:
+        # Python 3.13 is stricter than brokers and their other clients: certificates of small authorities fail it.
         context.verify_flags &= ~ssl.VERIFY_X509_STRICT
     if certificate is not None and key is not None:
-        _show(context, certificate, key)
+        _add_own(context, certificate, key)
     return context
 
 
-def _show(context: ssl.SSLContext, certificate: Path, key: Path) -> None:
-    """Have a context show the client's own certificate to who asks for it."""
-    shown, secret = _with_certificate("--cert", certificate), _readable("--key", key)
+def _add_own(context: ssl.SSLContext, certificate: Path, key: Path) -> None:
+    """Add the client's certificate, which the context shows to brokers that ask for one."""
 
-    def ask() -> str:
+    def no_passphrase() -> str:
         raise ConfigError(f"--key {key} has a passphrase; write one without: openssl pkey -in {key} -out plain.key")
 
     try:
-        context.load_cert_chain(shown, secret, password=ask)
+        context.load_cert_chain(path_of(certificate), path_of(key), password=no_passphrase)
     except ssl.SSLError as error:
-        if "MISMATCH" in (error.reason or ""):
-            raise ConfigError(f"--key {key} is not the key of --cert {certificate}; name the two that match") from None
-        raise ConfigError(f"--key {key} holds no private key in PEM format (-----BEGIN PRIVATE KEY-----)") from None
-
-
-def _with_certificate(option: str, given: Path) -> Path:
-    """Return the path of a file that holds a certificate at least."""
-    path = _readable(option, given)
-    try:
-        ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT).load_verify_locations(path)
-    except ssl.SSLError:
-        form = "in PEM format (-----BEGIN CERTIFICATE-----)"
-        raise ConfigError(
-            f"{option} {given} holds no certificate {form}; of DER it is made by openssl x509 -inform der"
-        ) from None
-    return path
-
-
-def _readable(option: str, given: Path) -> Path:
-    """Return the path of a file that can be read."""
-    read_bytes(given, option, _LARGEST_FILE, ConfigError)
-    return path_of(given)
+        what = "do not match" if "MISMATCH" in (error.reason or "") else "must be a certificate and a key in PEM format"
+        raise ConfigError(f"--cert {certificate} and --key {key} {what}") from None

@@ -1,4 +1,4 @@
-"""What a recorded episode tells of its robots, moment by moment, gathered by running it again."""
+"""What a recorded episode shows of its robots, moment by moment, found by running it again."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Story(NamedTuple):
     replay: Replay
     charge: NDArray[np.float64]  # [F, N], share of a full battery; 1 where none is simulated
     charging: NDArray[np.bool_]  # [F, N]
-    serving: NDArray[np.bool_]  # [F, N], stands to be loaded or unloaded
+    serving: NDArray[np.bool_]  # [F, N], being loaded or unloaded
 
     def flag(self, name: str) -> NDArray[np.bool_]:
         """Return bool[F, N], one of the replay's FLAGS."""
@@ -29,7 +29,7 @@ class Story(NamedTuple):
 
 
 class _Watched:
-    """An episode that is asked for more, as it runs again, than a replay shows."""
+    """An episode that notes batteries and service while it runs again."""
 
     def __init__(self, episode: Episode, world: int) -> None:
         self._episode, self._world = episode, world
@@ -55,7 +55,7 @@ class _Watched:
 
 
 def story_of(episode: Episode, world: int = 0, moved: Callable[[], object] = lambda: None) -> Story:
-    """Run one world of an episode again; WarehouseError where it goes another way than its poses."""
+    """Run one world of an episode again; WarehouseError if its poses differ."""
     watched = _Watched(episode, world)
     replay = replay_of(watched, "fleet", None, world, moved)
     charge, charging, serving = (np.array(column) for column in zip(*watched.work, strict=True))

@@ -1,4 +1,4 @@
-"""One robot as a vehicle of VDA 5050: its orders, base and horizon, and what it says of itself, moment by moment."""
+"""One robot as a VDA 5050 vehicle: its orders with base and horizon, and its states, moment by moment."""
 
 from __future__ import annotations
 
@@ -6,19 +6,16 @@ import math
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from train.fleet.story import Story
-from train.fleet.ways import Node, Order, orders_of
+from train.fleet.ways import OrderNode, RobotOrder, orders_of
 from warehouse_env.simulation.state import NOBODY
 
 Body = tuple[str, dict[str, Any]]
-"""Name of a topic, and what a message of it says below its header."""
+"""Name of a topic, and a message of it without its header."""
 
-AHEAD = 6.0  # [m] of the way that are in the base when it is lengthened, which is done when half of it is left
-STATE_EVERY = 30.0  # [s] between two states at the most
+STATE_EVERY = 30.0  # [s] between two states, at most
 CONTACTS = ("contactRobot", "contactShelf", "contactPerson")
-"""Types of the errors that a vehicle reports while it touches something."""
+"""Error types that a vehicle reports while it touches something."""
 _HITS = ("hit_robot", "hit_shelf", "hit_person")
 _MOVES = 0.01  # [m/s] from which a vehicle drives
 _PASSED = 1e-3  # [m]
@@ -26,12 +23,12 @@ _HALF_TURN = 3.1415  # [rad], not more than pi with so many digits
 
 
 def serial_of(robot: int) -> str:
-    """Return the serial number of a robot, counted from 0; in the order of texts they stand in the robots' order."""
+    """Return the serial number of a robot, counted from 0; serial numbers sort as the robots do."""
     return f"{robot:05d}"
 
 
 class _Sent(NamedTuple):
-    """What makes a vehicle say its state at once when it changes."""
+    """What is sent at once when it changes."""
 
     order: str
     update: int
@@ -43,41 +40,38 @@ class _Sent(NamedTuple):
     charging: bool
 
 
-class Vehicle:
-    """A robot of a story; `at` is to be asked for every moment, one after the other."""
+class VehicleWriter:
+    """A robot of a story; call `at` for each moment in turn."""
 
     def __init__(self, story: Story, robot: int) -> None:
         self._story, self._robot, self.serial = story, robot, serial_of(robot)
         self._orders = orders_of(story, robot)
         config = story.replay.config
         self._map = story.replay.grid.name
-        self._aside = max(map(abs, config.lateral_offsets)) + config.arrival_radius  # [m] beside its route, at the most
-        flags = {name: story.flag(name)[:, robot] for name in ("loaded", "touching", *_HITS)}
-        self._loaded, self._touching = flags["loaded"], flags["touching"]
-        self._hits = [flags[name] for name in _HITS]
-        self._number, self._update, self._way = -1, 0, 0  # of the order that it has, its last update, the way in it
-        self._base: list[Node] = []  # of this order
-        self._horizon: list[Node] = []
-        self._sure = 0  # of the horizon's nodes may come into the base
+        self._aside = max(map(abs, config.lateral_offsets)) + config.arrival_radius  # [m] beside its route, at most
+        flags = ("loaded", "touching", *_HITS)
+        self._loaded, self._touching, *self._hits = (story.flag(name)[:, robot] for name in flags)
+        self._number, self._update, self._way = -1, 0, 0  # current order, its last update, the route within it
+        self._base: list[OrderNode] = []  # of this order
+        self._horizon: list[OrderNode] = []
         self._passed = 0  # nodes of the base
         self._reached = False
         self._action: str | None = None
-        self._farthest = 0.0  # [m] along its way
+        self._farthest = 0.0  # [m] along its route
         self._contacts: dict[str, None] = {}
         self._loads = 0
         self._said: _Sent | None = None
         self._said_at = -math.inf  # [s]
 
     def at(self, frame: int) -> Iterator[Body]:
-        """Yield what it is ordered and what it says at a moment, which its orders come before."""
-        if frame == 0 or (self._loaded[frame] and not self._loaded[frame - 1]):
-            self._loads += bool(self._loaded[frame])
+        """Yield its order at a moment, if there is a new one, and then its state."""
+        self._loads += bool(self._loaded[frame] and (frame == 0 or not self._loaded[frame - 1]))
         self._feel(frame)
         coming = self._orders[self._number + 1] if self._number + 1 < len(self._orders) else None
-        yield from self._drive(frame)
+        self._drive(frame)
         if coming is not None and coming.begin == frame:
             if self._number >= 0:
-                yield from self._say(frame)  # that it is done
+                yield from self._say(frame)  # the last order is done
             self._begin(coming)
             yield "order", self._order(0)
         elif self._number >= 0 and not self._reached:
@@ -85,24 +79,20 @@ class Vehicle:
         yield from self._say(frame)
 
     def _feel(self, frame: int) -> None:
+        """Keep what the robot touches."""
         if not self._touching[frame]:
             self._contacts.clear()
         for name, hits in zip(CONTACTS, self._hits, strict=True):
             if hits[frame] and self._touching[frame]:
                 self._contacts[name] = None
 
-    def _drive(self, frame: int) -> Iterator[Body]:
-        """Pass nodes, and reach the goal; where it lies beside a longer way, that is cleared first."""
+    def _drive(self, frame: int) -> None:
+        """Pass nodes, and reach the goal."""
         if self._number < 0:
             return
         order = self._orders[self._number]
         if frame == order.reached:
-            stitch, cleared = len(self._base) - 1, bool(self._horizon)
-            self._base += self._horizon
-            self._horizon, self._passed, self._reached = [], len(self._base), True
-            self._update += cleared
-            if cleared:
-                yield "order", self._order(stitch)
+            self._passed, self._reached = len(self._base), True
         if self._reached:
             self._action = order.work and ("RUNNING" if self._story.serving[frame, self._robot] else "FINISHED")
             return
@@ -110,58 +100,43 @@ class Vehicle:
         if frame >= way.end:
             return
         self._farthest = max(self._farthest, float(self._story.replay.along[frame, self._robot]))
-        last = len(self._base) - (not self._horizon and way.end == order.reached)  # the goal is reached, not passed
+        last = len(self._base) - (way.end == order.reached)  # the goal is reached, not passed
         while self._passed < last and self._base[self._passed].along <= self._farthest + _PASSED:
             self._passed += 1
 
-    def _begin(self, order: Order) -> None:
-        """Take the next order: its first node is where the vehicle is."""
-        self._number, self._update, self._way = self._number + 1, 0, 0
-        self._base, self._passed, self._reached = [order.start], 1, False
-        self._action = order.work and "WAITING"
-        self._take_way(order)
-        self._lengthen()
+    def _begin(self, order: RobotOrder) -> None:
+        """Take the next order, which begins where the vehicle is."""
+        self._number, self._update, self._base, self._passed = self._number + 1, 0, [order.start], 1
+        self._reached, self._action = False, order.work and "WAITING"
+        self._take_way(0)
 
-    def _take_way(self, order: Order) -> None:
-        way = order.ways[self._way]
-        self._horizon, self._sure, self._farthest = list(way.nodes), way.sure, 0.0
+    def _take_way(self, number: int) -> None:
+        """Release the route up to where it is replaced; the rest is the horizon."""
+        way = self._orders[self._number].ways[number]
+        self._way, self._farthest = number, 0.0
+        self._base, self._horizon = [*self._base, *way.nodes[: way.sure]], list(way.nodes[way.sure :])
 
     def _go_on(self, frame: int) -> Iterator[Body]:
-        """Update the order where the route is another one, or the base soon comes to its end."""
+        """Update the order if the route changes."""
         order, stitch = self._orders[self._number], len(self._base) - 1
         if self._way + 1 < len(order.ways) and order.ways[self._way + 1].begin == frame:
             self._passed = len(self._base)
-            self._way += 1
-            self._take_way(order)
-            self._lengthen()
-        else:
-            left = self._base[-1].along - self._farthest if stitch >= self._passed else 0.0
-            if not self._sure or left > AHEAD / 2:
-                return
-            self._lengthen()
-        self._update += 1
-        yield "order", self._order(stitch)
-
-    def _lengthen(self) -> None:
-        """Move nodes from the horizon into the base: one, and those that lie near enough."""
-        count = sum(node.along <= self._farthest + AHEAD for node in self._horizon[: self._sure])
-        count = max(count, min(1, self._sure))
-        self._base += self._horizon[:count]
-        self._horizon, self._sure = self._horizon[count:], self._sure - count
+            self._take_way(self._way + 1)
+            self._update += 1
+            yield "order", self._order(stitch)
 
     @property
     def _id(self) -> str:
         return f"{self.serial}-{self._number + 1}" if self._number >= 0 else ""
 
-    def _name(self, node: Node) -> str:
+    def _name(self, node: OrderNode) -> str:
         return f"{node.x:.3f},{node.y:.3f}"
 
-    def _node(self, nodes: list[Node], k: int) -> dict[str, Any]:
-        """Return what order and state say of a node."""
-        node = nodes[k]
-        position = {"x": node.x, "y": node.y, "mapId": self._map}
+    def _node(self, nodes: list[OrderNode], k: int) -> dict[str, Any]:
+        """Return a node as orders and states have it."""
         return {
-            "nodeId": self._name(node), "sequenceId": 2 * k, "released": k < len(self._base), "nodePosition": position,
+            "nodeId": self._name(nodes[k]), "sequenceId": 2 * k, "released": k < len(self._base),
+            "nodePosition": {"x": nodes[k].x, "y": nodes[k].y, "mapId": self._map},
         }  # fmt: skip
 
     def _order(self, stitch: int) -> dict[str, Any]:
@@ -172,34 +147,27 @@ class Vehicle:
             node["nodePosition"]["allowedDeviationXY"] = self._aside
         if order.work is not None:
             listed[-1]["nodeDescription"] = order.goal
-            kind = {"actionType": order.work, "actionId": self._id, "blockingType": "HARD"}
-            listed[-1]["actions"] = [kind]
+            listed[-1]["actions"] = [{"actionType": order.work, "actionId": self._id, "blockingType": "HARD"}]
         edges = [self._edge(nodes, k) for k in range(stitch, len(nodes) - 1)]
         return {"orderId": self._id, "orderUpdateId": self._update, "nodes": listed, "edges": edges}
 
-    def _edge(self, nodes: list[Node], k: int) -> dict[str, Any]:
-        """Return the edge behind a node, with its path where that is not straight."""
+    def _edge(self, nodes: list[OrderNode], k: int) -> dict[str, Any]:
+        """Return the edge after a node."""
         first, last = nodes[k], nodes[k + 1]
-        length = float(np.hypot(*np.diff(last.path, axis=0).T).sum())
-        edge = {
+        return {
             "edgeId": f"{self._name(first)}>{self._name(last)}", "sequenceId": 2 * k + 1,
             "released": k + 1 < len(self._base), "startNodeId": self._name(first), "endNodeId": self._name(last),
-            "maxSpeed": self._story.replay.config.robot.max_speed, "length": round(length, 3), "actions": [],
+            "maxSpeed": self._story.replay.config.robot.max_speed,
+            "length": round(math.dist(first[:2], last[:2]), 3), "actions": [],
         }  # fmt: skip
-        if len(last.path) > 2:
-            inner = np.linspace(0.0, 1.0, len(last.path)).round(6).tolist()
-            points = [{"x": x, "y": y} for x, y in last.path.tolist()]
-            edge["trajectory"] = {"degree": 1, "knotVector": [0.0, *inner, 1.0], "controlPoints": points}
-        return edge
 
     def _say(self, frame: int) -> Iterator[Body]:
-        """Yield the state where it has changed, or was last said long ago."""
+        """Yield the state if it has changed, or the last one is old."""
         story, robot = self._story, self._robot
         driving = abs(float(story.replay.speed[frame, robot])) > _MOVES
-        now = _Sent(
-            self._id, self._update, self._passed, driving, bool(self._loaded[frame]), tuple(self._contacts),
-            self._action, bool(story.charging[frame, robot]),
-        )  # fmt: skip
+        loaded, charging = bool(self._loaded[frame]), bool(story.charging[frame, robot])
+        order = self._id, self._update, self._passed
+        now = _Sent(*order, driving, loaded, tuple(self._contacts), self._action, charging)
         seconds = frame * story.replay.seconds
         if now != self._said or seconds + story.replay.seconds > self._said_at + STATE_EVERY:
             self._said, self._said_at = now, seconds
@@ -236,7 +204,7 @@ class Vehicle:
         }  # fmt: skip
 
     def where(self, frame: int) -> dict[str, Any]:
-        """Return position and velocity, as state and visualization have them."""
+        """Return position and velocity, as states and visualizations have them."""
         replay, robot = self._story.replay, self._robot
         pose, speed = replay.pose[frame, robot].astype(float), float(replay.speed[frame, robot])
         x, y = replay.grid.world(pose).round(3).tolist()
@@ -244,11 +212,6 @@ class Vehicle:
         turn = -speed * math.tan(float(replay.steer[frame, robot])) / replay.config.robot.wheelbase
         turn = -turn if replay.config.robot.front_steered else turn
         velocity = {"vx": round(speed, 3), "vy": 0.0, "omega": round(turn, 4)}
-        position = {
-            "x": x,
-            "y": y,
-            "theta": min(max(round(theta, 4), -_HALF_TURN), _HALF_TURN),
-            "mapId": self._map,
-            "positionInitialized": True,
-        }
+        theta = min(max(round(theta, 4), -_HALF_TURN), _HALF_TURN)
+        position = {"x": x, "y": y, "theta": theta, "mapId": self._map, "positionInitialized": True}
         return {"agvPosition": position, "velocity": velocity}

@@ -1,4 +1,4 @@
-"""An episode as the messages of its fleet, in the order of time, and as a log of them."""
+"""Write an episode as the messages of its fleet, in time order."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 from train.fleet.factsheet import factsheet_of
 from train.fleet.messages import LOG, Message, Names, Sender
 from train.fleet.story import Story
-from train.fleet.vehicle import Vehicle
+from train.fleet.vehicle import VehicleWriter
 from warehouse_env.errors import ConfigError
 from warehouse_env.files import complete_file
 from warehouse_env.maps.halls.saved import write_hall
@@ -19,15 +19,15 @@ FLOOR = "floor.yaml"
 def messages_of(
     story: Story, names: Names, every: float | None = None, moved: Callable[[], object] = lambda: None
 ) -> Iterator[Message]:
-    """Yield all messages of a story; every: seconds between two of a vehicle's visualization, each step if None.
+    """Yield all messages of a story.
 
-    moved: called after each moment.
+    every: seconds between two visualizations of a vehicle (None: each step). moved: called after each moment.
     """
     step, last = story.replay.seconds, len(story.replay.pose) - 1
     stride = 1 if every is None else round(every / step)
     if stride < 1:
         raise ConfigError(f"--every {every:g} must be at least {step:g}, a step of the episode [s]")
-    vehicles = [Vehicle(story, robot) for robot in range(story.replay.config.num_agents)]
+    vehicles = [VehicleWriter(story, robot) for robot in range(story.replay.config.num_agents)]
     senders = [Sender(names, vehicle.serial) for vehicle in vehicles]
     both = list(zip(vehicles, senders, strict=True))
     factsheet = factsheet_of(story.replay.config, stride * step)
@@ -46,7 +46,7 @@ def messages_of(
 
 
 def write_log(messages: Iterable[Message], folder: Path) -> int:
-    """Write messages as lines of FOLDER/messages.jsonl, as a whole or not at all; return how many there are."""
+    """Write messages to FOLDER/messages.jsonl, completely or not at all; return their number."""
     count = 0
     with complete_file(folder / LOG) as part, part.open("w", encoding="utf-8") as file:
         for message in messages:
@@ -56,5 +56,5 @@ def write_log(messages: Iterable[Message], folder: Path) -> int:
 
 
 def write_floor(story: Story, folder: Path) -> str:
-    """Write the floor beside the log, for who shows or reads the messages; return the name that --map takes."""
+    """Write the floor beside the log; return its name for --map."""
     return write_hall(story.replay.grid, folder / FLOOR, resolution=None)

@@ -1,4 +1,4 @@
-"""What a page may ask for: one JSON object each, held against one dataclass each; what does not fit is one sentence."""
+"""The commands of a page, as checked dataclasses; a wrong message is refused in one sentence."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ SLOWEST, FASTEST = 0.25, 1000.0  # simulated seconds a second
 
 @dataclass(frozen=True)
 class Play(Checked):
-    """Let time go on, or stand still."""
+    """Play or pause."""
 
     playing: bool
 
 
 @dataclass(frozen=True)
 class Speed(Checked):
-    """How fast time goes: simulated seconds a second; None: as fast as the machine can."""
+    """Set the pace: simulated seconds a second; None: as fast as possible."""
 
     speed: float | None
 
@@ -35,12 +35,12 @@ class Speed(Checked):
 
 @dataclass(frozen=True)
 class Step(Checked):
-    """Stand still, after one more decision of the robots."""
+    """Pause, after one more decision of the robots."""
 
 
 @dataclass(frozen=True)
 class Make(Checked):
-    """Have another policy, with which the world goes on; or floor, robots or seed, with which it begins anew."""
+    """Continue with another policy, or restart with another floor, number of robots or seed."""
 
     policy: str | None = None
     floor: str | None = None
@@ -57,7 +57,7 @@ class Make(Checked):
 
 @dataclass(frozen=True)
 class Shelves(Checked):
-    """Stand shelves on free cells (row, column), or take away those that stand there; the world goes on."""
+    """Put shelves on free cells (row, column), or remove them; the world continues."""
 
     cells: tuple[tuple[int, ...], ...]
     stand: bool
@@ -70,7 +70,7 @@ class Shelves(Checked):
 
 @dataclass(frozen=True)
 class Person(Checked):
-    """Stand one more person on a free cell (row, column); the world goes on."""
+    """Add a person on a free cell (row, column); the world continues."""
 
     cell: tuple[int, ...]
 
@@ -81,7 +81,7 @@ class Person(Checked):
 
 @dataclass(frozen=True)
 class Leave(Checked):
-    """Have the person of this number leave; the world goes on."""
+    """Remove the person of this number; the world continues."""
 
     person: int
 
@@ -93,7 +93,7 @@ COMMANDS: dict[str, type[Command]] = {
 
 
 def read_command(message: bytes) -> Command:
-    """Return the command of a message such as {"do": "play", "playing": true}; ConfigError says what is wrong."""
+    """Return the command of a message such as {"do": "play", "playing": true}; ConfigError if it is wrong."""
     if len(message) > MOST_BYTES:
         raise ConfigError(f"a message has at most {MOST_BYTES:,} bytes, not {len(message):,}")
     try:

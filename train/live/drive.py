@@ -1,4 +1,4 @@
-"""A live world in time: it is stepped at a pace, changed by commands, and told of to all pages."""
+"""Drive a live world: step it at a pace, carry out commands, and send what happens to all pages."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import time
 from typing import Any
 
 from train.live.commands import Command, Play, Speed, Step
-from train.live.figures import Figures, Sample
+from train.live.figures import LiveFigures, Sample
 from train.live.listeners import Listeners
 from train.live.messages import further, note, whole
 from train.live.world import Moment, World
@@ -16,41 +16,41 @@ from warehouse_env.render.replay import Lines
 TELLS_EVERY = 0.04  # [s] between two messages to pages
 MOST_MOMENTS = 250  # in a message
 MAKING = "The world is being made; kernels that are new are compiled, once, for a minute or so."
-_LATE = 0.25  # [s] behind from which a pace that cannot be kept is let go
-_IDLE = 0.5  # [s] between two looks where time stands still
+_LATE = 0.25  # [s] behind the pace, from which on it starts anew
+_IDLE = 0.5  # [s] between two turns while paused
 
 
-class Drive:
-    """Steps a world when it is due, and tells listeners of it."""
+class WorldDrive:
+    """Steps a world when a step is due, and sends what happens to listeners."""
 
     def __init__(self, world: World, listeners: Listeners) -> None:
         self.world, self._listeners = world, listeners
         self._playing = True
         self._speed: float | None = 1.0
-        self._first = 0  # number of the last moment that was told
+        self._first = 0  # number of the last moment sent
         self._told_at = 0.0
-        self._figures = Figures()
+        self._figures = LiveFigures()
         self._show_anew()
 
     def due_in(self) -> float:
-        """Return in how many seconds there is something to do, 0 or less where it is time."""
+        """Return in how many seconds a step is due, 0 or less if it is now."""
         return self._due() - time.perf_counter()
 
     def turn(self) -> None:
-        """Step if it is time, and tell pages what they do not know."""
+        """Step if it is due, and send pages what is new."""
         if self._playing and self.due_in() <= 0:
             self._step()
         now = time.perf_counter()
         if now - self._told_at >= TELLS_EVERY or len(self._moments) >= MOST_MOMENTS or self.due_in() > TELLS_EVERY:
             self._tell(now)
-        if waiting := self._listeners.waiting():
+        if waiting := [listener for listener in self._listeners.now() if listener.needs_world]:
             self._tell(now)
             for listener in waiting:
                 listener.put(self._whole(), world=True)
                 listener.put(note(self._pace()))
 
     def obey(self, command: Command) -> None:
-        """Carry a command out; raises what says why it is refused."""
+        """Carry out a command; raises WarehouseError if it is refused."""
         if isinstance(command, Play):
             self._play(command.playing)
         elif isinstance(command, Speed):
@@ -68,12 +68,12 @@ class Drive:
         self._listeners.put(note(self._pace()))
 
     def _change(self, command: Any) -> None:
-        """Change the world; pages hear first that another one is being made, for that may take a while."""
+        """Change the world; pages hear first that it is being made, since that may take a while."""
         self._tell(time.perf_counter())
         self._listeners.put(note(self._pace() | {"making": MAKING}))
         try:
             if self.world.change(command):
-                self._figures = Figures()
+                self._figures = LiveFigures()
         except WarehouseError:
             self._set_off()
             self._listeners.put(note(self._pace()))
@@ -81,15 +81,16 @@ class Drive:
         self._show_anew()
 
     def _show_anew(self) -> None:
-        """Begin to tell of a world that pages do not know."""
+        """Begin with a world that pages do not know."""
         self._lines = Lines()
-        self._moments: list[Moment] = []  # not told yet
+        self._moments: list[Moment] = []  # not sent yet
         self._samples: list[Sample] = []
-        self._listeners.renew()
+        for listener in self._listeners.now():
+            listener.renew()
         self._set_off()
 
     def _set_off(self) -> None:
-        """Count time from now on."""
+        """Start the pace anew."""
         self._since, self._since_steps = time.perf_counter(), self.world.steps
         self._measured, self._measured_steps = self._since, self._since_steps
         self._reached = 0.0
@@ -112,11 +113,11 @@ class Drive:
             self._samples.append(sample)
 
     def _seen(self, moment: Moment) -> Moment:
-        """Return a moment with the numbers of the routes that robots are on."""
+        """Return a moment with the numbers of the robots' routes."""
         return moment | {"route": self._lines.numbers(self.world.simulator, 0)}
 
     def _tell(self, now: float) -> None:
-        """Tell all pages of the moments since the last time, and now and then of the pace."""
+        """Send all pages the new moments, and once a second the pace."""
         self._told_at = now
         if self._moments:
             first, routes = self._first + 1, self._lines.take()
@@ -130,7 +131,7 @@ class Drive:
             self._listeners.put(note(self._pace()))
 
     def _whole(self) -> bytes:
-        """Return the message of the world as it is now."""
+        """Return the message of the whole world now."""
         moment = self._seen(self.world.moment())
         return whole(self.world, self._first, moment, self._lines.current(), self._figures.samples)
 

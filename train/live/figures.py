@@ -1,4 +1,4 @@
-"""What a live world comes to, second by second: goals a robot and hour, who waits, who stands, contacts."""
+"""Figures of a live world each second: goals per robot-hour, waiting, standing, contacts."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from warehouse_env.render.replay import FLAGS
 
-WINDOW = 120.0  # [s] before now over which goals an hour are counted
+WINDOW = 120.0  # [s] over which goals an hour are counted
 KEPT = 900  # samples, one a second
-STANDS = 0.05  # [m/s] under which a robot stands
+STANDS = 0.05  # [m/s] below which a robot stands
 _ALIVE = 1 << FLAGS.index("alive")
 
 
@@ -20,13 +20,13 @@ class Sample(NamedTuple):
     """One second of a world; shares are means over its steps."""
 
     seconds: float  # since the world began
-    goals_per_robot_hour: float  # over WINDOW, or since the beginning where that is shorter
-    waiting: float  # share of the robots, in [0, 1], that wait for another
-    standing: float  # and that stand, for whatever reason
+    goals_per_robot_hour: float  # over WINDOW, or since the beginning
+    waiting: float  # share of the robots that wait for another
+    standing: float  # share that stands
     contacts: int  # so far
 
 
-class Figures:
+class LiveFigures:
     """The samples of a world, `KEPT` at most."""
 
     def __init__(self) -> None:
@@ -35,7 +35,7 @@ class Figures:
         self._shares: list[tuple[float, float]] = []
 
     def add(self, seconds: float, moment: dict[str, NDArray[Any]]) -> Sample | None:
-        """Count a moment of a world at `seconds` since it began; return a sample where it ends a second."""
+        """Count a moment at `seconds` since the world began; return a sample if it completes a second."""
         alive = (moment["flags"] & _ALIVE) > 0
         many = max(int(alive.sum()), 1)
         waiting = int((alive & (moment["waits_for"] >= 0)).sum())

@@ -1,4 +1,4 @@
-"""The floors that a live world can have, and a floor with shelves set or taken away."""
+"""The floors of a live world, and floors with shelves added or removed."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.maps.layouts import LAYOUTS, make_layout
 
 
-class Floors:
-    """The named layouts, and the floor that was asked for at the start, which may be a file's."""
+class LiveFloors:
+    """The named layouts, and the first floor, which may be a file's."""
 
     def __init__(self, layout: str) -> None:
-        """Read the floor to begin with, a file's by the file's name; ConfigError or MapError where there is none."""
+        """Read the first floor; ConfigError or MapError if there is none."""
         self.first = Path(layout).name
         self._given = make_layout(layout)
         self.names = list(dict.fromkeys([self.first, *LAYOUTS]))
 
     def load(self, name: str) -> GridMap:
-        """Return a floor; pages name those of `names` only, no files."""
+        """Return a floor of `names`; pages cannot name files."""
         if name == self.first:
             return self._given
         if name not in self.names:
@@ -34,10 +34,10 @@ class Floors:
 
 
 def with_shelves(grid: GridMap, cells: Sequence[Sequence[int]], stand: bool, bare: GridMap) -> GridMap:
-    """Return a floor with shelves on cells (row, column), or without them.
+    """Return a floor with or without shelves on cells (row, column).
 
-    bare: the floor as it was first, of whose picks and stations those are kept that can be reached. Raises ConfigError
-    or MapError for cells off the floor, and where no pick or no station would be left.
+    bare: the first floor; its reachable picks and stations are kept. Raises ConfigError or MapError for cells off the
+    floor, and if no pick or no station is left.
     """
     where = tuple(_on_floor(grid, cells).T)
     if (grid.occupied & ~grid.walls)[where].any():
@@ -51,12 +51,12 @@ def with_shelves(grid: GridMap, cells: Sequence[Sequence[int]], stand: bool, bar
     if not len(picks) or not len(stations):
         raise ConfigError(f"with shelves there, robots could reach no {'station' if len(picks) else 'pick face'}")
     one_way = np.where(occupied, 0, bare.one_way)
-    # what is tight for the robots' bodies is found anew, of the endpoints that they had before they were moved for it
+    # tight floor for the robots' bodies is found anew
     return dataclasses.replace(grid, occupied=occupied, one_way=one_way, picks=picks, stations=stations, tight=None)
 
 
 def _on_floor(grid: GridMap, cells: Sequence[Sequence[int]]) -> NDArray[np.int64]:
-    """Return int64[K, 2] of cells; ConfigError for one that is off the floor."""
+    """Return cells as int64[K, 2]; ConfigError for one off the floor."""
     rows, columns = grid.shape
     for row, column in cells:
         if not (0 <= row < rows and 0 <= column < columns):
@@ -65,7 +65,7 @@ def _on_floor(grid: GridMap, cells: Sequence[Sequence[int]]) -> NDArray[np.int64
 
 
 def free_cell(grid: GridMap, cell: Sequence[int]) -> Cell:
-    """Return a cell on which somebody may stand; ConfigError or MapError for one off the floor, on or among shelves."""
+    """Return a cell for a person; ConfigError or MapError if it is off the floor, on or among shelves."""
     found = grid.check_cell(cell, "cell")
     if not (grid.free_cells == found).all(axis=1).any():
         raise ConfigError(f"cell {found} is shut in by shelves")

@@ -1,68 +1,66 @@
-"""Who looks: a queue of messages for each page, so that a slow one never holds up the world or another page."""
+"""A queue of messages for each page, so that a slow page never holds up the world or another page."""
 
 from __future__ import annotations
 
+import contextlib
+import queue
 import threading
-from collections import deque
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 from warehouse_env.errors import ConfigError
 
 MOST = 8  # pages at a time
-MOST_WAITING = 4_000_000  # bytes that a page may be behind
+MOST_WAITING = 250  # messages, about ten seconds, that a page may be behind
 
 
 class Listener:
-    """One page's messages. It needs a whole world first, and again once it was too far behind."""
+    """One page's messages. It needs a whole world first, and again if it fell too far behind."""
 
     def __init__(self) -> None:
         self.needs_world = True
         self.closed = False
-        self._messages: deque[bytes] = deque()
-        self._bytes = 0
-        self._changed = threading.Condition()
+        self._messages: queue.Queue[bytes] = queue.Queue(MOST_WAITING)
 
     def put(self, message: bytes, world: bool = False) -> None:
-        """Add a message; world: it is a whole world, before which nothing else is of use."""
-        with self._changed:
-            if self.needs_world and not world:
-                return
-            self.needs_world = False
-            if self._bytes + len(message) > MOST_WAITING and self._messages:
-                self._forget()
-                return
-            self._messages.append(message)
-            self._bytes += len(message)
-            self._changed.notify()
+        """Add a message; world: it is a whole world, which must come first."""
+        if self.needs_world and not world:
+            return
+        self.needs_world = False
+        try:
+            self._messages.put_nowait(message)
+        except queue.Full:
+            self.renew()
 
     def renew(self) -> None:
-        """Forget what waits, for there is another world."""
-        with self._changed:
-            self._forget()
-
-    def _forget(self) -> None:
-        self._messages.clear()
-        self._bytes, self.needs_world = 0, True
+        """Forget the waiting messages, since there is another world."""
+        self._taken()
+        self.needs_world = True
 
     def close(self) -> None:
         """Say that nothing more comes."""
-        with self._changed:
-            self.closed = True
-            self._changed.notify()
+        self.closed = True
+        with contextlib.suppress(queue.Full):
+            self._messages.put_nowait(b"")  # wakes `take`
 
     def take(self, timeout: float) -> bytes:
-        """Return all messages that wait, as one; none after `timeout` [s] without any."""
-        with self._changed:
-            self._changed.wait_for(lambda: self._messages or self.closed, timeout)
-            taken = b"".join(self._messages)
-            self._messages.clear()
-            self._bytes = 0
-            return taken
+        """Return all waiting messages as one; none after `timeout` [s] without any."""
+        try:
+            first = self._messages.get(timeout=timeout) if timeout > 0 else b""
+        except queue.Empty:
+            return b""
+        return first + self._taken()
+
+    def _taken(self) -> bytes:
+        found = []
+        with contextlib.suppress(queue.Empty):
+            while True:
+                found.append(self._messages.get_nowait())
+        return b"".join(found)
 
 
 class Listeners:
-    """All pages that look."""
+    """All pages."""
 
     def __init__(self) -> None:
         self._all: list[Listener] = []
@@ -70,7 +68,7 @@ class Listeners:
 
     @contextmanager
     def joined(self) -> Iterator[Listener]:
-        """Yield a listener that hears all until the end; ConfigError where too many look."""
+        """Yield a listener that hears everything from now on; ConfigError if there are too many."""
         listener = Listener()
         with self._lock:
             if len(self._all) >= MOST:
@@ -82,25 +80,12 @@ class Listeners:
             with self._lock:
                 self._all.remove(listener)
 
-    def put(self, message: bytes) -> None:
-        """Give all a message."""
-        for listener in self._now():
-            listener.put(message)
-
-    def renew(self) -> None:
-        """Have all begin with the whole of another world."""
-        for listener in self._now():
-            listener.renew()
-
-    def waiting(self) -> list[Listener]:
-        """Return those who need a whole world."""
-        return [listener for listener in self._now() if listener.needs_world]
-
-    def close(self) -> None:
-        """Tell all that nothing more comes."""
-        for listener in self._now():
-            listener.close()
-
-    def _now(self) -> list[Listener]:
+    def now(self) -> list[Listener]:
+        """Return the listeners."""
         with self._lock:
             return list(self._all)
+
+    def put(self, message: bytes) -> None:
+        """Send a message to all."""
+        for listener in self.now():
+            listener.put(message)

@@ -1,8 +1,8 @@
-"""What is sent to pages: a header as JSON, and arrays as replay_codec.py lays them out, each message behind its length.
+"""Messages to pages: a header as JSON and arrays as in replay_codec.py, each message preceded by its length.
 
-Little-endian: uint32 bytes of all that follows, uint32 bytes of the header, the header, the arrays. Headers say their
-`kind`: a `world` is all that a page needs to begin with, `moments` follow it one after the other, a `note` says how
-time goes and what is being made. A message of length 0 only says that the server is there.
+Little-endian: uint32 bytes of the rest, uint32 bytes of the header, the header, the arrays. The header's `kind` is
+`world` (everything that a page needs to begin), `moments` (which continue it) or `note` (the pace, and what is being
+made). A message of length 0 only keeps the connection alive.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ Routes = Mapping[int, NDArray[np.float32]]
 
 
 def note(told: Mapping[str, Any]) -> bytes:
-    """Return the message of what is told alone."""
+    """Return a message without arrays."""
     return _message({"kind": "note", **told}, ())
 
 
 def whole(world: World, first: int, moment: Moment, routes: Routes, samples: Iterable[Sample]) -> bytes:
-    """Return the message of a world as it is at moment number `first`, with all routes that robots are on."""
+    """Return the message of a world at moment number `first`, with the robots' routes."""
     setting = world.setting
     about = about_world(setting.policy, world.grid, world.simulator.config, setting.seed)
     header = {
@@ -43,7 +43,7 @@ def whole(world: World, first: int, moment: Moment, routes: Routes, samples: Ite
 
 
 def further(world: World, first: int, moments: Sequence[Moment], routes: Routes, samples: Iterable[Sample]) -> bytes:
-    """Return the message of the moments from number `first` on, with the routes met in them first."""
+    """Return the message of the moments from number `first` on, with routes that are new in them."""
     header = {"kind": "moments", **_moments(first, len(moments), routes, samples)}
     return _message(header, _columns(world, moments, routes))
 

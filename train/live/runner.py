@@ -1,4 +1,4 @@
-"""The thread that a live world runs in; commands come from any other."""
+"""The thread of a live world; commands come from other threads."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Callable
 from concurrent.futures import Future
 
 from train.live.commands import Command
-from train.live.drive import Drive
+from train.live.drive import WorldDrive
 from train.live.listeners import Listeners
 from train.live.world import World
 from warehouse_env.errors import ConfigError, WarehouseError
@@ -16,24 +16,24 @@ from warehouse_env.errors import ConfigError, WarehouseError
 _LOOKS_EVERY = 0.5  # [s], whether it is stopped
 
 
-class Runner(threading.Thread):
-    """Drives a world until `stop`; `listeners` hear of it, and `ask` changes it.
+class WorldRunner(threading.Thread):
+    """Drives a world until `stop`; `listeners` receive it, and `ask` changes it.
 
-    failed: what ended it before, for the main thread to raise.
+    failed: the error that ended it, for the main thread to raise.
     """
 
     def __init__(self, make: Callable[[], World]) -> None:
-        """make: the world to begin with; it is called in the thread, for kernels may have to be compiled first."""
+        """make: makes the first world, within the thread, since kernels may be compiled."""
         super().__init__(name="live world", daemon=True)
         self.listeners = Listeners()
-        self.drive: Drive | None = None
+        self.drive: WorldDrive | None = None
         self.failed: BaseException | None = None
         self._make = make
         self._asked: queue.SimpleQueue[tuple[Command, Future[None]] | None] = queue.SimpleQueue()
         self._stopped = threading.Event()
 
     def ask(self, command: Command) -> None:
-        """Have a command carried out, and return when it is; raises what says why it is refused."""
+        """Carry out a command and wait for it; raises WarehouseError if it is refused."""
         answer: Future[None] = Future()
         self._asked.put((command, answer))
         while not self._stopped.is_set():
@@ -44,11 +44,11 @@ class Runner(threading.Thread):
         raise ConfigError("the simulation has stopped")
 
     def look(self) -> None:
-        """Wake the thread, for somebody has joined its listeners."""
+        """Wake the thread, for a new listener."""
         self._asked.put(None)
 
     def stop(self, timeout: float) -> None:
-        """Stop, and wait for it [s] at most: who compiles is not waited for."""
+        """Stop, and wait for at most so long [s]: compiling cannot be interrupted."""
         self._stopped.set()
         self.look()
         self.join(timeout)
@@ -56,7 +56,7 @@ class Runner(threading.Thread):
     def run(self) -> None:
         """Make the world and drive it."""
         try:
-            self.drive = Drive(self._make(), self.listeners)
+            self.drive = WorldDrive(self._make(), self.listeners)
             while not self._stopped.is_set():
                 self._take(self.drive)
                 self.drive.turn()
@@ -64,10 +64,11 @@ class Runner(threading.Thread):
             self.failed = error
         finally:
             self._stopped.set()
-            self.listeners.close()
+            for listener in self.listeners.now():
+                listener.close()
 
-    def _take(self, drive: Drive) -> None:
-        """Wait until something is to be done, or asked for, and answer it."""
+    def _take(self, drive: WorldDrive) -> None:
+        """Wait until a step is due or a command comes, and answer the command."""
         wait = min(drive.due_in(), _LOOKS_EVERY)
         try:
             asked = self._asked.get(timeout=wait) if wait > 0 else self._asked.get_nowait()

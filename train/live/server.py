@@ -1,7 +1,7 @@
-"""The server of the live page: loopback only, a token in the address, and nobody else's page may ask it anything.
+"""The server of the live page: loopback only, a token in the address, and no access for other sites' pages.
 
-GET /TOKEN/ is the page, GET /TOKEN/states a stream of messages without end, POST /TOKEN/commands takes one command and
-answers with what became of it. The standard library's server does for that: one stream down, one request a click up.
+GET /TOKEN/ is the page, GET /TOKEN/states an endless stream of messages, POST /TOKEN/commands takes one command and
+answers with its result.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from typing import Any, cast
 
 from train.live.commands import MOST_BYTES, read_command
 from train.live.messages import ALIVE
-from train.live.runner import Runner
+from train.live.runner import WorldRunner
 from warehouse_env.errors import ConfigError, WarehouseError
 from warehouse_env.render.live_page import LivePage
 
 LOOPBACK = "127.0.0.1"
-_QUIET = 2.0  # [s] without a message until the stream says that it is there
+_QUIET = 2.0  # [s] without a message, after which the stream sends a sign of life
 _PATIENCE = 20.0  # [s] that a browser may take to read or write
 
 
@@ -31,24 +31,24 @@ class Server(ThreadingHTTPServer):
 
     daemon_threads = True
 
-    def __init__(self, runner: Runner, page: LivePage, port: int = 0) -> None:
-        """port: 0 for any that is free. OSError where it is taken."""
+    def __init__(self, runner: WorldRunner, page: LivePage, port: int = 0) -> None:
+        """port: 0 for a free one. OSError if it is taken."""
         self.runner, self.page, self.token = runner, page, secrets.token_urlsafe(24)
         super().__init__((LOOPBACK, port), Handler)
         self.hosts = {f"{name}:{self.server_port}" for name in (LOOPBACK, "localhost")}
 
     def server_bind(self) -> None:
-        """Take the port, without asking anybody for a name of this machine."""
+        """Take the port, without a lookup of this machine's name."""
         TCPServer.server_bind(self)
         self.server_name, self.server_port = LOOPBACK, self.server_address[1]
 
     @property
     def address(self) -> str:
-        """Where the page is."""
+        """The address of the page."""
         return f"http://{LOOPBACK}:{self.server_port}/{self.token}/"
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Say nothing of browsers that have gone away."""
+        """Ignore browsers that have gone away."""
         if not isinstance(sys.exception(), (ConnectionError, TimeoutError)):
             super().handle_error(request, client_address)
 
@@ -61,7 +61,7 @@ class Handler(BaseHTTPRequestHandler):
     disable_nagle_algorithm = True
 
     def do_GET(self) -> None:
-        """Give the page, or the stream."""
+        """Send the page, or the stream."""
         what = self._admitted()
         if what == "":
             self._give(HTTPStatus.OK, self._live.page.text.encode(), "text/html; charset=utf-8")
@@ -106,10 +106,10 @@ class Handler(BaseHTTPRequestHandler):
         return cast(Server, self.server)
 
     def _admitted(self) -> str | None:
-        """Return what is asked for behind the token; None where the asker was refused.
+        """Return the path after the token, None if the request was refused.
 
-        Another site's page cannot know the token; were it led here under a name of its own, Host and Origin say so. The
-        page itself, and nothing else, may be come to from elsewhere, as by a click on its address where that is shown.
+        Pages of other sites do not know the token, and Host and Origin reveal them. Only the page itself may be opened
+        from elsewhere, as by a click on its address.
         """
         live, host, origin = self._live, self.headers.get("Host", ""), self.headers.get("Origin")
         site = self.headers.get("Sec-Fetch-Site", "none")
@@ -125,7 +125,7 @@ class Handler(BaseHTTPRequestHandler):
         return None
 
     def _stream(self) -> None:
-        """Send messages until the browser goes, or the simulation ends."""
+        """Send messages until the browser leaves or the simulation ends."""
         runner = self._live.runner
         try:
             with runner.listeners.joined() as listener:
@@ -138,7 +138,7 @@ class Handler(BaseHTTPRequestHandler):
             self._refuse(HTTPStatus.SERVICE_UNAVAILABLE, str(error))
 
     def _refuse(self, status: HTTPStatus, sentence: str, close: bool = True) -> None:
-        """Answer with a sentence; close: do not read what else the asker sends."""
+        """Answer with a sentence; close: read nothing more."""
         self.close_connection = self.close_connection or close
         self._give(status, json.dumps({"error": sentence}).encode(), "application/json")
 
@@ -147,7 +147,7 @@ class Handler(BaseHTTPRequestHandler):
         self.wfile.write(body)
 
     def _head(self, status: HTTPStatus, kind: str, length: int | None = None) -> None:
-        """Send the status and headers; length: of the body, None where only the connection's end ends it."""
+        """Send status and headers; length: of the body, None if it ends with the connection."""
         self.send_response_only(status)
         self.send_header("Content-Type", kind)
         if length is not None:
@@ -163,4 +163,4 @@ class Handler(BaseHTTPRequestHandler):
         self.end_headers()
 
     def log_message(self, format: str, *args: Any) -> None:
-        """Say nothing of requests."""
+        """Log no requests."""

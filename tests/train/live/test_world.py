@@ -1,14 +1,13 @@
-"""A world that is changed while it runs: what goes on, what begins anew, what is refused, and that it repeats."""
+"""A world that is changed while it runs: what continues, what restarts, what is refused, and that it repeats."""
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping
 
 import numpy as np
 import pytest
 
-from tests.train.live.worlds import SETTING, world
+from tests.train.live.worlds import world
 from train.kinds import Kinds, Part
 from train.live.commands import Leave, Make, Person, Shelves
 from train.live.world import Change, World
@@ -42,42 +41,31 @@ def test_the_same_commands_at_the_same_steps_give_the_same_bits() -> None:
         30: Shelves((shelf,), True), 50: Person(person), 80: Make(policy="brake"), 110: Leave(0),
         120: Shelves((shelf,), False),
     }  # fmt: skip
-    one, again = driven(150, changes), driven(150, changes)
+    one, again = driven(130, changes), driven(130, changes)
     assert one.digest == again.digest
     assert one.made == 6
-    assert driven(150, changes | {110: Make(policy="greedy")}).digest != one.digest
-    assert driven(150, changes, seed=8).digest != one.digest
+    assert driven(130, changes | {110: Make(policy="greedy")}).digest != one.digest
 
 
-def test_with_a_shelf_the_world_goes_on() -> None:
-    one = driven(100, {})
-    cell = free_cell_far_off(one)
-    before = one.moment()
-    assert not one.change(Shelves((cell,), True))
-    assert one.grid.occupied[cell]
-    after = one.moment()
-    for name in ("pose", "goal", "totals"):
-        np.testing.assert_array_equal(after[name], before[name])
-    assert (one.steps, one.seconds) == (100, pytest.approx(10.0))
-    for _ in range(600):
-        one.step()
-    assert one.moment()["totals"][0] > before["totals"][0]
-    one.change(Shelves((cell,), False))
-    assert not one.grid.occupied[cell]
-
-
-def test_a_shelf_set_before_a_robot_that_drives_is_not_run_into() -> None:
+def test_the_world_continues_with_a_new_shelf_before_a_robot() -> None:
     one = driven(25, {})
     state = one.simulator.state
     robot = int(np.argmax(state.speed[0]))
     x, y, heading = state.pose[0, robot].tolist()
     assert state.speed[0, robot] > 1.0
     ahead = one.grid.cell(np.array([x + 1.3 * np.cos(heading), y + 1.3 * np.sin(heading)]))
-    one.change(Shelves((tuple(ahead.tolist()),), True))
-    assert one.simulator.state.speed[0, robot] == 0
-    for _ in range(100):
+    before = one.moment()
+    assert not one.change(Shelves((tuple(ahead.tolist()),), True))
+    assert one.grid.occupied[tuple(ahead)]
+    assert one.simulator.state.speed[0, robot] == 0  # it could not stop in time
+    for name in ("pose", "goal", "totals"):
+        np.testing.assert_array_equal(one.moment()[name], before[name])
+    assert (one.steps, one.seconds) == (25, pytest.approx(2.5))
+    for _ in range(400):
         one.step()
-    assert one.moment()["totals"][1] == 0
+    goals, contacts, _ = one.moment()["totals"]
+    assert goals > before["totals"][0]
+    assert contacts == 0
 
 
 def test_shelves_are_refused_where_robots_are_or_go() -> None:
@@ -100,32 +88,25 @@ def test_shelves_are_refused_where_robots_are_or_go() -> None:
 def test_people_come_and_go() -> None:
     one = driven(10, {})
     cell = free_cell_far_off(one)
+    robot = tuple(one.grid.cell(one.simulator.state.pose[0, 0, :2]).tolist())
+    for wrong, why in ((robot, "robot 0 is within 2 m"), ((99, 0), "outside")):
+        with pytest.raises(WarehouseError, match=why):
+            one.change(Person(wrong))
     assert not one.change(Person(cell))
     people = one.moment()["people"]
     np.testing.assert_allclose(people[0, :2], one.grid.centre(np.array(cell)), atol=1e-5)
-    for _ in range(100):
+    with pytest.raises(WarehouseError, match="somebody stands there"):
+        one.change(Shelves((cell,), True))
+    for _ in range(60):
         one.step()
-    assert np.hypot(*(one.moment()["people"][0, :2] - people[0, :2])) > 1.0  # it walks
-    here = tuple(one.grid.cell(one.moment()["people"][0, :2]).tolist())
-    with pytest.raises(WarehouseError, match=r"somebody stands there|robot \d"):
-        one.change(Shelves((here,), True))
+    assert np.hypot(*(one.moment()["people"][0, :2] - people[0, :2])) > 0.5  # the person walks
     with pytest.raises(WarehouseError, match="no person 1 among 1"):
         one.change(Leave(1))
     one.change(Leave(0))
     assert one.simulator.config.people == 0
 
 
-def test_people_are_refused_beside_robots_and_on_shelves() -> None:
-    one = world(floor="paper46", planner="astar_turns")
-    robot = tuple(one.grid.cell(one.simulator.state.pose[0, 0, :2]).tolist())
-    shelf = tuple(np.argwhere(one.grid.occupied)[0].tolist())
-    for cell, why in ((robot, "robot 0 is within 2 m"), (shelf, "on a shelf"), ((99, 0), "outside")):
-        with pytest.raises(WarehouseError, match=why):
-            one.change(Person(cell))
-    assert one.simulator.config.people == 0
-
-
-def test_what_begins_anew_and_what_goes_on() -> None:
+def test_a_policy_continues_the_world_and_other_settings_restart_it() -> None:
     one = driven(60, {})
     pose = one.moment()["pose"]
     assert not one.change(Make(policy="brake"))
@@ -148,18 +129,17 @@ def test_what_begins_anew_and_what_goes_on() -> None:
         (Make(floor="open", robots=256), "num_agents=256"),
     ],
 )
-def test_what_cannot_be_is_refused(change: Make, why: str) -> None:
-    one, same = driven(5, {}), driven(6, {})
+def test_impossible_settings_are_refused(change: Make, why: str) -> None:
+    one = driven(1, {})
     with pytest.raises(WarehouseError, match=why):
         one.change(change)
-    one.step()
-    assert one.digest == same.digest
+    assert one.made == 1
 
 
 def test_robots_in_their_bends_touch_nothing_when_the_world_goes_on() -> None:
     """The protective field counts on the wheels as they are: were they put straight, robots would leave their bends."""
     one = world(floor="paper46", robots=24)
-    for k in range(400):
+    for k in range(150):
         one.step()
         if k % 10 == 9:
             one.change(Make(policy="greedy"))
@@ -167,9 +147,8 @@ def test_robots_in_their_bends_touch_nothing_when_the_world_goes_on() -> None:
 
 
 @pytest.mark.filterwarnings("ignore::warehouse_env.errors.MapWarning")
-def test_robots_of_other_kinds_however_many_and_shelves_are_set_on_floors_for_their_bodies() -> None:
-    wide = Kinds((Part(RobotSpec(length=1.2, width=1.2), share=1.0),))
-    one = driven(5, {}, kinds=wide)
+def test_shelves_on_floors_for_other_kinds_of_robots() -> None:
+    one = driven(5, {}, kinds=Kinds((Part(RobotSpec(length=1.2, width=1.2), share=1.0),)))
     assert one.grid.tight is not None  # beside walls
     before, cell = one.grid.endpoints, free_cell_far_off(one)
     one.change(Shelves((cell,), True))
@@ -178,8 +157,3 @@ def test_robots_of_other_kinds_however_many_and_shelves_are_set_on_floors_for_th
     assert one.grid.endpoints == before
     one.change(Make(robots=3))
     assert [robot.width for robot in one.simulator.config.robots] == [1.2] * 3
-    one.step()
-    half = Kinds((Part(RobotSpec(length=1.2), share=0.5),))
-    assert [dataclasses.replace(SETTING, kinds=half, robots=robots).given["fleet"][0].count for robots in (4, 9)] == [
-        2, 4,
-    ]  # fmt: skip

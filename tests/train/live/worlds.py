@@ -7,16 +7,16 @@ import struct
 from collections.abc import Iterator
 from typing import Any
 
-from train.live.floors import Floors
-from train.live.world import Setting, World
+from train.live.floors import LiveFloors
+from train.live.world import World, WorldSetting
 
-SETTING = Setting("greedy", "open", 4, 0, 7, "astar_turns")
+SETTING = WorldSetting("greedy", "open", 4, 0, 7, "astar_turns")
 
 
 def world(**changes: Any) -> World:
     """Return a world of four robots under right of way on the open floor, or another one."""
-    setting = Setting(**{**SETTING.__dict__, **changes})
-    return World(setting, Floors(setting.floor))
+    setting = WorldSetting(**{**SETTING.__dict__, **changes})
+    return World(setting, LiveFloors(setting.floor))
 
 
 def messages(stream: bytes) -> Iterator[tuple[dict[str, Any], bytes]]:
