@@ -98,27 +98,16 @@ def test_where_aisles_meet_in_which_a_body_hardly_turns_is_said() -> None:
     assert fitted(drawn(*lines[:4], "p...........", "............"), LONG)[1] == ()
 
 
-@pytest.mark.parametrize(("length", "width", "gets_there"), [(0.9, 0.6, True), (1.4, 0.8, False), (1.4, 0.6, False)])
+@pytest.mark.parametrize(("length", "width", "gets_there"), [(0.9, 0.6, True), (1.4, 0.8, False)])
 def test_bodies_stand_for_good_where_it_is_said(length: float, width: float, gets_there: bool) -> None:
     robot = RobotSpec(length=length, width=width)
     grid = drawn("############", "s..........s", "#####.######", "#####p######", "############")
     config = policy_config("greedy", EnvConfig(num_agents=1, planner="astar_turns", robot=robot, layout="pocket"))
     simulator, policy, rng = Simulator(config, grid=grid), make_policy("greedy", config), np.random.default_rng(0)
     observation = simulator.reset([0])
-    while simulator.seconds(0) < 90:
+    while simulator.seconds(0) < 60:
         observation = simulator.step(policy.act(observation, rng))
     assert (simulator.episode_metrics()["stuck"] == 0) == gets_there == (fitted(grid, robot)[1] == ())
-
-
-def test_one_gets_off_floor_that_only_tight_floor_leads_to() -> None:
-    grid = drawn("............", "p..........s", "............", *["#####.######"] * 2, *["##....p.####"] * 3)
-    floor, _ = fitted(grid, RobotSpec(length=1.6, width=1.2))
-    assert floor.tight is not None
-    drawing = ["".join(".x"[int(one)] for one in row) for row in floor.closed]
-    assert drawing == ["x" * 12, "x..........x", "xxxxx.xxxxxx", *["x" * 12] * 5]
-    cells = make_planner("astar_turns").plan(floor, (6, 4), floor.endpoints[2][0], np.random.default_rng(0)).cells
-    assert cells[-1].tolist() == [1, 1]
-    assert [4, 5] in cells.tolist()
 
 
 @pytest.mark.parametrize("planner", ["astar", "astar_turns", "theta_star", "pf_aco:iterations=3"])
@@ -213,12 +202,6 @@ def test_no_planner_enters_tight_floor(name: str) -> None:
     assert not floor.closed[tuple(cells.T)].any()
 
 
-def test_longer_and_wider_are_in_proportion() -> None:
-    assert (RobotSpec().longer, RobotSpec().wider) == (1.0, 1.0)
-    assert LARGE.longer == pytest.approx(10 / 3)
-    assert RobotSpec(max_steering=math.radians(30)).longer == pytest.approx(3.0)  # it turns three times as wide
-
-
 @given(st.integers(0, 2**20 - 1), st.floats(0.05, 6.0), st.booleans())
 def test_cells_near_marked_ones_are_those_of_brute_force(marks: int, reach: float, beyond: bool) -> None:
     mask = np.array([marks >> k & 1 for k in range(20)], dtype=np.bool_).reshape(4, 5)
@@ -231,10 +214,10 @@ def test_cells_near_marked_ones_are_those_of_brute_force(marks: int, reach: floa
             assert _near(mask, reach, beyond)[cell] == (nearest < reach)
 
 
-@pytest.mark.parametrize(("length", "width", "cell"), [(900.0, 0.1, 0.01), (900.0, 800.0, 0.01), (4.0, 3.9, 0.01)])
+@pytest.mark.parametrize(("length", "width", "cell"), [(900.0, 0.1, 0.01), (900.0, 800.0, 0.01)])
 def test_bodies_of_any_size_on_cells_of_any_size_take_little(length: float, width: float, cell: float) -> None:
     grid = GridMap(np.zeros((400, 400), np.bool_), cell_size=cell)
     robot = RobotSpec(length=length, width=width, wheelbase=0.8 * length, front_overhang=0.1 * length)
     floor, notes = fitted(grid, robot)
-    assert floor is grid or length < 5.0
+    assert floor is grid
     assert len(notes) == 1

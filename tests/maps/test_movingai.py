@@ -12,9 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from warehouse_env.errors import MapError, WarehouseError
+from warehouse_env.errors import MapError
 from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.maps.layouts import LAYOUTS, make_layout
 from warehouse_env.maps.movingai import (
     EXAMPLE_MAP,
     EXAMPLE_SCEN,
@@ -72,30 +71,16 @@ def test_maps_round_trip(occupied: np.ndarray) -> None:
         assert os.listdir(folder) == ["any.map"]
 
 
-@pytest.mark.parametrize("name", sorted(LAYOUTS))
-def test_layouts_round_trip(tmp_path: Path, name: str) -> None:
-    grid = make_layout(name)
-    write_map(grid, tmp_path / "layout.map")
-    assert np.array_equal(read_map(tmp_path / "layout.map").occupied, grid.occupied)
-
-
 @pytest.mark.parametrize(
     ("text", "line", "words"),
     [
         (GOOD.replace("...\n", "....\n"), 6, "4 cells.*width of 3"),
-        (GOOD.replace("...\n", "..\n"), 6, "2 cells.*width of 3"),
         (GOOD.replace(".@.", ".x."), 5, "unknown cell 'x' in column 2"),
-        (GOOD.replace(".@.", ". ."), 5, "unknown cell ' ' in column 2"),
         (GOOD.removesuffix("...\n"), 5, "2 rows but the file holds 1"),
         (GOOD + "...\n", 7, "2 rows but the file holds 3"),
         (GOOD.replace("height 2", "height two"), 2, "height 'two'"),
-        (GOOD.replace("height 2", "height -2"), 2, "height '-2'"),
-        (GOOD.replace("height 2", "height 0"), 2, "height '0'"),
         (GOOD.replace("width 3", "width 1_0"), 3, "width '1_0'"),
-        (GOOD.replace("width 3", "width 3 4"), 3, "begins with"),
         (GOOD.replace("height 2\n", ""), 3, "no line 'height N'"),
-        (GOOD.replace("map\n", ""), 4, "begins with"),
-        ("type octile\n", 1, "begins with"),
         ("height 999999999\nwidth 999999999\nmap\n.\n", 4, "999999999 rows"),
         ("", 1, "begins with"),
     ],
@@ -107,22 +92,6 @@ def test_broken_maps_name_file_and_line(tmp_path: Path, text: str, line: int, wo
         read_map(path)
     assert str(raised.value).startswith(f"{path}, line {line}: ")
     assert "\n" not in str(raised.value)
-
-
-def test_a_map_without_floor_is_named(tmp_path: Path) -> None:
-    (tmp_path / "full.map").write_text(GOOD.replace(".", "@"))
-    with pytest.raises(MapError, match=r"full\.map: .*no free cell"):
-        read_map(tmp_path / "full.map")
-
-
-def test_failed_writing_leaves_nothing(tmp_path: Path) -> None:
-    grid = make_layout("open")
-    (tmp_path / "folder.map").mkdir()
-    (tmp_path / "file").write_text("kept")
-    for path in (tmp_path / "folder.map", tmp_path / "file" / "x.map"):
-        with pytest.raises(WarehouseError, match=r"is (a|no) folder"):
-            write_map(grid, path)
-    assert sorted(os.listdir(tmp_path)) == ["file", "folder.map"]
 
 
 # ---- scenarios
@@ -162,16 +131,11 @@ LINE = "3\tm.map\t32\t31\t11\t6\t7\t18\t13.65"
     ("text", "line", "words"),
     [
         (LINE, 1, "version 1"),
-        ("version 2\n" + LINE, 1, "version 1"),
         ("version 1\n" + LINE + "\n3\tm.map\t32", 3, "3 fields instead of 9"),
-        ("version 1\n" + LINE + "\t7", 2, "10 fields"),
         ("version 1\n" + LINE.replace("\t11\t", "\t32\t"), 2, "start x 32 is outside"),
         ("version 1\n" + LINE.replace("\t18\t", "\t31\t"), 2, "goal y 31 is outside"),
         ("version 1\n" + LINE.replace("\t6\t", "\t-6\t"), 2, "start y '-6'"),
-        ("version 1\n" + LINE.replace("\t6\t", "\t6.0\t"), 2, "start y '6.0'"),
         ("version 1\n" + LINE.replace("13.65", "nan"), 2, "length 'nan'"),
-        ("version 1\n" + LINE.replace("13.65", "far"), 2, "length 'far'"),
-        ("version 1\n" + LINE.replace("13.65", "-1"), 2, "length '-1'"),
         ("version 1\n" + LINE.replace("3\tm", "x\tm"), 2, "bucket 'x'"),
     ],
 )
@@ -217,11 +181,3 @@ def test_every_length_of_a_public_benchmark_is_reproduced() -> None:
     listed = read_scen(BENCHMARKS / "random-32-32-10-random-1.scen")
     assert len(listed) == 461
     assert longest_error(read_map(BENCHMARKS / "random-32-32-10.map"), listed) < 1e-7
-
-
-@pytest.mark.skipif(not BENCHMARKS.is_dir(), reason="the benchmarks are not here")
-def test_public_maps_are_read_and_have_endpoints_for_16_robots() -> None:
-    for path in sorted(BENCHMARKS.glob("*.map")):
-        grid = read_map(path)
-        assert len(grid.picks) >= 64
-        assert len(grid.stations) >= 16

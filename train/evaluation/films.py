@@ -106,7 +106,7 @@ def _iterations(
     known: list[tuple[NDArray[np.float64], NDArray[np.int64]]] = []
 
     class Watched(type(ants)):  # type: ignore[misc]  # the same system, which tells what it knows
-        def colony(self, grid: GridMap, floor: Floor, start: NDArray[np.int64]) -> Colony:
+        def colony(self, grid: GridMap, floor: Floor, start: int) -> Colony:
             made: Colony = super().colony(grid, floor, start)
 
             def update(iteration: int, pheromone: Table, walks: Walks, best: Walks) -> None:
@@ -116,7 +116,7 @@ def _iterations(
             return replace(made, update=update)
 
     parameters = {name: value for name, value in vars(ants).items() if not name.startswith("_")}
-    Watched(**parameters).search(grid, [start], goal, np.random.default_rng(seed))
+    Watched(**parameters).search(grid, start, goal, np.random.default_rng(seed))
     return known
 
 

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from warehouse_env.errors import MapError, shown
 from warehouse_env.files import as_number, named_rows, parsed_json, read_text, write_text
+from warehouse_env.maps.tables import flags
 
 SUFFIX = ".discs.json"  # beside NAME.map
 MOST = 100_000
@@ -87,10 +88,7 @@ def among(
     reached = covered(discs, occupied.shape, cell)
     whole = occupied
     if walls is not None:
-        given = np.asarray(walls)
-        if given.shape != occupied.shape or given.dtype != np.bool_:
-            raise MapError(f"walls must hold True or False for each cell of the map's shape {occupied.shape}")
-        whole = occupied & (given | ~reached)
+        whole = occupied & (flags(walls, occupied.shape, "walls") | ~reached)
     if (occupied | reached).all():
         raise MapError("the discs leave no free cell; a robot needs at least one")
     return whole, occupied | reached

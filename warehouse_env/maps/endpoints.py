@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from warehouse_env.maps.moves import beyond
+
 STATION_SPACING = 3  # [cells] between neighbouring stations: a 0.9 x 0.6 m robot stops at one and another passes
 
 
@@ -78,22 +80,14 @@ def _apart(row: int, column: int, other_row: int, other_column: int) -> int:
     return max(abs(row - other_row), abs(column - other_column))
 
 
-def _neighbourhood(mask: NDArray[np.bool_], offsets: list[tuple[int, int]]) -> NDArray[np.bool_]:
-    """Return bool[len(offsets), H, W]: the mask seen at each (d_row, d_column); False outside the map."""
-    rows, columns = mask.shape
-    padded = np.pad(mask, 1)
-    return np.array([padded[1 + a : 1 + a + rows, 1 + b : 1 + b + columns] for a, b in offsets])
-
-
 def _roomy(region: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return bool[H, W]: cells whose eight neighbours are reachable as well, so that a robot can turn there."""
-    around = [(a, b) for a in (-1, 0, 1) for b in (-1, 0, 1)]
-    return np.asarray(_neighbourhood(region, around).all(axis=0))
+    return np.asarray(region & beyond(region).all(axis=-1))
 
 
 def beside(occupied: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return bool[H, W]: cells with an occupied cell orthogonally beside them."""
-    return np.asarray(_neighbourhood(occupied, [(0, 1), (-1, 0), (0, -1), (1, 0)]).any(axis=0))
+    return np.asarray(beyond(occupied)[..., ::2].any(axis=-1))
 
 
 def shelves(occupied: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -5,14 +5,15 @@ from __future__ import annotations
 import itertools
 import math
 from functools import lru_cache
-from typing import Any, ClassVar, NamedTuple, Protocol
+from typing import ClassVar, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from warehouse_env.errors import ConfigError, PlanError, shown
 from warehouse_env.kernel import kernel
-from warehouse_env.maps.grid_map import MOVES, Cell, GridMap, whole_cell
+from warehouse_env.maps.grid_map import Cell, GridMap, whole_cell
+from warehouse_env.maps.moves import beyond
 
 DEAREST = 1e6  # [cells] that a move may cost
 _COUNTED = 2.0**61  # a path's sum of tolls that int64 holds with room to spare
@@ -103,9 +104,8 @@ def edge_cost(grid: GridMap, cost: NDArray[np.float64]) -> NDArray[np.float64]:
         raise ConfigError(f"a cost map must have the shape {grid.shape} or {(*grid.shape, 8)}, not {cost.shape}")
     if not (cost.min() >= 0 and cost.max() <= DEAREST):  # nan is neither
         raise ConfigError(f"a cost map must hold finite numbers of at least 0 and at most {DEAREST:g}")
-    if cost.ndim == 3:
-        return cost
-    return _entered(cost)
+    edges: NDArray[np.float64] = cost if cost.ndim == 3 else beyond(cost)
+    return edges
 
 
 def tolls(grid: GridMap, gentleness: float = 0.0, cost: NDArray[np.float64] | None = None) -> NDArray[np.int64] | None:
@@ -143,17 +143,10 @@ def _add_cost(toll, legal, cost, scale):
 def _climbs(grid: GridMap) -> NDArray[np.int64]:
     """Micrometres gone up or down by each legal move, int64[H, W, 8]; 0 where a move is not legal."""
     height = np.rint(grid.height.astype(np.float64) * MICRO).astype(np.int64)
-    climbs = np.abs(_entered(height) - height[..., None])
+    climbs: NDArray[np.int64] = np.abs(beyond(height) - height[..., None])
     climbs[~grid.legal_moves] = 0
     climbs.flags.writeable = False
     return climbs
-
-
-def _entered(field: NDArray[Any]) -> NDArray[Any]:
-    """Return the value [H, W, 8] of a field [H, W] on the cell that each move enters, 0 outside the map."""
-    rows, columns = field.shape
-    padded = np.pad(field, 1)
-    return np.stack([padded[1 + r : 1 + r + rows, 1 + c : 1 + c + columns] for r, c in MOVES.tolist()], axis=-1)
 
 
 def path_length(cells: ArrayLike) -> float:

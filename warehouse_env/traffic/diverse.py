@@ -43,7 +43,7 @@ def routes(
     whatever its patience: until its pheromone has settled, ants stray too far from every good route.
     """
     system = replace(system, patience=None)
-    floor, search = system.search(grid, [start], goal, rng, cost)
+    floor, search = system.search(grid, start, goal, rng, cost)
     best = cells_of(floor, search.best, 0)
     if len(best) < 2:
         return [best] if len(best) else []
@@ -70,9 +70,9 @@ def _sample(
     rng: np.random.Generator,
 ) -> Walks:
     """Let ants walk from the search's start over a trail that they leave as it is."""
-    start = np.full(samples, search.best.start[0])
+    start = int(search.best.start[0])
     turning, straight = system.colony(grid, floor, start).attraction(system.iterations - 1)
-    walks = empty_walks(start, len(floor.height))
+    walks = empty_walks(start, samples, len(floor.height))
     seeds = rng.integers(1, 2**63, samples, dtype=np.uint64)
     visited = np.zeros(len(floor.height), np.int64)
     edges, rule = EdgeWeights(trail, turning, straight), WalkRule(backtrack=system.dead_end == "backtrack")

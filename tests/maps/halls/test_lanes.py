@@ -50,17 +50,6 @@ def test_arrows_by_hand() -> None:
     assert drawn([lane((0.5, 0.5), (1.5, 0.5))]) == [".....", ".....", ">...."]
 
 
-def test_lanes_over_walls_and_far_away_are_noted() -> None:
-    lanes = Lanes(
-        lanes=[lane((0.5, 1.5), (4.5, 1.5), speed=0.5), lane((0.0, 0.0), (1e9, 0.0)), lane((9.0, 9.0), (9.0, 8.0))]
-    )
-    floor = np.ones((3, 5), np.bool_)
-    floor[1, 2] = False
-    found = lay(lanes, floor, RASTER)
-    assert found.speed[1].tolist() == [0.5, 0.5, np.inf, 0.5, 0.5]
-    assert "3 of 3 lanes lead over what is no floor" in lanes.noted()[0]
-
-
 @given(hnp.arrays(np.bool_, (5, 6, 4)))
 def test_arrows_keep_single_steps_and_bar_no_other(steps: np.ndarray) -> None:
     """What is not kept is counted; a step that lanes take back is never barred."""
@@ -168,7 +157,7 @@ def test_lifs_own_examples() -> None:
     files = sorted((REAL / "lif").iterdir())
     for file in files[1:]:
         assert read_lif(file).nodes
-    with pytest.raises(MapError, match="'number' must be a number"):
+    with pytest.raises(MapError, match="'number' must be a finite number"):
         read_lif(files[0])
 
 
@@ -196,7 +185,7 @@ def test_a_curve_goes_through_its_arc(tmp_path: Path) -> None:
     assert len(line) > 10
 
 
-def test_costs_and_headings_of_lanes_are_kept_or_said(tmp_path: Path) -> None:
+def test_costs_of_lanes_are_kept_or_said(tmp_path: Path) -> None:
     file = tmp_path / "f.geojson"
     write_route_graph(GridMap(np.zeros((1, 3)), cell_size=2.0), file)
     data = json.loads(file.read_text())
@@ -208,14 +197,6 @@ def test_costs_and_headings_of_lanes_are_kept_or_said(tmp_path: Path) -> None:
     assert [one.price for one in read.lanes] == [1.5, 1.0, 1000.0, 1.0]
     assert any("counts as that" in note for note in read.noted())
     assert any("stands for several things" in note for note in read.noted())
-
-    def edit(data: Any) -> None:
-        first, second = (edge["vehicleTypeEdgeProperties"][0] for edge in data["layouts"][0]["edges"][:2])
-        first["vehicleOrientation"], first["rotationAllowed"], second["vehicleOrientation"] = 3.14, False, 0.0
-
-    notes = read_lif(lif(tmp_path, edit)).noted()
-    assert any("another heading" in note and "times" not in note for note in notes)
-    assert any("no rotation" in note for note in notes)
 
 
 def change(data: Any, path: list[Any], value: Any) -> Any:
@@ -237,7 +218,6 @@ FIRST = ["layouts", 0]
         (["metaInformation", "lifVersion"], "v3", "lifVersion 'v3' is not read"),
         ([*FIRST, "nodes", 0, "nodeId"], "r0c1", "nodeId 'r0c1' stands for two nodes"),
         ([*FIRST, "edges", 0, "edgeId"], "r0c1-r0c0", "edgeId 'r0c1-r0c0' stands for two edges"),
-        ([*FIRST, "nodes", 0, "vehicleTypeNodeProperties"], [{"vehicleTypeId": "a"}] * 2, "vehicleTypeId 'a' stands"),
         ([*FIRST, "nodes", 0, "nodeId"], None, "nodeId None must be a text"),
         ([*FIRST, "nodes", 0, "nodePosition", "x"], float("nan"), "finite number"),
         ([*FIRST, "nodes", 0, "nodePosition"], [1, 2], "position of"),
@@ -261,24 +241,6 @@ def lif(folder: Path, edit: Callable[[Any], object], grid: GridMap | None = None
     return file
 
 
-@pytest.mark.parametrize("level", [None, "upstairs"])
-@pytest.mark.parametrize("kind", ["nodes", "edges", "stations", "layouts"])
-def test_ids_are_given_once_in_a_file(tmp_path: Path, kind: str, level: str | None) -> None:
-    def again(data: Any) -> None:
-        first = data["layouts"][0]
-        more = {"layoutId": first["layoutId"] if kind == "layouts" else "more", "layoutLevelId": level}
-        data["layouts"].append({"nodes": [], "edges": [], "stations": []} | more | {kind: first.get(kind, [])[:1]})
-
-    with pytest.raises(MapError, match=f"{kind[:-1]}Id '.*' stands for two {kind}; give each its own"):
-        read_lif(lif(tmp_path, again))
-
-
-@pytest.mark.parametrize("version", ["1", "1.0", "v1.0.0", 1.0, "0.11.0"])
-def test_versions_before_and_of_the_first_are_read(tmp_path: Path, version: Any) -> None:
-    found = read_lif(lif(tmp_path, lambda data: data["metaInformation"].update(lifVersion=version)))
-    assert (len(found.lanes), found.noted()) == (4, [])
-
-
 @pytest.mark.parametrize("about", [{}, None, {"lifVersion": None}, {"lifVersion": "draft"}, {"lifVersion": [2]}])
 def test_a_file_without_a_version_is_read_unless_its_names_are_new(tmp_path: Path, about: Any) -> None:
     found = read_lif(lif(tmp_path, lambda data: data.update(metaInformation=about)))
@@ -294,12 +256,10 @@ def test_a_file_without_a_version_is_read_unless_its_names_are_new(tmp_path: Pat
     ("change", "says"),
     [
         ({}, None), ({"degree": None, "knotVector": [0, 0, 0.5, 1, 1]}, None), ({"weight": None}, None),
-        ({"shift": 0.5}, None), ({"shift": 20.0}, "begins or ends over 1 m from its nodes"),
-        ({"degree": 0}, "no NURBS"), ({"degree": 2.5}, "no NURBS"), ({"degree": 7}, "no NURBS"),
-        ({"knotVector": [0] * 6}, "no NURBS"), ({"knotVector": [1, 1, 1, 0, 0, 0]}, "no NURBS"),
-        ({"knotVector": None}, "no NURBS"), ({"knotVector": [0, 0, 1, 1]}, "no NURBS"),
-        ({"knotVector": [-1e299] * 3 + [1e299] * 3}, None), ({"weight": 0}, "no NURBS"), ({"weight": -1}, "no NURBS"),
-        ({"weight": 5e-324, "x": 1e-200}, "no NURBS"), ({"controlPoints": []}, "no NURBS"),
+        ({"shift": 0.5}, None), ({"shift": 20.0}, "no NURBS"), ({"degree": 7}, "no NURBS"),
+        ({"knotVector": [1, 1, 1, 0, 0, 0]}, "no NURBS"), ({"knotVector": None}, "no NURBS"),
+        ({"knotVector": [-1e299] * 3 + [1e299] * 3}, None), ({"weight": -1}, "no NURBS"),
+        ({"controlPoints": []}, "no NURBS"),
     ],
 )  # fmt: skip
 def test_a_curve_is_followed_or_noted(tmp_path: Path, change: dict[str, Any], says: str | None) -> None:
@@ -332,7 +292,6 @@ def test_what_a_lif_closes_or_names_elsewhere_is_said(tmp_path: Path) -> None:
     found = read_lif(lif(tmp_path, edit))
     assert [place.name for place in found.places["stations"]] == ["s"]
     assert "none of its 2 edges is open to a vehicle" in found.noted()
-    assert any(note.startswith("interactionNodeIds is a number") for note in found.noted())
 
 
 @pytest.mark.parametrize(

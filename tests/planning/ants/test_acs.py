@@ -36,7 +36,7 @@ def test_only_the_best_path_is_marked() -> None:
 def test_start_level_and_slots() -> None:
     grid = open_floor(4, 5)
     floor = make_floor(grid, (3, 4))
-    colony = Acs().colony(grid, floor, np.zeros(3, np.int64))
+    colony = Acs().colony(grid, floor, 0)
     assert colony.local_level == colony.pheromone[0, 0] == pytest.approx(1 / (20 * (5 + 1)))
     assert colony.greedy is not None
     assert colony.greedy(7) == 0.8

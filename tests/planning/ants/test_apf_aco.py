@@ -15,7 +15,7 @@ from warehouse_env.planning.ants.aco import Aco
 from warehouse_env.planning.ants.apf_aco import ApfAco
 from warehouse_env.planning.ants.floor import make_floor
 
-START, NORTH = np.array([0]), 2
+START, NORTH = 0, 2
 
 
 def test_heuristic_eq_16_on_an_open_floor() -> None:

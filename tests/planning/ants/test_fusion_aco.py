@@ -15,7 +15,7 @@ from warehouse_env.planning.ants.floor import make_floor
 from warehouse_env.planning.ants.fusion_aco import FusionAco, stuck_cells
 from warehouse_env.planning.potential_field import improved_force, repulsion_parts
 
-START = np.array([0])
+START = 0
 
 
 @pytest.mark.parametrize(("iteration", "fr"), [(0, 1.0), (25, 0.75), (99, 0.01)])

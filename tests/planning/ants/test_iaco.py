@@ -21,7 +21,7 @@ TASK = NAMED_TASKS["paper46"]["in_zone_1"]
 
 def test_attraction_of_equation_7() -> None:
     floor = make_floor(GridMap(np.zeros((4, 5), dtype=bool)), (3, 4))
-    colony = Iaco().colony(GridMap(np.zeros((4, 5), dtype=bool)), floor, np.zeros(1, np.int64))
+    colony = Iaco().colony(GridMap(np.zeros((4, 5), dtype=bool)), floor, 0)
     turning, straight = colony.attraction(3)
     assert turning is straight
     assert turning[0, SOUTH_EAST] == pytest.approx((10 / math.sqrt(13)) ** 7)
@@ -44,7 +44,7 @@ def test_evaporation_of_equation_9() -> None:
 
 def test_update_by_hand() -> None:
     floor = make_floor(GridMap(np.zeros((2, 3), dtype=bool)), (1, 2))
-    colony = Iaco().colony(GridMap(np.zeros((2, 3), dtype=bool)), floor, np.zeros(2, np.int64))
+    colony = Iaco().colony(GridMap(np.zeros((2, 3), dtype=bool)), floor, 0)
     pheromone, kept = colony.pheromone.copy(), 1 - 0.5 * math.exp(-3 / 400)
     colony.update(0, pheromone, walked(floor, [EAST, SOUTH_EAST], [EAST, EAST, SOUTH]), walked(floor))
     diagonal = 100 / (1 + math.sqrt(2))

@@ -74,13 +74,13 @@ def test_never_worse_and_always_valid_on_the_paths_of_ants() -> None:
 
 def test_the_best_paths_that_differ_are_shortened_and_the_rest_left() -> None:
     floor = make_floor(GridMap(np.zeros((3, 5), dtype=bool)), (0, 4))
-    walks = empty_walks(np.zeros(4, np.int64), 15)
+    walks = empty_walks(0, 4, 15)
     paths = ([6, 0, 0, 0, 0, 2], [7, 0, 0, 1], [1, 7], [6, 6, 0, 0, 0, 0, 2, 2])  # 6, 2 + 2 sqrt 2 and 8 cells long
     for ant, moves in enumerate(paths):
         walks.moves[ant, : len(moves)], walks.steps[ant] = moves, len(moves)
     walks.steps[2] = -1  # did not arrive
     runs = straight_runs(floor)
-    assert improve(floor, runs, 1, walks, 0, 4) == 1
+    assert improve(floor, runs, 1, walks) == 1
     assert walks.length.tolist() == [6, 4, math.inf, 8]
-    assert improve(floor, runs, 3, walks, 0, 4) == 0
+    assert improve(floor, runs, 3, walks) == 0
     assert walks.length.tolist() == [4, 4, math.inf, 4]

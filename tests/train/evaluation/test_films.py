@@ -60,7 +60,7 @@ def test_a_colony_is_watched_and_not_changed() -> None:
     grid, start, goal = make_layout("open"), (2, 2), (15, 15)
     ants: Any = make_planner("pf_aco:iterations=6,ants=10,local_search=false,patience=null")
     known = _iterations(ants, grid, start, goal, seed=3)
-    _, found = ants.search(grid, [start], goal, np.random.default_rng(3))
+    _, found = ants.search(grid, start, goal, np.random.default_rng(3))
     assert len(known) == 6
     np.testing.assert_array_equal(known[-1][0].ravel(), found.pheromone.sum(axis=1))
     np.testing.assert_array_equal(known[-1][1], ants.plan(grid, start, goal, np.random.default_rng(3)).cells)

@@ -12,9 +12,11 @@ from numpy.typing import NDArray
 from warehouse_env.config import RobotSpec
 from warehouse_env.errors import MapError
 from warehouse_env.maps.discs import cells_near
+from warehouse_env.maps.endpoints import beside
 from warehouse_env.maps.generators import LARGEST
 from warehouse_env.maps.halls.map_server import UNKNOWN, Occupancy
 from warehouse_env.maps.halls.picture import MOST_PIXELS
+from warehouse_env.maps.moves import beyond
 
 
 @dataclass(frozen=True)
@@ -137,15 +139,12 @@ def closed(room: NDArray[np.bool_], floor: NDArray[np.bool_]) -> NDArray[np.bool
     room: bool[H, W], cells that hold a pixel with room round it. Single cells are left out: they are corners.
     """
     found = room & ~around(floor)
-    padded = np.pad(found, 1)
-    several = padded[:-2, 1:-1] | padded[2:, 1:-1] | padded[1:-1, :-2] | padded[1:-1, 2:]
-    return np.asarray(found & several)
+    return np.asarray(found & beside(found))
 
 
 def around(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return bool[H, W]: the cells of a mask and those beside them in any direction."""
-    near, (rows, columns) = np.pad(mask, 1), mask.shape
-    return np.asarray(np.any([near[a : a + rows, b : b + columns] for a in (0, 1, 2) for b in (0, 1, 2)], axis=0))
+    return np.asarray(mask | beyond(mask).any(axis=-1))
 
 
 def _square_fits(free: NDArray[np.bool_], side: float) -> NDArray[np.bool_]:

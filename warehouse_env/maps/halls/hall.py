@@ -27,7 +27,7 @@ from warehouse_env.maps.endpoints import largest_region
 from warehouse_env.maps.going import DEAREST
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.halls import lif, picture, places, route_graph, told
-from warehouse_env.maps.halls.beginning import Choice, choose
+from warehouse_env.maps.halls.beginning import choose
 from warehouse_env.maps.halls.cells import Raster, Sums, around, exceeds, not_free, raster_of, spread, within
 from warehouse_env.maps.halls.lanes import Lanes, lay, prices
 from warehouse_env.maps.halls.map_server import YAMLS, Occupancy, beside, image_of, read_occupancy
@@ -103,7 +103,7 @@ class _Reader:
         self._path, self._how, self._edited = path, how, edited
         self._notes: list[str] = []
         self._occupancy = read_occupancy(path, how.resolution)
-        self._begin, self._choice = self._beginning()
+        self._begin = self._beginning()
         self._raster = raster_of(self._occupancy, how.cell, self._begin)
         self._discs = self._round_ones()
         self._taken = not_free(self._occupancy.values, how.unknown == "floor")
@@ -138,19 +138,18 @@ class _Reader:
             np.where(taken, 0, arrows), self._raster.origin, discs, None, speed, price,  # type: ignore[arg-type]
         )  # fmt: skip
         self._note_regions(taken)
-        laid = told.Laid(self._occupancy, self._begin, self._choice, self._raster, self._walls)
+        laid = told.Laid(self._occupancy, self._begin, self._raster, self._walls)
         report = tuple(told.report(self._path, self._how, laid, grid, barred))
         return Hall(grid, self._occupancy, self._raster, named, barred, tuple(self._notes), report)
 
-    def _beginning(self) -> tuple[tuple[float, float], Choice | None]:
-        """Return where cells begin [m], and the choice of it, if there is one; arrows count cells from the corner."""
+    def _beginning(self) -> tuple[float, float]:
+        """Return where cells begin [m]; arrows beside the map count cells from the corner."""
         how = self._how
         if (given := how.beginning) is not None:
-            return given, None
+            return given
         if companion(self._path, one_way.SUFFIX).exists():
-            return (0.0, 0.0), None
-        choice = choose(self._occupancy, how.cell, how.share, how.unknown == "floor")
-        return choice.best.begin, choice
+            return 0.0, 0.0
+        return choose(self._occupancy, how.cell, how.share, how.unknown == "floor")
 
     def _round_ones(self) -> NDArray[np.float64]:
         """Return float64[K, 3], the discs (x, y, radius) [m] in the map's frame whose centres are on its cells."""
@@ -174,23 +173,18 @@ class _Reader:
     def _note_mask(self, name: str, mask: Occupancy, marked: NDArray[np.bool_], kept: NDArray[np.bool_]) -> None:
         """Note what a mask does not mark, though it seems to; kept: bool[H, W], cells that keep its marks."""
         marks, pixels = Sums(mask, marked, self._how.cell).over(self._raster)
-        more = 100 * marks > np.maximum(pixels, 1) * (
-            spread(self._occupancy, self._taken, self._raster) + 1
-        )  # than walls
-        out, lost = (pixels == 0) & ~self._walls, more & ~around(kept) & ~self._walls
-        if not pixels.any():
-            self._notes.append(f"mask {name} lies off the map and marks nothing")
-        elif not marked.any():
-            self._notes.append(f"mask {name} marks no pixel")
-        elif not marks.any():
-            self._notes.append(f"mask {name} marks only what lies off the map")
+        walls = spread(self._occupancy, self._taken, self._raster)
+        lost = (100 * marks > np.maximum(pixels, 1) * (walls + 1)) & ~around(kept) & ~self._walls
+        if not marks.any():
+            self._notes.append(f"mask {name} marks nothing of the map")
         elif lost.any():
             x, y = self._raster.centres(np.argwhere(lost)[0]).tolist()
             cells = f"{counted(lost.sum(), 'cell')} of {self._how.cell:g} m"
             self._notes.append(
                 f"mask {name}: too little of {cells} is marked, as near ({x:.1f}, {y:.1f}) m; try a smaller cell="
             )
-        if pixels.any() and out.any():
+        out = (pixels == 0) & ~self._walls
+        if out.any():
             floor = int((~self._walls).sum())
             self._notes.append(
                 f"mask {name} leaves {out.sum():,} of {floor:,} cells of floor out, which count as unmarked"

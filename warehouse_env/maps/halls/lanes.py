@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.halls.cells import Raster
 from warehouse_env.maps.halls.places import Place
+from warehouse_env.maps.moves import shifted
 
 STEPS = ((0, 1), (-1, 0), (0, -1), (1, 0))  # east, north, west, south, as one_way.ARROWS from 1 on
 _FINE = 8  # points of a line looked at per cell
@@ -82,7 +83,7 @@ def lay(lanes: Lanes, floor: NDArray[np.bool_], raster: Raster) -> OnCells:
         lanes.notes["one-way steps cross or meet so closely that cells cannot keep them"] += open_steps
     used: NDArray[np.bool_] = np.asarray(steps.any(axis=2))
     for move, (row, column) in enumerate(STEPS):
-        used |= np.asarray(_from(steps[..., move], -row, -column))
+        used |= shifted(steps[..., move], -row, -column)
     return OnCells(np.where(floor, one_way, 0).astype(np.uint8), used, speed, price)
 
 
@@ -138,20 +139,14 @@ def _cells_along(lane: Lane, raster: Raster) -> NDArray[np.int64]:
     return np.array(walk)
 
 
-def _from(mask: NDArray[np.bool_], row: int, column: int) -> NDArray[np.bool_]:
-    """Return bool[H, W]: the mask as seen from each cell so many rows and columns on; False outside."""
-    rows, columns = mask.shape
-    return np.pad(mask, 1)[1 + row : 1 + row + rows, 1 + column : 1 + column + columns]
-
-
 def arrows(steps: NDArray[np.bool_]) -> tuple[NDArray[np.uint8], int]:
     """Return uint8[H, W], directions that keep one-way steps, and how many steps they cannot keep.
 
     steps: bool[H, W, 4], steps that lanes take from each cell.
     """
-    back = np.stack([_from(steps[..., (m + 2) % 4], *by) for m, by in enumerate(STEPS)], axis=-1)
+    back = np.stack([shifted(steps[..., (m + 2) % 4], *by) for m, by in enumerate(STEPS)], axis=-1)
     single = steps & ~back
-    into = np.stack([_from(single[..., m], -r, -c) for m, (r, c) in enumerate(STEPS)], axis=-1)
+    into = np.stack([shifted(single[..., m], -r, -c) for m, (r, c) in enumerate(STEPS)], axis=-1)
     through = single & into
     lone = through.sum(axis=2) == 1
     held = np.where(lone, np.argmax(through, axis=2) + 1, 0).astype(np.uint8)

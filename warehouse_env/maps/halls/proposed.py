@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from warehouse_env.maps.endpoints import beside, default_endpoints, largest_region, shelves
 from warehouse_env.maps.halls.cells import Raster, exceeds, spread
 from warehouse_env.maps.halls.map_server import Occupancy
+from warehouse_env.maps.moves import beyond
 
 RACK = 1.0  # [m] long at least: pillars and what lies about are shorter
 FACE = 1.2  # [m] of an obstacle's face in line, from which on goods may stand there: a pallet's length
@@ -89,8 +90,7 @@ def _boxes(label: NDArray[np.int32]) -> NDArray[np.int64]:
 
 def _ends_blindly(floor: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return bool[H, W]: floor with floor on one side at most; what leads there are cells that would cut it off."""
-    near = np.pad(floor, 1).astype(np.int8)
-    return floor & (near[:-2, 1:-1] + near[2:, 1:-1] + near[1:-1, :-2] + near[1:-1, 2:] < 2)
+    return np.asarray(floor & (beyond(floor)[..., ::2].sum(axis=-1) < 2))
 
 
 def _beside_straight(obstacles: NDArray[np.bool_], floor: NDArray[np.bool_], long: int) -> NDArray[np.bool_]:
@@ -100,17 +100,7 @@ def _beside_straight(obstacles: NDArray[np.bool_], floor: NDArray[np.bool_], lon
         near, free = np.rot90(obstacles, turns), np.rot90(floor, turns)
         face = np.zeros_like(free)
         face[1:] = free[1:] & near[:-1]
-        for first in range(long):
-            run = np.ones_like(face)
-            for k in range(-first, long - first):
-                run &= _shifted(face, k)
-            found |= np.rot90(run, -turns)
+        runs = np.lib.stride_tricks.sliding_window_view(np.pad(face, ((0, 0), (long - 1, long - 1))), long, axis=1)
+        ends = np.lib.stride_tricks.sliding_window_view(runs.all(axis=-1), long, axis=1)
+        found |= np.rot90(ends.any(axis=-1), -turns)
     return found
-
-
-def _shifted(mask: NDArray[np.bool_], k: int) -> NDArray[np.bool_]:
-    """Return a mask as seen k columns further; False outside."""
-    moved = np.zeros_like(mask)
-    if abs(k) < mask.shape[1]:
-        moved[:, max(0, -k) : mask.shape[1] - max(0, k)] = mask[:, max(0, k) : mask.shape[1] - max(0, -k)]
-    return moved

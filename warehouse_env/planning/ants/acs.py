@@ -7,7 +7,6 @@ from functools import partial
 from typing import ClassVar, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from warehouse_env.errors import ConfigError
 from warehouse_env.kernel import kernel
@@ -47,11 +46,11 @@ class Acs(AntSystem):
     name: ClassVar[str] = "acs"
     shares: ClassVar[tuple[str, ...]] = ("greed", "local_decay", "evaporation")
 
-    def colony(self, grid: GridMap, floor: Floor, start: NDArray[np.int64]) -> Colony:
+    def colony(self, grid: GridMap, floor: Floor, start: int) -> Colony:
         """Slots: one heuristic and one q0 for all iterations, a local update, marks on the best path only."""
         eta = self.heuristic_table(floor)
         free = int(floor.legal.any(axis=1).sum())
-        level = 1.0 / (max(free, 1) * (float(goal_distance(floor)[start].mean()) + 1.0))
+        level = 1.0 / (max(free, 1) * (float(goal_distance(floor)[start]) + 1.0))
         return Colony(
             np.full_like(eta, level),
             lambda iteration: (eta, eta),

@@ -7,7 +7,6 @@ from functools import partial
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning.ants.aco import power
@@ -56,7 +55,7 @@ class ApfAco(AntSystem):
     name: ClassVar[str] = "apf_aco"
     shares: ClassVar[tuple[str, ...]] = ("evaporation",)
 
-    def colony(self, grid: GridMap, floor: Floor, start: NDArray[np.int64]) -> Colony:
+    def colony(self, grid: GridMap, floor: Floor, start: int) -> Colony:
         """Slots: one heuristic for all iterations; all ants deposit, the best more, the worst takes away."""
         goal = (floor.goal // floor.columns, floor.goal % floor.columns)
         energy = repulsive_potential(grid.occupied, self.repulsion_gain, self.repulsion_reach)

@@ -10,7 +10,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -59,10 +58,10 @@ class WalkRule(NamedTuple):
 
 
 class Search(NamedTuple):
-    """What `run` found, S starts."""
+    """What `run` found."""
 
-    best: Walks  # [S], the best path from each start; steps -1 where none was found
-    best_by_iteration: NDArray[np.float64]  # [S, I] length [cells] of the best path so far, inf before any
+    best: Walks  # [1], the best path; steps -1 where none was found
+    best_by_iteration: NDArray[np.float64]  # [I] length [cells] of the best path so far, inf before any
     elapsed: NDArray[np.float64]  # [I] seconds since the loop began
     pheromone: Table  # at the end
 
@@ -70,60 +69,56 @@ class Search(NamedTuple):
 def run(
     floor: Floor,
     colony: Colony,
-    start: NDArray[np.int64],
+    start: int,
+    ants: int,
     iterations: int,
     rng: np.random.Generator,
     *,
     patience: int | None = None,
     backtrack: bool = True,
-    appraise: Callable[[Walks, int, int], int] | None = None,
+    appraise: Callable[[Walks], int] | None = None,
 ) -> Search:
     """Let ants walk to the goal, appraise their paths, and mark.
 
-    Ants of several starts share the pheromone; best paths are kept for each start. The best path has the least
-    (cost, turns). All random numbers follow from one draw of `rng`.
+    The best path has the least (cost, turns). All random numbers follow from one draw of `rng`.
 
     Args:
         floor: of C cells.
         colony: the slots.
-        start: int64[m], the cell from which each ant starts; ants of one start stand side by side.
-        iterations: how often the ants walk.
+        start: the cell from which all ants start.
+        ants: how many walk in an iteration.
+        iterations: how often they walk.
         rng: the only source of chance.
         patience: stop after so many iterations without a better path; None: never before the last.
         backtrack: at a dead end ants step back, and the cell stays tabu; False: they die.
-        appraise: (walks, first, last) -> the best of ants first..last-1, -1 if none arrived; measures their paths, and
-            may improve them first. By default `measure`.
+        appraise: measures the walks, may improve them first, and returns the best ant, -1 if none arrived. By default
+            `measure`.
     """
-    begin, m = time.perf_counter(), len(start)
-    first = np.flatnonzero(np.diff(start, prepend=-1))  # ants of the s-th start: first[s] to last[s] - 1
-    last = np.append(first[1:], m)
-    cells = len(floor.height)
-    walks, best = empty_walks(start.copy(), cells), empty_walks(start[first], cells)
+    begin, cells = time.perf_counter(), len(floor.height)
+    walks, best = empty_walks(start, ants, cells), empty_walks(start, 1, cells)
     pheromone = colony.pheromone.copy()
-    seeds = rng.integers(1, 2**63, size=(iterations, m), dtype=np.uint64)
+    seeds = rng.integers(1, 2**63, size=(iterations, ants), dtype=np.uint64)
     visited = np.zeros(cells, np.int64)
-    history, elapsed = np.full((len(first), iterations), np.inf), np.zeros(iterations)
-    appraise, changed = appraise or partial(measure, floor), 0
+    history, elapsed = np.full(iterations, np.inf), np.zeros(iterations)
+    changed = 0
     for iteration in range(iterations):
         trail = _raised(pheromone, colony.trail_power)
         turning, straight = colony.attraction(iteration)
         q0 = colony.greedy(iteration) if colony.greedy else 0.0
         rule = WalkRule(q0, backtrack, colony.local_decay, colony.local_level)
         edges = EdgeWeights(trail, turning, straight)
-        walk(floor, edges, rule, seeds[iteration], visited, 1 + iteration * m, walks)
-        for row in range(len(first)):
-            winner = appraise(walks, first[row], last[row])
-            if winner >= 0 and (walks.cost[winner], walks.turns[winner]) < (best.cost[row], best.turns[row]):
-                keep(walks, winner, best, row)
-                changed = iteration
-        if iteration == 0:
-            _stay_at_home(walks, first, last, backtrack)
-        history[:, iteration:], elapsed[iteration:] = best.length[:, None], time.perf_counter() - begin
-        if (walks.start < 0).all():
+        walk(floor, edges, rule, seeds[iteration], visited, 1 + iteration * ants, walks)
+        winner = appraise(walks) if appraise else measure(floor, walks, 0, ants)
+        if winner >= 0 and (walks.cost[winner], walks.turns[winner]) < (best.cost[0], best.turns[0]):
+            keep(walks, winner, best)
+            changed = iteration
+        history[iteration:], elapsed[iteration:] = best.length[0], time.perf_counter() - begin
+        # an ant that steps back and does not arrive has visited all in its reach: the goal is cut off
+        if iteration == 0 and (walks.steps[0] == 0 or (backtrack and walks.steps[0] < 0)):
             break
         colony.update(iteration, pheromone, walks, best)
         if patience and iteration - changed >= patience and iteration + 1 < iterations:
-            history, elapsed = history[:, : iteration + 1], elapsed[: iteration + 1]
+            history, elapsed = history[: iteration + 1], elapsed[: iteration + 1]
             break
     return Search(best, history, elapsed, pheromone)
 
@@ -134,14 +129,6 @@ def _raised(table: Table, power: float) -> Table:
         return table
     raised: Table = table * np.sqrt(table) if power == 1.5 else table**power
     return raised
-
-
-def _stay_at_home(walks: Walks, first: NDArray[np.int64], last: NDArray[np.int64], backtrack: bool) -> None:
-    """Retire starts that are the goal, and those cut off: an ant that steps back then has visited all in its reach."""
-    for a, b in zip(first, last, strict=True):
-        if walks.steps[a] == 0 or (backtrack and walks.steps[a] < 0):
-            walks.start[a:b] = walks.steps[a:b] = -1
-            walks.length[a:b] = walks.cost[a:b] = np.inf
 
 
 def cells_of(floor: Floor, walks: Walks, ant: int) -> NDArray[np.int64]:
@@ -292,8 +279,7 @@ def walk(
     chance, ground = np.zeros(8), (floor, edges, visited)
     for ant in range(len(seeds)):
         walks.steps[ant] = -1
-        if walks.start[ant] >= 0:
-            trip = Trip(walks.start[ant], stamp + ant, floor.columns, edges.trail, walks.moves[ant], chance)
-            steps, arrived, _ = _send(ground, rule, trip, seeds[ant])
-            if arrived:
-                walks.steps[ant] = steps
+        trip = Trip(walks.start[ant], stamp + ant, floor.columns, edges.trail, walks.moves[ant], chance)
+        steps, arrived, _ = _send(ground, rule, trip, seeds[ant])
+        if arrived:
+            walks.steps[ant] = steps

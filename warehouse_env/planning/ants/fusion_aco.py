@@ -61,7 +61,7 @@ class FusionAco(AntSystem):
     name: ClassVar[str] = "fusion_aco"
     shares: ClassVar[tuple[str, ...]] = ("evaporation",)
 
-    def colony(self, grid: GridMap, floor: Floor, start: NDArray[np.int64]) -> Colony:
+    def colony(self, grid: GridMap, floor: Floor, start: int) -> Colony:
         """Slots: distance times the fading pull of the field; all arrived ants deposit."""
         near = power(1.0 / goal_distance(floor), self.exponent)[floor.neighbour]
         cosine = alignment(self.force(grid, divmod(floor.goal, floor.columns))).reshape(-1, 8)

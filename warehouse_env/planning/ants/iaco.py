@@ -61,7 +61,7 @@ class Iaco(AntSystem):
     name: ClassVar[str] = "iaco"
     shares: ClassVar[tuple[str, ...]] = ("greed_first", "greed_middle", "greed_last")
 
-    def colony(self, grid: GridMap, floor: Floor, start: NDArray[np.int64]) -> Colony:
+    def colony(self, grid: GridMap, floor: Floor, start: int) -> Colony:
         """Slots of eqs. 3-9 and 14."""
         eta = power(self.scale / goal_distance(floor)[floor.neighbour], self.exponent)
         return Colony(

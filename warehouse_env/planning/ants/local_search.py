@@ -73,16 +73,16 @@ def straight_runs(floor: Floor) -> Runs:
 
 
 @kernel
-def improve(floor: Floor, runs: Runs, elite: int, walks: Walks, first: int, last: int) -> int:
-    """Measure ants first..last-1, shorten the paths of the best `elite` of them, and return the best; -1 if none.
+def improve(floor: Floor, runs: Runs, elite: int, walks: Walks) -> int:
+    """Measure all walks, shorten the best `elite` of them, and return the best ant; -1 if none arrived.
 
-    Paths with the same cost and turns are taken for the same, and but one of them is shortened.
+    Paths with the same cost and turns count as the same, and only one of them is shortened.
     """
-    measure(floor, walks, first, last)
+    measure(floor, walks, 0, len(walks.steps))
     chosen = np.empty(elite, np.int64)
     count, cost, turns = 0, -1.0, 0
     while count < elite:
-        ant = _next_best(walks, first, last, cost, turns)
+        ant = _next_best(walks, cost, turns)
         if ant < 0:
             break
         cost, turns = walks.cost[ant], walks.turns[ant]
@@ -93,14 +93,14 @@ def improve(floor: Floor, runs: Runs, elite: int, walks: Walks, first: int, last
         walks.moves[ant, : len(moves)] = moves
         walks.steps[ant] = len(moves)
         measure(floor, walks, ant, ant + 1)
-    return _next_best(walks, first, last, -1.0, 0)
+    return _next_best(walks, -1.0, 0)
 
 
 @kernel
-def _next_best(walks: Walks, first: int, last: int, cost: float, turns: int) -> int:
-    """The first of the ants with the least (cost, turns) above those given; -1 if none arrived with more."""
+def _next_best(walks: Walks, cost: float, turns: int) -> int:
+    """Return the first ant with the least (cost, turns) above those given; -1 if none arrived with more."""
     best = -1
-    for ant in range(first, last):
+    for ant in range(len(walks.steps)):
         if walks.steps[ant] < 0 or walks.cost[ant] < cost or (walks.cost[ant] == cost and walks.turns[ant] <= turns):
             continue
         better = best < 0 or walks.cost[ant] < walks.cost[best]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 
 from warehouse_env.kernel import kernel
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
+from warehouse_env.maps.moves import beyond
 from warehouse_env.planning import potential_field
 from warehouse_env.planning.ants.colony import Colony
 from warehouse_env.planning.ants.floor import Floor, Table
@@ -82,7 +82,7 @@ class PfAco(AntSystem):
     name: ClassVar[str] = "pf_aco"
     shares: ClassVar[tuple[str, ...]] = ("evaporation", "straight_share")
 
-    def colony(self, grid: GridMap, floor: Floor, start: NDArray[np.int64]) -> Colony:
+    def colony(self, grid: GridMap, floor: Floor, start: int) -> Colony:
         """Slots of eqs. 8-25: the force's pull, gentleness and smoothness in the heuristic, and in the deposit."""
         pull = self.a * self._pull(grid, divmod(floor.goal, floor.columns)).reshape(-1, 8)
         fading = pull + self.b * self.gentle_gain * gentle_share(floor, self.gentle_offset)
@@ -131,25 +131,19 @@ def descent(grid: GridMap, goal: Cell) -> NDArray[np.float64]:
     0 where a move does not lead nearer, is not legal, or the goal cannot be reached. Not of the papers: it knows the
     answer beforehand.
     """
-    rows, columns = grid.shape
-    ahead = np.pad(grid.distance_to(goal), 1, constant_values=np.inf)
-    here = ahead[1:-1, 1:-1]
-    fall = np.zeros((rows, columns, 8))
-    for move, (d_row, d_column) in enumerate(MOVES.tolist()):
-        there = ahead[1 + d_row : 1 + d_row + rows, 1 + d_column : 1 + d_column + columns]
-        usable = grid.legal_moves[:, :, move] & np.isfinite(here)
-        fall[usable, move] = (here[usable] - there[usable]) / math.hypot(d_row, d_column)
-    return np.maximum(fall, 0.0)
+    here = grid.distance_to(goal)[..., None]
+    usable = grid.legal_moves & np.isfinite(here)
+    fall = np.zeros(usable.shape)
+    np.subtract(here, beyond(grid.distance_to(goal), np.inf), out=fall, where=usable)
+    return np.asarray(np.maximum(fall / np.hypot(*MOVES.T), 0.0))
 
 
-def initial_pheromone(floor: Floor, start: NDArray[np.int64], boost: float) -> Table:
-    """float64[C, 8]: `boost` on edges of cells in a rectangle between a start and the goal, 1 elsewhere (eq. 17)."""
+def initial_pheromone(floor: Floor, start: int, boost: float) -> Table:
+    """float64[C, 8]: `boost` on edges of cells in the rectangle between start and goal, 1 elsewhere (eq. 17)."""
     rows, columns = np.divmod(np.arange(len(floor.height)), floor.columns)
-    goal_row, goal_column = divmod(floor.goal, floor.columns)
-    between = np.zeros(len(rows), bool)
-    for row, column in zip(*np.divmod(np.unique(start), floor.columns), strict=True):
-        inside = (rows >= min(row, goal_row)) & (rows <= max(row, goal_row))
-        between |= inside & (columns >= min(column, goal_column)) & (columns <= max(column, goal_column))
+    (row, column), (goal_row, goal_column) = divmod(start, floor.columns), divmod(floor.goal, floor.columns)
+    between = (rows >= min(row, goal_row)) & (rows <= max(row, goal_row))
+    between &= (columns >= min(column, goal_column)) & (columns <= max(column, goal_column))
     return np.repeat(np.where(between, boost, 1.0)[:, None], 8, axis=1)
 
 

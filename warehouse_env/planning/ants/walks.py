@@ -18,7 +18,7 @@ _SQRT2 = math.sqrt(2.0)
 class Walks(NamedTuple):
     """The paths of some ants, one a row; the loop's buffers are overwritten by the next iteration."""
 
-    start: NDArray[np.int64]  # [m] cell; -1 for an ant that stays at home
+    start: NDArray[np.int64]  # [m] cell
     moves: NDArray[np.int8]  # [m, C], valid up to steps
     steps: NDArray[np.int64]  # [m], -1 for an ant that did not arrive
     length: NDArray[np.float64]  # [m] cells
@@ -27,11 +27,10 @@ class Walks(NamedTuple):
     cost: NDArray[np.float64]  # [m] cells, length + tolls: what "best" means
 
 
-def empty_walks(start: NDArray[np.int64], cells: int) -> Walks:
-    """Room for the paths of ants from `start` int64[m] on a floor of `cells` cells; no ant has arrived yet."""
-    ants = len(start)
+def empty_walks(start: int, ants: int, cells: int) -> Walks:
+    """Return room for the paths of ants from the cell `start` on a floor of `cells` cells; none has arrived yet."""
     return Walks(
-        start,
+        np.full(ants, start, np.int64),
         np.zeros((ants, cells), np.int8),
         np.full(ants, -1, np.int64),
         np.full(ants, np.inf),
@@ -98,10 +97,10 @@ def deposit(floor: Floor, pheromone: Table, walks: Walks, amount: NDArray[np.flo
 
 
 @kernel
-def keep(walks: Walks, ant: int, best: Walks, row: int) -> None:
-    """Copy the path of an ant and its measures to a row of `best`."""
+def keep(walks: Walks, ant: int, best: Walks) -> None:
+    """Copy the path of an ant and its measures to `best`, which has room for one."""
     count = walks.steps[ant]
-    best.moves[row, :count] = walks.moves[ant, :count]
-    best.steps[row] = count
-    best.length[row], best.turns[row] = walks.length[ant], walks.turns[ant]
-    best.spread[row], best.cost[row] = walks.spread[ant], walks.cost[ant]
+    best.moves[0, :count] = walks.moves[ant, :count]
+    best.steps[0] = count
+    best.length[0], best.turns[0] = walks.length[ant], walks.turns[ant]
+    best.spread[0], best.cost[0] = walks.spread[ant], walks.cost[ant]

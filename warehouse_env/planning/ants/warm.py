@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import Cell, GridMap
-from warehouse_env.planning.ants.colony import cells_of
 from warehouse_env.planning.ants.floor import Table
 from warehouse_env.planning.ants.system import AntSystem
 from warehouse_env.planning.plan import Plan
@@ -51,9 +50,5 @@ def replan(
         if pheromone.shape != (grid.occupied.size, 8):
             raise ConfigError(f"pheromone of shape {pheromone.shape} is not from a floor of {grid.occupied.size} cells")
         pheromone = tempered(pheromone, temper)
-    floor, search = system.search(grid, [start], goal, rng, cost, pheromone)
-    cells = cells_of(floor, search.best, 0)
-    seconds = time.perf_counter() - begin
-    ahead = max(seconds - float(search.elapsed[-1]), 0.0)
-    plan = Plan(cells, search.best_by_iteration[0], seconds, search.elapsed + ahead)
-    return system.finish(grid, plan), search.pheromone
+    floor, search = system.search(grid, start, goal, rng, cost, pheromone)
+    return system.planned(grid, floor, search, begin), search.pheromone

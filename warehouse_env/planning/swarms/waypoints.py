@@ -48,8 +48,7 @@ class Paths:
         nearest = _nearest(_between(grid, at, divmod(floor.goal, floor.columns)).ravel(), floor.columns)
         self._ground = _Ground(floor, nearest, start)
         self._improve = partial(shorten, floor, straight_runs(floor), start) if local_search else None
-        self.best = empty_walks(np.array([start]), len(nearest))
-        self._walks = empty_walks(np.array([start]), len(nearest))
+        self.best, self._walks = empty_walks(start, 1, len(nearest)), empty_walks(start, 1, len(nearest))
         self.history: list[float] = []
         self.elapsed: list[float] = []
 
@@ -60,8 +59,7 @@ class Paths:
         """
         floor, walks = self._ground.floor, self._walks
         if len(walks.start) < len(code):
-            start = np.full(len(code), self._ground.start)
-            walks = self._walks = empty_walks(start, len(self._ground.nearest))
+            walks = self._walks = empty_walks(self._ground.start, len(code), len(self._ground.nearest))
         decode(self._ground, self._to_cells(code), walks)
         winner = measure(floor, walks, 0, len(code))
         cost = walks.cost[: len(code)].copy()
@@ -71,7 +69,7 @@ class Paths:
             walks.steps[winner] = len(moves)
             measure(floor, walks, winner, winner + 1)
         if (walks.cost[winner], walks.turns[winner]) < (self.best.cost[0], self.best.turns[0]):
-            keep(walks, winner, self.best, 0)
+            keep(walks, winner, self.best)
         return cost
 
     def _to_cells(self, code: Code) -> NDArray[np.int64]:
