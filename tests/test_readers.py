@@ -244,7 +244,7 @@ MAY_READ = {
     "train.learning.away": "what the training beside it has just written",
     "train.reporting.rows": "counts what its own output replaces",
     "train.reporting.lock": "its own lock",
-    "warehouse_env.routes.book": "its own cache",
+    "warehouse_env.routes.plan_store": "its own cache",
     "warehouse_env.start": "ships with the package",
     "train.cli": "the null device",
     "train.commands.live": "a page, in the browser",

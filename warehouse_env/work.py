@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from warehouse_env.checked import CheckedPart
-from warehouse_env.field_notes import documented
 
 _DAY = 86_400.0  # [s]
 
 
-@documented
 @dataclass(frozen=True)
 class ServiceSpec(CheckedPart):
     """How long a robot stands at a place to be loaded or unloaded, and what it carries where nobody orders anything."""
@@ -27,7 +25,6 @@ class ServiceSpec(CheckedPart):
         self._between(0.0, 1e9, "load")
 
 
-@documented
 @dataclass(frozen=True)
 class OrderSpec(CheckedPart):
     """Where orders come from, a file or chance, and who gets them (simulation/tasks/orders.py, demand.py)."""
@@ -58,7 +55,6 @@ class OrderSpec(CheckedPart):
         self._require(sold, "faces", "above 0 for every class that is in demand")
 
 
-@documented
 @dataclass(frozen=True)
 class BatterySpec(CheckedPart):
     """What robots use up and where they charge (simulation/tasks/battery.py)."""

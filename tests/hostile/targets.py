@@ -19,10 +19,10 @@ import numpy as np
 import torch
 from safetensors.numpy import save
 
-from agents import POLICIES, WEIGHTS_FOLDER, Network, PolicyRecord, make_policy, policy_config
+from agents import WEIGHTS_FOLDER, Network, PolicyRecord, make_policy, policy_config
 from agents.learned import read_policy
 from agents.sb3_model import NOTED
-from agents.weights_folder import CONFIG, WEIGHTS, read_record, read_tensors
+from agents.weights_folder import CONFIG, WEIGHTS, read_tensors
 from tests.hostile import making
 from tests.hostile.making import damaged, json_bytes, json_lines, options, value
 from train import cli
@@ -44,11 +44,9 @@ from train.fleet.listen import hear_log
 from train.learning import checkpoint
 from train.learning.config import HELD_OUT_SEED, PPOConfig, ReinforceConfig, ThreadedPPOConfig
 from train.learning.curves import read_run
-from train.learning.progress import ProgressLog
 from train.live.commands import read_command
-from train.reporting.comparison import compare, read_runs
 from train.reporting.rows import RowFile, read_rows, whole_rows
-from warehouse_env.checked import from_plain, parse_named
+from warehouse_env.checked import from_plain
 from warehouse_env.config import EnvConfig, RewardWeights, RobotSpec, SensorSpec
 from warehouse_env.envs.parallel import parallel_env
 from warehouse_env.envs.single import single_env
@@ -59,10 +57,10 @@ from warehouse_env.maps.halls.lif import write_lif
 from warehouse_env.maps.halls.route_graph import write_route_graph
 from warehouse_env.maps.halls.saved import write_hall
 from warehouse_env.maps.layouts import LAYOUTS, make_layout
-from warehouse_env.maps.movingai import EXAMPLE_SCEN, Scenario, read_map, read_scen, write_map, write_scen
+from warehouse_env.maps.movingai import EXAMPLE_SCEN, read_map, read_scen, write_map
 from warehouse_env.planning import PLANNERS, make_planner
 from warehouse_env.render.replay import replay_of
-from warehouse_env.routes.book import PlanStore
+from warehouse_env.routes.plan_store import PlanStore
 from warehouse_env.simulation.record.recording import Episode, Recorder
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.tasks.assignment import Assignment
@@ -327,17 +325,6 @@ def _rows(content: bytes, folder: Path) -> None:
     read_rows(path)
 
 
-def _compared(content: bytes, folder: Path) -> None:
-    good = _written("\n".join(map(json.dumps, EVALUATED)).encode(), folder, "good.jsonl")
-    compare(read_runs([good, _written(content, folder, "other.jsonl")]))
-
-
-def _logged(content: bytes, folder: Path) -> None:
-    _written(content, folder, "progress.jsonl")
-    log = ProgressLog(folder, show=False, steps=1)
-    log.__exit__(None, None, None)
-
-
 @functools.cache
 def _jobs() -> list[Episodes]:
     base = EnvConfig(**SMALL)
@@ -361,12 +348,6 @@ def _run(given: tuple[bytes, bytes], folder: Path) -> None:
     _written(given[0], folder, CONFIG)
     _written(given[1], folder, "progress.jsonl")
     read_run(folder).rows()
-
-
-def _record(content: bytes, folder: Path) -> None:
-    _written(content, folder, CONFIG)
-    read_record(folder)
-    policy_config(folder, EnvConfig(**SMALL))
 
 
 def _policy(content: bytes, folder: Path) -> None:
@@ -502,13 +483,6 @@ def _make_planned(rng: Random) -> tuple[Any, tuple[Any, Any], dict[str, Any]]:
     return name, ends, rng.choice([{}, options(rng, fields)])
 
 
-def _scenarios(given: tuple[Any, Any, dict[str, Any]], folder: Path) -> None:
-    path = folder / "m.scen"
-    good = Scenario(1, "m.map", 7, 6, (0, 0), (1, 1), 2.0)
-    write_scen([good._replace(**given[2])], path)
-    assert len(read_scen(path)) == 1
-
-
 ENVS = (parallel_env, single_env, vec_env)
 FIELDS = [field.name for field in dataclasses.fields(EnvConfig)]
 OPTIONS = [*FIELDS, "grid", "config", "render_mode", "num_worlds", "zz"]
@@ -593,24 +567,11 @@ def _line(given: tuple[str, list[str]], folder: Path) -> None:
         cli._options(options, name, words)
 
 
-def _make_name(rng: Random) -> Any:
-    names = [*sorted(POLICIES), str(WEIGHTS_FOLDER)]
-    return rng.choice([value(rng), making.text(rng), damaged(rng, rng.choice(names).encode()).decode("latin-1")])
-
-
-def _name(name: Any, folder: Path) -> None:
-    make_policy(name, policy_config(name, EnvConfig(**SMALL)))
-
-
 def _paths(path: Any, folder: Path) -> None:
     for read in (read_map, read_scen, Episode.load):
         with contextlib.suppress(ValueError):
             read(path)
     Episode.load(path)
-
-
-def _named(words: bytes, folder: Path) -> None:
-    parse_named(words.decode("latin-1"), "layout", "aisles:seed=7")
 
 
 TARGETS: dict[str, Target] = {
@@ -624,13 +585,9 @@ TARGETS: dict[str, Target] = {
     "episode": Target(lambda rng: making.archive(rng, _members()), _replayed, 120),
     "episode bytes": Target(lambda rng: damaged(rng, an_episode()), _replayed, 200),
     "rows": Target(lambda rng: json_lines(rng, EVALUATED), _rows, 200),
-    "row bytes": Target(lambda rng: damaged(rng, b'{"a": 1, "b": [1, 2]}\n{"a": 2}\n'), _rows, 1000),
-    "compared": Target(lambda rng: json_lines(rng, EVALUATED), _compared, 40),
     "run": Target(lambda rng: (json_bytes(rng, RECORD) if rng.random() < 0.3 else json.dumps(RECORD).encode(),
                                json_lines(rng, PROGRESS)), _run, 100),
-    "progress": Target(lambda rng: json_lines(rng, PROGRESS), _logged, 20),
     "kept rows": Target(lambda rng: json_lines(rng, _played()), _kept, 100),
-    "record": Target(lambda rng: json_bytes(rng, RECORD), _record, 200),
     "policy": Target(lambda rng: json_bytes(rng, RECORD), _policy, 60),
     "weights": Target(lambda rng: damaged(rng, _weights()),
                       lambda given, f: read_tensors(_written(given, f, WEIGHTS).parent, NETWORK), 1000),
@@ -641,16 +598,13 @@ TARGETS: dict[str, Target] = {
     "fleet kinds": Target(_make_kinds, _kinds, 500),
     "config": Target(_make_config, _config, 800),
     "plain config": Target(_make_plain, _plain, 500),
-    "named": Target(lambda rng: damaged(rng, b"aisles:seed=7,rows=40"), _named, 1500),
     "grid map": Target(lambda rng: options(rng, ["occupied", "height", "cell_size", "picks", "stations", "name",
                                                  "one_way", "origin", "discs", "walls"]), _grid, 500),
     "layout": Target(_make_layout, lambda given, f: make_layout(given[0], **given[1]), 60),
     "planner": Target(_make_planned, _planned, 500),
-    "scenario": Target(lambda rng: (0, 0, options(rng, list(Scenario._fields))), _scenarios, 500),
     "env": Target(lambda rng: (rng.randrange(3), options(rng, OPTIONS)), _env, 60),
     "act": Target(_make_act, _act, 120),
     "command line": Target(_make_line, _line, 6),
-    "policy name": Target(_make_name, _name, 300),
     "path": Target(value, _paths, 600),
     "fleet log": Target(_make_fleet_log, _fleet_log, 60),
     "fleet episode": Target(_make_driven, _shown, 60),

@@ -11,10 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from warehouse_env.maps.grid_map import Cell, GridMap
-from warehouse_env.maps.layouts import make_layout
-from warehouse_env.planning import path_length, turns, validate
+from warehouse_env.planning import path_length, validate
 from warehouse_env.planning.any_angle import ThetaStar, line_of_sight
-from warehouse_env.planning.graph_search import AStar
 from warehouse_env.planning.plan import Plan, validate_line
 
 RNG = np.random.default_rng(0)
@@ -74,15 +72,6 @@ def test_sight_equals_exact_geometry(data: st.DataObject) -> None:
     assert line_of_sight(occupied, np.zeros(occupied.shape, np.uint8), *a, *b) == (
         not any(touches(a, b, shelf) for shelf in shelves)
     )
-
-
-def test_open_floor_is_one_line() -> None:
-    found = plan(GridMap(np.zeros((6, 9), dtype=bool)), (5, 0), (1, 8))
-    assert found.line is not None
-    assert found.line.tolist() == [[5, 0], [1, 8]]
-    assert found.line_length == math.hypot(4, 8)
-    assert path_length(found.cells) == 4 + 4 * math.sqrt(2)
-    assert turns(found.cells) == 1
 
 
 def test_around_a_wall_by_hand() -> None:
@@ -152,22 +141,6 @@ def test_lines_on_random_maps_lie_between_the_shortest_line_and_the_lattice() ->
         saved.append(lattice / shortest - 1)
     assert len(excess) > 30
     assert np.mean(excess) < 0.5 * np.mean(saved)  # most of what a line at any angle can save
-
-
-@pytest.mark.parametrize("layout", ["paper46", "narrow", "single_lane"])
-def test_cells_follow_the_line(layout: str) -> None:
-    grid = make_layout(layout)
-    rng = np.random.default_rng(6)
-    for _ in range(10):
-        a, b = grid.free_cells[rng.choice(len(grid.free_cells), 2, replace=False)].tolist()
-        found = plan(grid, tuple(a), tuple(b))
-        validate(grid, found.cells, tuple(a), tuple(b))
-        assert found.line is not None
-        for cell in found.cells:
-            assert min(distance(cell, p, q) for p, q in itertools.pairwise(found.line)) < 2
-        lattice = AStar().plan(grid, tuple(a), tuple(b), rng)
-        assert path_length(lattice.cells) - 1e-9 <= path_length(found.cells) < 1.05 * path_length(lattice.cells)
-        assert found.line_length <= path_length(found.cells) + 1e-9
 
 
 def distance(point: np.ndarray, p: np.ndarray, q: np.ndarray) -> float:

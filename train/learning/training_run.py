@@ -30,7 +30,7 @@ from train.reporting.report import tell
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, LostError, WarehouseError, WeightsError
 from warehouse_env.files import check_writable
-from warehouse_env.own_parts import digests
+from warehouse_env.plugins import digests
 from warehouse_env.simulation.simulator import Simulator
 
 CHECKPOINT = "checkpoint"

@@ -11,7 +11,6 @@ Imported only when first needed, because importing numba takes about 0.4 s.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from warehouse_env.kernel import kernel
 
@@ -19,7 +18,7 @@ SQRT2 = float(np.sqrt(2.0))
 
 
 @kernel
-def distance_field(legal: NDArray[np.bool_], moves: NDArray[np.int64], row: int, column: int) -> NDArray[np.float64]:
+def distance_field(legal, moves, row, column):
     """Return float64[H, W]: length [cells] of the shortest walk of eq. 26 moves to (row, column), inf if there is none.
 
     legal: bool[H, W, 8], `GridMap.entries` (with `GridMap.legal_moves`: of the walk from there); moves: int64[8, 2],
@@ -63,7 +62,7 @@ def distance_field(legal: NDArray[np.bool_], moves: NDArray[np.int64], row: int,
 
 
 @kernel
-def label_regions(mask: NDArray[np.bool_]) -> NDArray[np.int32]:
+def label_regions(mask):
     """Return int32[H, W]: 0 outside the mask, else the number (from 1, in reading order) of the 4-connected region.
 
     For free cells these are also the regions of eq. 26: its diagonals need both orthogonal cells free.
@@ -93,7 +92,7 @@ def label_regions(mask: NDArray[np.bool_]) -> NDArray[np.int32]:
 
 
 @kernel
-def cut_cells(free: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def cut_cells(free):
     """Return bool[H, W]: free cells without which their region falls apart (Hopcroft and Tarjan 1973)."""
     rows, columns = free.shape
     order, low = np.zeros(rows * columns, np.int32), np.zeros(rows * columns, np.int32)

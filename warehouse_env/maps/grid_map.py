@@ -276,7 +276,7 @@ class GridMap:
         from warehouse_env.maps.distance import distance_field
 
         there = distance_field(self.legal_moves, MOVES, cell[0], cell[1])
-        return np.isfinite(there) & np.isfinite(self.distance_to(cell))
+        return np.asarray(np.isfinite(there) & np.isfinite(self.distance_to(cell)))
 
     def check_cell(self, cell: ArrayLike, what: str) -> Cell:
         """Return `cell` as two Python ints; MapError, beginning with `what`, if it is outside or on a shelf."""

@@ -39,7 +39,8 @@ def occupied_cells(given: ArrayLike) -> NDArray[np.bool_]:
 def numbers(given: ArrayLike, shape: tuple[int, ...], what: str, low: float, high: float) -> NDArray[np.float64]:
     """Return a C-ordered float64 copy of numbers from low to high."""
     try:
-        array = np.array(np.asarray(given).astype(np.float64, casting="same_kind"), order="C")
+        with np.errstate(all="ignore"):  # numbers that signal, or are too large
+            array = np.array(np.asarray(given).astype(np.float64, casting="same_kind"), order="C")
     except (TypeError, ValueError, OverflowError):
         array = np.zeros(0)
     if array.shape != shape:

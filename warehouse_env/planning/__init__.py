@@ -16,7 +16,7 @@ import inspect
 from collections.abc import Callable
 from typing import Any
 
-from warehouse_env import own_parts
+from warehouse_env import plugins
 from warehouse_env.checked import check_names
 from warehouse_env.errors import ConfigError, unknown_name
 from warehouse_env.planning.ants.aco import Aco
@@ -71,14 +71,14 @@ _MEMBERS = ("plan(grid, start, goal, rng, cost=None)", "takes_cost", "name", "ke
 
 def add_planner(text: str) -> None:
     """Load a planner of one's own, "my_planner.py:Mine" or "module:Mine", into PLANNERS; ConfigError if it is none."""
-    name, _ = own_parts.parse(text, "planner", _EXAMPLE, PLANNERS)
-    if name in PLANNERS or not own_parts.split(name):
+    name, _ = plugins.parse(text, "planner", _EXAMPLE, PLANNERS)
+    if name in PLANNERS or not plugins.split(name):
         return
-    made = own_parts.load(name, "planner")
+    made = plugins.load(name, "planner")
     if isinstance(made, type):
-        own_parts.check_has(name, "planner", made, _MEMBERS)
+        plugins.check_has(name, "planner", made, _MEMBERS)
         if issubclass(made, BasePlanner):
-            made.version = own_parts.LOADED[name].digest
+            made.version = plugins.LOADED[name].digest
     PLANNERS[name] = made
 
 
@@ -91,18 +91,18 @@ def make_planner(name: str, **parameters: Any) -> Planner:
     The name may carry parameters, so that a configuration or a command line can: "pf_aco:ants=20,local_search=false".
     Their values are JSON, words need no quotes; `parameters` come first.
     """
-    name, named = own_parts.parse(name, "planner", _EXAMPLE, PLANNERS)
+    name, named = plugins.parse(name, "planner", _EXAMPLE, PLANNERS)
     if not isinstance(name, str) or name not in PLANNERS:
-        raise own_parts.unknown("planner", name, PLANNERS)
+        raise plugins.unknown("planner", name, PLANNERS)
     parameters = named | parameters
     if parameters and not inspect.signature(PLANNERS[name]).parameters:
         raise ConfigError(f"planner {name} takes no parameters; leave out {', '.join(parameters)}")
-    if name not in own_parts.LOADED:
+    if name not in plugins.LOADED:
         check_names(f"{name} parameter", parameters, PLANNERS[name])
         return PLANNERS[name](**parameters)
     for parameter in parameters.keys() - inspect.signature(PLANNERS[name]).parameters.keys():
         raise unknown_name(f"{name} parameter", parameter, inspect.signature(PLANNERS[name]).parameters)
-    with own_parts.running(name):
+    with plugins.running(name):
         own = PLANNERS[name](**parameters)
-    own_parts.check_has(name, "planner", own, _MEMBERS)
+    plugins.check_has(name, "planner", own, _MEMBERS)
     return own

@@ -9,12 +9,11 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from warehouse_env.checked import Checked
 from warehouse_env.errors import ConfigError, MapWarning
 from warehouse_env.maps.grid_map import Cell, GridMap
-from warehouse_env.planning.plan import Plan, check_endpoints
+from warehouse_env.planning.plan import CostMap, Plan, check_endpoints
 
 _MOST, _LARGEST = 1_000_000, 1e6  # beyond, a search takes days
 # What takes memory by its square or by the floor's size, and powers that would leave float64, by name in any planner.
@@ -59,14 +58,7 @@ class BasePlanner(Checked):
         parameters = (f"{field.name}={getattr(self, field.name)!r}" for field in dataclasses.fields(self))
         return f"{self.name}({', '.join(parameters)}){self.version and f' {self.version}'}"
 
-    def plan(
-        self,
-        grid: GridMap,
-        start: Cell,
-        goal: Cell,
-        rng: np.random.Generator,
-        cost: NDArray[np.float64] | None = None,
-    ) -> Plan:
+    def plan(self, grid: GridMap, start: Cell, goal: Cell, rng: np.random.Generator, cost: CostMap = None) -> Plan:
         """Search; the same state of `rng` gives the same plan, to the bit. Arguments and errors: see Planner.plan."""
         begin = time.perf_counter()
         if grid.surplus is not None and not self.takes_cost:
@@ -77,8 +69,6 @@ class BasePlanner(Checked):
         plan = self.find(grid, *check_endpoints(grid, start, goal), rng, cost)
         return plan._replace(seconds=time.perf_counter() - begin)
 
-    def find(
-        self, grid: GridMap, start: Cell, goal: Cell, rng: np.random.Generator, cost: NDArray[np.float64] | None
-    ) -> Plan:
+    def find(self, grid: GridMap, start: Cell, goal: Cell, rng: np.random.Generator, cost: CostMap) -> Plan:
         """Search between two free cells; `plan` times it."""
         raise NotImplementedError

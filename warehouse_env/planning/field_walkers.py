@@ -9,12 +9,11 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from warehouse_env.kernel import kernel
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
 from warehouse_env.planning.base import BasePlanner
-from warehouse_env.planning.plan import Plan
+from warehouse_env.planning.plan import CostMap, Plan
 from warehouse_env.planning.potential_field import force_at, intermediate_point, repulsion_parts
 
 _EQUAL = 1e-9  # [cosine] closer alignments count as equal, so that rounding does not choose the move
@@ -41,9 +40,7 @@ class Apf(BasePlanner):
 
     name: ClassVar[str] = "apf"
 
-    def find(
-        self, grid: GridMap, start: Cell, goal: Cell, rng: np.random.Generator, cost: NDArray[np.float64] | None
-    ) -> Plan:
+    def find(self, grid: GridMap, start: Cell, goal: Cell, rng: np.random.Generator, cost: CostMap) -> Plan:
         """Walk; `rng` is not used."""
         return self._walk(grid, start, goal, exponent=0.0, points=0)
 
@@ -92,25 +89,14 @@ class ApfImproved(Apf):
 
     name: ClassVar[str] = "apf_improved"
 
-    def find(
-        self, grid: GridMap, start: Cell, goal: Cell, rng: np.random.Generator, cost: NDArray[np.float64] | None
-    ) -> Plan:
+    def find(self, grid: GridMap, start: Cell, goal: Cell, rng: np.random.Generator, cost: CostMap) -> Plan:
         """Walk; `rng` is not used."""
         exponent = self.exponent if self.relative_distance else 0.0
         return self._walk(grid, start, goal, exponent, self.points if self.intermediate_point else 0)
 
 
 @kernel
-def follow(
-    legal: NDArray[np.bool_],
-    push: NDArray[np.float64],
-    energy: NDArray[np.float64],
-    start: Cell,
-    target: Cell,
-    goal: Cell,
-    gain: float,
-    exponent: float,
-) -> tuple[NDArray[np.int64], bool]:
+def follow(legal, push, energy, start, target, goal, gain, exponent):
     """Walk along the force to the target: (cells int64[L, 2] with the start, whether it arrived).
 
     Ends at the target or where it happens upon the goal, or on the last cell before it would be stuck or come to a
@@ -136,7 +122,7 @@ def follow(
 
 
 @kernel
-def along(legal: NDArray[np.bool_], force_row: float, force_col: float) -> int:
+def along(legal, force_row, force_col):
     """The legal move (bool[8]) with the smallest angle to a force, under 90 degrees; -1 where there is none."""
     size = np.sqrt(force_row * force_row + force_col * force_col)
     best, largest = -1, _EQUAL

@@ -15,6 +15,9 @@ from warehouse_env.kernel import kernel
 from warehouse_env.maps.grid_map import Cell, GridMap, whole_cell
 from warehouse_env.maps.moves import beyond
 
+CostMap = NDArray[np.float64] | None
+"""Cells of length that each move costs on top of its own, [H, W, 8], or that entering a cell costs, [H, W]."""
+
 DEAREST = 1e6  # [cells] that a move may cost
 _COUNTED = 2.0**61  # a path's sum of tolls that int64 holds with room to spare
 MICRO = 1e6  # tolls and heights are counted in whole millionths, so that sums of them are exact
@@ -78,14 +81,7 @@ class Planner(Protocol):
         """Name and parameters as stable text: equal keys mean equal plans for equal random numbers."""
         ...
 
-    def plan(
-        self,
-        grid: GridMap,
-        start: Cell,
-        goal: Cell,
-        rng: np.random.Generator,
-        cost: NDArray[np.float64] | None = None,
-    ) -> Plan:
+    def plan(self, grid: GridMap, start: Cell, goal: Cell, rng: np.random.Generator, cost: CostMap = None) -> Plan:
         """Search from start to goal; an unreachable goal gives an empty Plan, an unusable cell a PlanError.
 
         cost: cells of length that each move costs on top of its own, float64[H, W, 8]; or that entering a cell

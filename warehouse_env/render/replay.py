@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,34 +32,6 @@ FLAGS = (
     "served",
 )
 _STRAIGHT = 0.001  # [m] beside a route at which a way-point of it goes straight on
-
-
-class Recorded(Protocol):
-    """An Episode of simulation/record/recording.py: what was driven, and can be run again."""
-
-    @property
-    def config(self) -> EnvConfig:
-        """What the episode was driven in."""
-        ...
-
-    @property
-    def grid(self) -> GridMap:
-        """The floor."""
-        ...
-
-    @property
-    def seeds(self) -> tuple[int, ...]:
-        """One a world."""
-        ...
-
-    @property
-    def pose(self) -> NDArray[np.float32]:
-        """[T + 1, B, N, 3], front axle x [m], y [m], heading [rad]."""
-        ...
-
-    def replay(self) -> Iterator[Any]:
-        """Yield the simulator after the reset and after every step."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +67,7 @@ class Replay:
 
 
 def replay_of(
-    episode: Recorded,
+    episode: Any,
     name: str,
     policy: Shares | None = None,
     world: int = 0,
@@ -103,8 +75,9 @@ def replay_of(
 ) -> Replay:
     """Run an episode again and keep what is to be seen of one world.
 
-    policy: asked at every moment for its preferences; moved: called after every step. Raises ConfigError for a world
-    that the episode does not have, WarehouseError where the run goes another way than the poses that were recorded.
+    episode: an Episode of simulation/record/recording.py, or anything with its `config`, `grid`, `seeds`, `pose` and
+    `replay`. policy: asked at every moment for its preferences. moved: called after every step. Raises ConfigError for
+    a world that the episode does not have, WarehouseError where the run differs from the recorded poses.
     """
     if not 0 <= world < len(episode.seeds):
         raise ConfigError(f"world={world} must be one of the episode's {len(episode.seeds)}, which count from 0")

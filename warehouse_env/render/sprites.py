@@ -43,9 +43,7 @@ class Tile:
 
     def polygon(self, points: Points, colour: RGB, alpha: int = 255) -> None:
         """Fill a polygon, points float[K, 2] in metres."""
-        fine = self.scale * _OVERSAMPLE
-        pixels = points * (fine, -fine) + self._corner
-        self._pygame.draw.polygon(self.surface, _ink(colour, alpha), pixels.tolist())
+        self.polygons(points, [(0, len(points), colour, alpha)])
 
     def circle(self, centre: tuple[float, float], radius: float, colour: RGB, alpha: int = 255) -> None:
         """Fill a circle, in metres."""

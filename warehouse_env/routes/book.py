@@ -6,20 +6,14 @@ so it is made once: an ant colony takes milliseconds, a look-up microseconds.
 
 from __future__ import annotations
 
-import contextlib
 import math
-import os
-import sqlite3
-import weakref
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 from threading import Lock
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from platformdirs import user_cache_dir
 
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import MapError, PlanError
@@ -29,126 +23,11 @@ from warehouse_env.planning.plan import Plan, Planner, validate
 from warehouse_env.portable import Portable
 from warehouse_env.routes.goals import Pose, facing
 from warehouse_env.routes.lanes import drivable_line
+from warehouse_env.routes.plan_store import PlanStore, cache_directory
 from warehouse_env.threads import get_num_threads
 
-CACHE_FORMAT = 3  # raised whenever a planner's result changes for the same key, and when the table does
-LARGEST_STORE = 256 * 2**20  # [bytes] of plans on disk, about 200,000; a quarter of them, the oldest, then goes
 WORTH_KEEPING = 0.002  # [s] a plan must have taken to be kept on disk
 MEMORY = 200_000  # routes kept in memory
-PENDING = 64  # plans written to disk at once
-
-
-def cache_directory() -> Path:
-    """Return the folder of the plan cache: $WAREHOUSE_CACHE_DIR, or the user's cache folder."""
-    return Path(os.environ.get("WAREHOUSE_CACHE_DIR") or user_cache_dir("warehouse_env"))
-
-
-class _Access:
-    """One process's connection to the file, None where it cannot be opened, and the lock of who uses it."""
-
-    def __init__(self) -> None:
-        self.lock = Lock()
-        self.opened = False
-        self.connection: sqlite3.Connection | None = None
-
-
-class _Database:
-    """The file, and a connection of each process's own to it: one that came along through a fork may not be used."""
-
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
-        self._accesses: dict[int, _Access] = {}
-
-    @contextlib.contextmanager
-    def connection(self) -> Iterator[sqlite3.Connection | None]:
-        """Lend this process's connection to one thread at a time, opened when it is first asked for.
-
-        Two that read at once would share a statement, and one could get the other's row.
-        """
-        access = self._accesses.setdefault(os.getpid(), _Access())
-        with access.lock:
-            if not access.opened:
-                access.connection, access.opened = self._open(), True
-            yield access.connection
-
-    def close(self) -> None:
-        """Close this process's connection, if there is one."""
-        access = self._accesses.pop(os.getpid(), None)
-        if access is not None and access.connection is not None:
-            access.connection.close()
-
-    def _open(self) -> sqlite3.Connection | None:
-        try:
-            self._folder.mkdir(parents=True, exist_ok=True)
-            file = self._folder / f"plans-{CACHE_FORMAT}.sqlite"
-            for former in set(self._folder.glob("plans-*.sqlite")) - {file}:
-                former.unlink(missing_ok=True)
-            connection = sqlite3.connect(file, timeout=5.0, check_same_thread=False)
-        except (OSError, ValueError, sqlite3.Error):  # ValueError: an error that is no UTF-8
-            return None
-        try:
-            connection.execute("PRAGMA synchronous=OFF")
-            connection.execute("CREATE TABLE IF NOT EXISTS plan (age INTEGER PRIMARY KEY, key TEXT UNIQUE, cells BLOB)")
-        except (ValueError, sqlite3.Error):
-            connection.close()
-            return None
-        return connection
-
-
-class PlanStore:
-    """Plans on disk, shared by processes; a store that cannot be opened or is damaged is simply not used."""
-
-    def __init__(self, folder: Path) -> None:
-        self._pending: list[tuple[str, bytes]] = []
-        self._database = _Database(folder)
-        weakref.finalize(self, _finish, self._database, self._pending)  # also at the interpreter's exit
-
-    def get(self, key: str) -> NDArray[np.int64] | None:
-        """Return the cells int64[L, 2] kept under a key, or None."""
-        with self._database.connection() as connection:
-            if connection is None:
-                return None
-            try:
-                row = connection.execute("SELECT cells FROM plan WHERE key = ?", (key,)).fetchone()
-                return None if row is None else np.frombuffer(row[0], dtype="<i4").reshape(-1, 2).astype(np.int64)
-            except (sqlite3.Error, ValueError, TypeError):
-                return None
-
-    def put(self, key: str, cells: NDArray[np.int64]) -> None:
-        """Keep cells under a key."""
-        self._pending.append((key, cells.astype("<i4").tobytes()))
-        if len(self._pending) >= PENDING:
-            self.flush()
-
-    def flush(self) -> None:
-        """Write what is pending."""
-        _write(self._database, self._pending)
-
-
-def _write(database: _Database, pending: list[tuple[str, bytes]]) -> None:
-    plans = pending[:]
-    del pending[: len(plans)]  # what another thread adds meanwhile stays
-    if not plans:
-        return
-    with database.connection() as connection:
-        if connection is not None:
-            with contextlib.suppress(ValueError, sqlite3.Error), connection:
-                connection.executemany("INSERT OR REPLACE INTO plan (key, cells) VALUES (?, ?)", plans)
-                _evict(connection)
-
-
-def _evict(connection: sqlite3.Connection) -> None:
-    """Drop the oldest plans of a store that has grown too large; what comes next takes their place in the file."""
-    pages, free, size = (
-        connection.execute(f"PRAGMA {what}").fetchone()[0] for what in ("page_count", "freelist_count", "page_size")
-    )
-    if (pages - free) * size > LARGEST_STORE:
-        connection.execute("DELETE FROM plan WHERE age <= (SELECT min(age) + (max(age) - min(age)) / 4 FROM plan)")
-
-
-def _finish(database: _Database, pending: list[tuple[str, bytes]]) -> None:
-    _write(database, pending)
-    database.close()
 
 
 class Route(NamedTuple):

@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,7 +76,7 @@ def flatten(routes: Sequence[Route], columns: int) -> Flat:
 
 
 @kernel
-def _arrive(flat: Any) -> None:
+def _arrive(flat):
     """Fill the arrivals. Steps are counted apart and added once, so that equal lengths are equal numbers."""
     for i in range(len(flat.first) - 1):
         straight = diagonal = 0
@@ -113,7 +113,7 @@ def conflicts(routes: Sequence[Route], shape: tuple[int, int], timing: Timing = 
 
 
 @kernel
-def _pairs(flat: Any, duration: Any, cells: int, timing: int, hold: float, table: Any) -> None:
+def _pairs(flat, duration, cells, timing, hold, table):
     """Fill the upper and the lower half of the table."""
     place = np.full(cells, -1, np.int64)  # index of a cell in route i
     for i in range(len(duration)):
@@ -127,7 +127,7 @@ def _pairs(flat: Any, duration: Any, cells: int, timing: int, hold: float, table
 
 
 @kernel
-def _meet(flat: Any, place: Any, first: int, end: int, timing: int, hold: float, rate: float) -> Any:
+def _meet(flat, place, first, end, timing, hold, rate):
     """Crossings and opposing conflicts, float64[2], of the route first..end-1 with the one that `place` holds."""
     found = np.zeros(2)
     last = first - 1  # of the stretch at hand
@@ -147,7 +147,7 @@ def _meet(flat: Any, place: Any, first: int, end: int, timing: int, hold: float,
 
 
 @kernel
-def _stretch(flat: Any, place: Any, k: int, end: int) -> Any:
+def _stretch(flat, place, k, end):
     """Last index of the shared stretch that begins at index k, and its direction: 1, -1, or 0 for a single cell."""
     step = 0
     while k + 1 < end:
@@ -161,7 +161,7 @@ def _stretch(flat: Any, place: Any, k: int, end: int) -> Any:
 
 
 @kernel
-def _changeover(flat: Any, place: Any, cell: int, to: int) -> int:
+def _changeover(flat, place, cell, to):
     """Index at which the other route begins the diagonal that crosses the diagonal step cell -> to; else -1."""
     d_row, d_column = to // flat.columns - cell // flat.columns, to % flat.columns - cell % flat.columns
     if d_row * d_column == 0:
@@ -171,7 +171,7 @@ def _changeover(flat: Any, place: Any, cell: int, to: int) -> int:
 
 
 @kernel
-def _weight(apart: float, window: float, timing: int, rate: float) -> float:
+def _weight(apart, window, timing, rate):
     """What a shared place counts, entered `apart` from each other."""
     if timing == _LIFELONG:
         return window * rate
@@ -203,7 +203,7 @@ def congestion(
 
 
 @kernel
-def _charge(flat: Any, duration: Any, enter: float, against: float, cost: Any) -> None:
+def _charge(flat, duration, enter, against, cost):
     """Add the price of meeting each route to cost float64[C, 8]; moves that are not legal are charged as well."""
     rows, columns = len(cost) // flat.columns, flat.columns
     for j in range(len(duration)):

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.planning.graph_search import AStarTurns
-from warehouse_env.planning.plan import Plan, Planner, edge_cost
+from warehouse_env.planning.plan import CostMap, Plan, Planner, edge_cost
 from warehouse_env.traffic.conflicts import congestion
 from warehouse_env.traffic.together import Task, plan_together
 
@@ -77,14 +77,7 @@ class WithCost:
         content = blake2b(np.ascontiguousarray(self.cost, dtype=np.float64).tobytes(), digest_size=16).hexdigest()
         return f"{self.planner.key} with cost {content}"
 
-    def plan(
-        self,
-        grid: GridMap,
-        start: Cell,
-        goal: Cell,
-        rng: np.random.Generator,
-        cost: NDArray[np.float64] | None = None,
-    ) -> Plan:
+    def plan(self, grid: GridMap, start: Cell, goal: Cell, rng: np.random.Generator, cost: CostMap = None) -> Plan:
         """Plan with the cost map, and with `cost` on top of it."""
         if cost is None:
             return self.planner.plan(grid, start, goal, rng, self.cost)

@@ -58,15 +58,6 @@ def test_greedy_ants_take_the_best_edge() -> None:
     assert half == pytest.approx(0.5 + 0.5 * 1.5 / 3.5, abs=0.015)
 
 
-def test_chances_that_are_all_zero_become_equal() -> None:
-    floor = open_floor(2, 2)
-    walks = send(floor, np.zeros((4, 8)), np.zeros((4, 8)), 9_000)
-    assert (walks.steps > 0).all()
-    assert [(walks.moves[:, 0] == move).mean() for move in (EAST, SOUTH_EAST, SOUTH)] == pytest.approx(
-        [1 / 3] * 3, abs=0.02
-    )
-
-
 def dead_end_map() -> Floor:
     """The east arm ends blind, the south arm leads to the goal; ants are drawn east."""
     drawing = (
@@ -164,21 +155,6 @@ def test_the_slots_are_called_in_their_order_and_an_improved_path_counts() -> No
     assert search.best_by_iteration.tolist() == [2 * math.sqrt(2)] * 2
     assert (np.diff(search.elapsed) > 0).all()
     assert (start == 1).all()  # run works on a copy
-
-
-def test_trail_power_sharpens_the_choice() -> None:
-    floor = open_floor(2, 2)
-    pheromone, table = np.ones((4, 8)), np.ones((4, 8))
-    pheromone[0, SOUTH_EAST] = 10.0
-    first: list[float] = []
-
-    def update(iteration: int, pheromone: Table, walks: Walks, best: Walks) -> None:
-        first.append(float((walks.moves[:, 0] == SOUTH_EAST).mean()))
-
-    for power in (1.0, 2.0):
-        colony = Colony(pheromone, lambda iteration: (table, table), update, trail_power=power)
-        run(floor, colony, 0, 20_000, 1, np.random.default_rng(0))
-    assert first == pytest.approx([10 / 12, 100 / 102], abs=0.01)
 
 
 def nothing(iteration: int, pheromone: Table, walks: Walks, best: Walks) -> None:

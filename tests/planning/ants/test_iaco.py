@@ -66,15 +66,6 @@ def test_the_line_is_the_smoothed_path(where: str, norms: str) -> None:
     assert plan.line_length < path_length(plan.cells)
 
 
-def test_the_line_does_not_change_the_search() -> None:
-    grid = make_layout("paper46")
-    smoothed = search("iaco", grid, TASK.start, TASK.goal, seed=4)
-    plain = search("iaco", grid, TASK.start, TASK.goal, seed=4, smoothing=False)
-    np.testing.assert_array_equal(smoothed.cells, plain.cells)
-    assert plain.line is None
-    assert plain.line_length == path_length(plain.cells)
-
-
 def test_it_is_near_the_optimum_in_the_zone() -> None:
     grid = make_layout("paper46")
     lengths = [path_length(search("iaco", grid, TASK.start, TASK.goal, seed).cells) for seed in range(10)]

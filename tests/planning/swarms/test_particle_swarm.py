@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from tests.planning.swarms.recorder import TARGET, Recorder
-from warehouse_env.maps.generators import random_floor
 from warehouse_env.maps.layouts import NAMED_TASKS, make_layout
 from warehouse_env.planning.plan import path_length, validate
 from warehouse_env.planning.swarms.particle_swarm import ParticleSwarm
@@ -53,10 +52,3 @@ def test_it_finds_the_shortest_paths_of_the_warehouse(task: str) -> None:
     assert len(plan.best_by_iteration) == len(plan.elapsed) == 100
     assert (np.diff(plan.best_by_iteration) <= 0).all()
     assert 0 < plan.elapsed[0] < plan.elapsed[-1] <= plan.seconds
-
-
-def test_clutter_is_within_six_per_cent_on_average() -> None:
-    grid = random_floor(46, 46, 0.25, 5)
-    start, goal = (tuple(grid.free_cells[k].tolist()) for k in (0, -1))
-    lengths = [path_length(ParticleSwarm().plan(grid, start, goal, np.random.default_rng(s)).cells) for s in range(5)]
-    assert np.mean(lengths) < 1.06 * grid.distance_to(goal)[start]

@@ -125,7 +125,7 @@ class ShaaAcs(Acs):
 
 
 @kernel
-def draw_towards_best(floor: Floor, pheromone: Table, best: Walks, share: float) -> None:
+def draw_towards_best(floor, pheromone, best, share):
     """Move the edges of each best path towards 1 / cost by a share, in place."""
     for row in range(len(best.steps)):
         cell = best.start[row]

@@ -197,7 +197,7 @@ def sender(weigh: Any) -> Any:
     """
 
     @part
-    def send(ground: Any, rule: WalkRule, trip: Trip, random: np.uint64) -> Any:
+    def send(ground, rule, trip, random):
         """Let an ant walk; return (its moves, whether it arrived, its generator).
 
         A move's chance is its share of the weights; with probability q0 the ant takes the largest instead (pseudo-
@@ -263,15 +263,7 @@ _send = sender(_weigh)
 
 
 @kernel
-def walk(
-    floor: Floor,
-    edges: EdgeWeights,
-    rule: WalkRule,
-    seeds: NDArray[np.uint64],
-    visited: NDArray[np.int64],
-    stamp: int,
-    walks: Walks,
-) -> None:
+def walk(floor, edges, rule, seeds, visited, stamp, walks):
     """Send every ant from its start to the goal; writes walks.moves and walks.steps.
 
     seeds: uint64[m], one generator an ant. visited: int64[C], holds numbers below `stamp`.

@@ -75,16 +75,16 @@ class FusionAco(AntSystem):
     def force(self, grid: GridMap, goal: Cell) -> NDArray[np.float64]:
         """The resultant force on every cell float64[H, W, 2] (eq. 24), diverted round local minima if asked."""
         parts = repulsion_parts(grid.occupied, self.repulsion_gain, self.repulsion_reach)
-        force = improved_force(*parts, goal, self.attraction_gain, self.distance_exponent)
+        force: NDArray[np.float64] = improved_force(*parts, goal, self.attraction_gain, self.distance_exponent)
         if not self.intermediate_point:
             return force
-        diverted, none_tried = force.copy(), np.zeros(grid.shape, np.bool_)
+        diverted: NDArray[np.float64] = force.copy()
+        none_tried = np.zeros(grid.shape, np.bool_)
         for cell in stuck_cells(grid, force, goal):
             point = intermediate_point(grid.closed, cell, goal, none_tried)
             if point[0] >= 0:
-                way, _ = follow(
-                    grid.legal_moves, *parts, cell, point, goal, self.attraction_gain, self.distance_exponent
-                )
+                gain, exponent = self.attraction_gain, self.distance_exponent
+                way, _ = follow(grid.legal_moves, *parts, cell, point, goal, gain, exponent)
                 ahead = np.array(point) - way
                 going = ahead.any(axis=1)
                 diverted[way[going, 0], way[going, 1]] = ahead[going]

@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 
 from warehouse_env.kernel import kernel
 from warehouse_env.maps.grid_map import MOVES
-from warehouse_env.planning.ants.floor import Floor
-from warehouse_env.planning.ants.walks import Walks, measure
+from warehouse_env.planning.ants.walks import measure
 from warehouse_env.planning.plan import MICRO
 
 _SQRT2 = math.sqrt(2.0)
@@ -55,7 +54,7 @@ class Departures(NamedTuple):
 
 
 @kernel
-def straight_runs(floor: Floor) -> Runs:
+def straight_runs(floor):
     """Measure the legal runs of a floor."""
     cells, columns = floor.neighbour.shape[0], floor.columns
     free = np.zeros((cells, 8), np.int32)
@@ -73,7 +72,7 @@ def straight_runs(floor: Floor) -> Runs:
 
 
 @kernel
-def improve(floor: Floor, runs: Runs, elite: int, walks: Walks) -> int:
+def improve(floor, runs, elite, walks):
     """Measure all walks, shorten the best `elite` of them, and return the best ant; -1 if none arrived.
 
     Paths with the same cost and turns count as the same, and only one of them is shortened.
@@ -97,7 +96,7 @@ def improve(floor: Floor, runs: Runs, elite: int, walks: Walks) -> int:
 
 
 @kernel
-def _next_best(walks: Walks, cost: float, turns: int) -> int:
+def _next_best(walks, cost, turns):
     """Return the first ant with the least (cost, turns) above those given; -1 if none arrived with more."""
     best = -1
     for ant in range(len(walks.steps)):
@@ -110,7 +109,7 @@ def _next_best(walks: Walks, cost: float, turns: int) -> int:
 
 
 @kernel
-def shorten(floor: Floor, runs: Runs, start: int, moves: NDArray[np.int8]) -> NDArray[np.int8]:
+def shorten(floor, runs, start, moves):
     """Return the best choice of nodes and links along the path int8[n - 1] of moves from start, as moves again."""
     n = len(moves) + 1
     nodes = PathNodes(np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n, np.int64))
@@ -130,9 +129,7 @@ def shorten(floor: Floor, runs: Runs, start: int, moves: NDArray[np.int8]) -> ND
 
 
 @kernel
-def _link_onwards(
-    floor: Floor, runs: Runs, nodes: PathNodes, i: int, departures: Departures, states: PathStates
-) -> None:
+def _link_onwards(floor, runs, nodes, i, departures, states):
     """Try every link from node i to a later one: the diagonal first, and the straight first."""
     before, base = departures
     cost, sums, origin = states
@@ -166,7 +163,7 @@ def _link_onwards(
 
 
 @kernel
-def _straight_move(d_row: int, d_column: int) -> int:
+def _straight_move(d_row, d_column):
     """The straight move of an octile link with these differences."""
     if abs(d_column) > abs(d_row):
         return 0 if d_column > 0 else 4
@@ -174,7 +171,7 @@ def _straight_move(d_row: int, d_column: int) -> int:
 
 
 @kernel
-def _diagonal_move(d_row: int, d_column: int) -> int:
+def _diagonal_move(d_row, d_column):
     """The diagonal move of an octile link with these differences."""
     if d_row < 0:
         return 1 if d_column > 0 else 3
@@ -182,7 +179,7 @@ def _diagonal_move(d_row: int, d_column: int) -> int:
 
 
 @kernel
-def _choose_arrivals(cost: NDArray[np.float64], sums: NDArray[np.int64], departures: Departures) -> None:
+def _choose_arrivals(cost, sums, departures):
     """Write for each leaving move the arriving move of a node that is best to go on from, and its sums with a turn."""
     before, base = departures
     least = 0
@@ -197,7 +194,7 @@ def _choose_arrivals(cost: NDArray[np.float64], sums: NDArray[np.int64], departu
 
 
 @kernel
-def _unroll(floor: Floor, node: NDArray[np.int64], states: PathStates) -> NDArray[np.int8]:
+def _unroll(floor, node, states):
     """Follow the links back from the best state of the last node and write them out as moves."""
     cost, sums, origin = states
     j = len(node) - 1

@@ -161,15 +161,7 @@ def gentle_share(floor: Floor, offset: float) -> Table:
 
 
 @kernel
-def _mix(
-    fading: Table,
-    fr: float,
-    at_turn: NDArray[np.float64],
-    ahead: float,
-    exponent: int,
-    turning: Table,
-    straight: Table,
-) -> None:
+def _mix(fading, fr, at_turn, ahead, exponent, turning, straight):
     """Write (fr * fading + at_turn[cell])^exponent to turning and (fr * fading + ahead)^exponent to straight."""
     for cell in range(fading.shape[0]):
         for move in range(8):

@@ -36,7 +36,7 @@ class Activity(NamedTuple):
 
 
 @kernel
-def settle(floor: Floor, weight: Table, decay: float, source: float, strongest: bool) -> Activity:
+def settle(floor, weight, decay, source, strongest):
     """Return the steady state for A = `decay`, E = `source` and w_ij = `weight` float64[C, 8] of the move from i to j.
 
     A must exceed the sum of each cell's weights. Sweeps over the cells in the order of their moves from the goal, in
@@ -55,9 +55,7 @@ def settle(floor: Floor, weight: Table, decay: float, source: float, strongest: 
 
 
 @kernel
-def _renew(
-    floor: Floor, weight: Table, decay: float, source: float, strongest: bool, state: Activity, cell: int
-) -> float:
+def _renew(floor, weight, decay, source, strongest, state, cell):
     """Set a cell to S / (A + S) and return by what share it changed."""
     mantissa, exponent = state
     at_goal = cell == floor.goal
@@ -83,7 +81,7 @@ def _renew(
 
 
 @kernel
-def _flood(floor: Floor) -> NDArray[np.int64]:
+def _flood(floor):
     """Cells int64[R] from which moves lead to the goal, in the order of their number."""
     rows, columns = floor.neighbour.shape[0] // floor.columns, floor.columns
     cells = floor.neighbour.shape[0]

@@ -16,7 +16,7 @@ from warehouse_env.planning.ants.colony import Colony, Search, cells_of, run
 from warehouse_env.planning.ants.floor import Floor, Table, make_floor
 from warehouse_env.planning.ants.local_search import improve, straight_runs
 from warehouse_env.planning.base import BasePlanner
-from warehouse_env.planning.plan import MICRO, Plan, check_endpoints
+from warehouse_env.planning.plan import MICRO, CostMap, Plan, check_endpoints
 
 STEP: NDArray[np.float64] = np.sqrt((MOVES**2).sum(axis=1))  # [8] length of each move: 1 or sqrt 2
 _WALKS = 100_000_000
@@ -51,9 +51,7 @@ class AntSystem(BasePlanner):
         """Return the slots for ants that start on a flat cell."""
         raise NotImplementedError
 
-    def find(
-        self, grid: GridMap, start: Cell, goal: Cell, rng: np.random.Generator, cost: NDArray[np.float64] | None
-    ) -> Plan:
+    def find(self, grid: GridMap, start: Cell, goal: Cell, rng: np.random.Generator, cost: CostMap) -> Plan:
         """Let the colony search."""
         begin = time.perf_counter()
         return self.planned(grid, *self.search(grid, start, goal, rng, cost), begin)

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.kernel import kernel
-from warehouse_env.planning.ants.floor import Floor, Table
 from warehouse_env.planning.plan import MICRO
 
 _SQRT2 = math.sqrt(2.0)
@@ -41,7 +40,7 @@ def empty_walks(start: int, ants: int, cells: int) -> Walks:
 
 
 @kernel
-def measure(floor: Floor, walks: Walks, first: int, last: int) -> int:
+def measure(floor, walks, first, last):
     """Fill length, turns, spread and cost of ants first..last-1; return the best by (cost, turns), -1 if none."""
     best = -1
     for ant in range(first, last):
@@ -73,7 +72,7 @@ def measure(floor: Floor, walks: Walks, first: int, last: int) -> int:
 
 
 @kernel
-def _spread(floor: Floor, walks: Walks, ant: int, mean: float) -> float:
+def _spread(floor, walks, ant, mean):
     """Standard deviation [m] of the heights along a path with p - 1 steps (eq. 24, paper 000)."""
     cell, count = walks.start[ant], walks.steps[ant]
     deviation = floor.height[cell] - mean
@@ -86,7 +85,7 @@ def _spread(floor: Floor, walks: Walks, ant: int, mean: float) -> float:
 
 
 @kernel
-def deposit(floor: Floor, pheromone: Table, walks: Walks, amount: NDArray[np.float64]) -> None:
+def deposit(floor, pheromone, walks, amount):
     """Add amount float64[k] of the first k ants, where they arrived, to every edge of their paths, in place."""
     for ant in range(len(amount)):
         cell = walks.start[ant]
@@ -97,7 +96,7 @@ def deposit(floor: Floor, pheromone: Table, walks: Walks, amount: NDArray[np.flo
 
 
 @kernel
-def keep(walks: Walks, ant: int, best: Walks) -> None:
+def keep(walks, ant, best):
     """Copy the path of an ant and its measures to `best`, which has room for one."""
     count = walks.steps[ant]
     best.moves[0, :count] = walks.moves[ant, :count]

@@ -22,9 +22,9 @@ from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
 from warehouse_env.planning.ants.colony import cells_of
 from warehouse_env.planning.ants.floor import Floor, make_floor
 from warehouse_env.planning.ants.local_search import shorten, straight_runs
-from warehouse_env.planning.ants.walks import Walks, empty_walks, keep, measure
+from warehouse_env.planning.ants.walks import empty_walks, keep, measure
 from warehouse_env.planning.base import BasePlanner
-from warehouse_env.planning.plan import Plan
+from warehouse_env.planning.plan import CostMap, Plan
 
 Code = NDArray[np.float64]  # [m, K, 2] way-points (row, col) [cells] of m agents
 
@@ -108,9 +108,7 @@ class WaypointSwarm(BasePlanner):
         """Number of agents m."""
         raise NotImplementedError
 
-    def find(
-        self, grid: GridMap, start: Cell, goal: Cell, rng: np.random.Generator, cost: NDArray[np.float64] | None
-    ) -> Plan:
+    def find(self, grid: GridMap, start: Cell, goal: Cell, rng: np.random.Generator, cost: CostMap) -> Plan:
         """Let the swarm search."""
         begin = time.perf_counter()
         floor = make_floor(grid, goal, self.gentleness, cost)
@@ -150,7 +148,7 @@ def first_codes(
 
 
 @kernel
-def _nearest(inside: NDArray[np.bool_], columns: int) -> NDArray[np.int32]:
+def _nearest(inside, columns):
     """For each cell int32[C] the one of bool[C] `inside` that a flood over the 8 directions brings to it first."""
     cells = len(inside)
     rows = cells // columns
@@ -178,7 +176,7 @@ def _nearest(inside: NDArray[np.bool_], columns: int) -> NDArray[np.int32]:
 
 
 @kernel
-def decode(ground: _Ground, points: NDArray[np.int64], walks: Walks) -> None:
+def decode(ground, points, walks):
     """Write the path of each row of flat cells int64[m, K] to walks.moves and walks.steps.
 
     The walker goes from the start to each point in turn (to the nearest cell that it can reach, where the point is on
@@ -207,9 +205,7 @@ def decode(ground: _Ground, points: NDArray[np.int64], walks: Walks) -> None:
 
 
 @kernel
-def _walk_to(
-    floor: Floor, start: int, target: int, visited: NDArray[np.int64], leg: int, stack: NDArray[np.int64]
-) -> int:
+def _walk_to(floor, start, target, visited, leg, stack):
     """Walk greedily: always to the neighbour nearest to the target as the crow flies, never twice to a cell, back where
     it goes no further (depth-first search). Write the cells to `stack`, without blind alleys; return their number.
 
@@ -240,7 +236,7 @@ def _walk_to(
 
 
 @kernel
-def _cut_short(floor: Floor, start: int, came: NDArray[np.int64], begun: int, moves: NDArray[np.int8]) -> int:
+def _cut_short(floor, start, came, begun, moves):
     """Write the moves of the shortened walk that began at time `begun`; return their number."""
     cell, count = start, 0
     while cell != floor.goal:

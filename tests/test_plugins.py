@@ -9,7 +9,6 @@ import sys
 from importlib.util import find_spec
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from agents import add_policy, make_policy, policy_config
@@ -20,8 +19,7 @@ from train.parcels import pack
 from train.reporting.rows import read_rows
 from warehouse_env import LAYOUTS, PLANNERS, EnvConfig, make_layout, make_planner
 from warehouse_env.errors import ConfigError
-from warehouse_env.own_parts import LOADED, split
-from warehouse_env.planning import add_planner
+from warehouse_env.plugins import split
 
 POLICY = '''
 import numpy as np
@@ -37,17 +35,6 @@ class Slow:
 
     def act(self, observation, rng):
         return self._command.at_speed(observation, np.full(observation.shape[:-1], SLOW, np.float32))
-
-class Remembers(Slow):
-    """Fails where it is asked more often than one episode of one world has steps."""
-    def __init__(self, config):
-        super().__init__(config)
-        self._left = config.max_steps
-
-    def act(self, observation, rng):
-        self._left -= 1
-        assert self._left >= 0, "it has served two worlds"
-        return super().act(observation, rng)
 
 class Idle:
     def __init__(self, config):
@@ -123,10 +110,6 @@ def test_policy_planner_and_layout_are_driven_and_named_as_typed(name: str) -> N
     assert 0 < slow["robot_km"] < 0.7 * follow["robot_km"]
 
 
-def test_each_world_has_a_policy_that_remembers_it_alone() -> None:
-    assert evaluate("--policy", "my_policy.py:Remembers", "--planner", "astar", "--episodes", "3") == 0
-
-
 def test_processes_give_the_same_rows() -> None:
     options = ["--policy", "my_policy.py:Slow", "follow", "--planner", "my_planner.py:Backwards"]
     assert evaluate(*options) == 0
@@ -192,18 +175,6 @@ def test_rows_of_a_changed_file_are_not_mixed(here: Path) -> None:
     assert len({json.dumps(row["versions"]) for row in rows}) == len(rows) == 2
 
 
-def test_a_changed_planner_plans_anew(here: Path) -> None:
-    add_planner("my_planner.py:Backwards")
-    first = make_planner("my_planner.py:Backwards").key
-    LOADED.clear()
-    del PLANNERS["my_planner.py:Backwards"]
-    for module in [name for name in sys.modules if name.startswith("own_")]:
-        del sys.modules[module]
-    (here / "my_planner.py").write_text(PLANNER + "\n# changed\n")
-    add_planner("my_planner.py:Backwards")
-    assert make_planner("my_planner.py:Backwards").key != first
-
-
 @pytest.mark.parametrize(
     ("options", "sentence"),
     [
@@ -214,7 +185,7 @@ def test_a_changed_planner_plans_anew(here: Path) -> None:
         ("--policy my_policy.py:Slow:a=1", "a policy takes no parameters; leave out 'a=1'"),
         ("--policy my_policy.py:Idle", "my_policy.py:Idle is no policy: it has no act(observation, rng)"),
         ("--policy my_policy.py:Odd", "must act by an array of whole numbers [1, 2] for [1, 2, 94], not by float64[3]"),
-        ("--policy my_policy.py:Broken", "my_policy.py, line 37: ZeroDivisionError: division by zero"),
+        ("--policy my_policy.py:Broken", "my_policy.py, line 26: ZeroDivisionError: division by zero"),
         ("--policy bad.py:Mine", "bad.py, line 2: SyntaxError"),
         ("--policy missing.py:Mine", "missing.py, line 1: ModuleNotFoundError: No module named 'nowhere'"),
         ("--policy follow --planner my_planner.py:Aimless", "is no planner: it has no plan(grid, start, goal, rng"),
@@ -287,20 +258,6 @@ def test_a_training_takes_them_and_goes_on_with_them(capsys: pytest.CaptureFixtu
     capsys.readouterr()
     assert main(["train", "reinforce", "--resume", "run", "--no-progress", *own]) == 2
     assert "my_planner.py:Backwards is not the code that run was trained with" in capsys.readouterr().err
-
-
-def test_a_filter_of_rows_runs_nothing(here: Path) -> None:
-    (here / "trap.py").write_text("import pathlib\npathlib.Path('sprung').touch()\nclass Mine: pass\n")
-    assert main(["compare", "one", "two", "--policy", "trap.py:Mine"]) == 2
-    assert not (here / "sprung").exists()
-
-
-def test_a_policy_of_ones_own_is_made_from_the_config() -> None:
-    add_policy("my_policy.py:Slow")
-    config = policy_config("my_policy.py:Slow", EnvConfig(num_agents=3))
-    assert config.traffic == "shield"
-    action = make_policy("my_policy.py:Slow", config).act(np.zeros((1, 3, 94), np.float32), np.random.default_rng(0))
-    assert action.shape == (1, 3)
 
 
 @pytest.mark.parametrize(
