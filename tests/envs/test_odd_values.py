@@ -52,7 +52,7 @@ wild_worlds = st.fixed_dictionaries(
 FLOORS = [None, *(GridMap(np.zeros((r, c)), cell_size=s) for r, c, s in ((3, 40, 1.0), (6, 6, 0.01), (9, 9, 30.0)))]
 
 
-@settings(max_examples=50)
+@settings(max_examples=20)
 @given(wild_robots, wild_sensors, wild_worlds, st.sampled_from(FLOORS), st.sampled_from(["discrete", "raw"]))
 def test_extreme_worlds_run_with_finite_numbers(
     robot: dict[str, Any], sensor: dict[str, Any], world: dict[str, Any], grid: GridMap | None, action_type: Any
