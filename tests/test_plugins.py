@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import subprocess
 import sys
@@ -110,17 +109,6 @@ def test_policy_planner_and_layout_are_driven_and_named_as_typed(name: str) -> N
     assert 0 < slow["robot_km"] < 0.7 * follow["robot_km"]
 
 
-def test_processes_give_the_same_rows() -> None:
-    options = ["--policy", "my_policy.py:Slow", "follow", "--planner", "my_planner.py:Backwards"]
-    assert evaluate(*options) == 0
-    assert evaluate(*options, "--processes", "2", "--json", "two.jsonl") == 0
-    both = (read_rows(Path(path)) for path in ("out/rows.jsonl", "two.jsonl"))
-    one, two = (sorted(rows, key=lambda row: row["policy"]) for rows in both)
-    for row in (*one, *two):
-        del row["ms_per_step"]
-    assert one == two
-
-
 INSTALLED = """
 import sys
 from importlib.machinery import PathFinder
@@ -134,6 +122,7 @@ sys.meta_path.insert(sys.meta_path.index(PathFinder) + 1, Installed)
 """
 
 
+@pytest.mark.nightly
 def test_what_else_lies_beside_is_not_run(here: Path) -> None:
     """Not by this process, nor by those that work for it, whatever it is called."""
     for name in ("train", "agents", "warehouse_env", "numpy", "ray", "tests", "signal", "pickle"):
@@ -160,19 +149,6 @@ def test_what_it_imports_from_beside_is_its_own(here: Path) -> None:
     assert set(parcel["my_policy.py"]) == {
         "my_policy.py", "helper_of_mine.py", "package_of_mine/inner.py", "last.py"
     }  # fmt: skip
-
-
-def test_rows_of_a_changed_file_are_not_mixed(here: Path) -> None:
-    program = [sys.executable, "-m", "train.cli", "evaluate", *DRIVEN.split(), "--policy", "my_policy.py:Slow"]
-    program += ["--planner", "astar"]
-    root = str(Path(__file__).parent.parent)
-    for change in ("", "", "\n# changed\n"):
-        with (here / "my_policy.py").open("a") as file:
-            file.write(change)
-        code = f"import sys; sys.path.insert(0, {root!r}); from train.cli import main; sys.exit(main(sys.argv[1:]))"
-        subprocess.run([sys.executable, "-c", code, *program[3:], "--resume"], check=True, capture_output=True)
-    rows = read_rows(Path("out/rows.jsonl"))
-    assert len({json.dumps(row["versions"]) for row in rows}) == len(rows) == 2
 
 
 @pytest.mark.parametrize(
@@ -227,6 +203,7 @@ def test_a_recorded_episode_asks_for_its_planner(here: Path, capsys: pytest.Capt
     assert main(["replay", "one.npz", "--html", "one.html", *own]) == 0
 
 
+@pytest.mark.nightly
 def test_other_commands_take_them(capsys: pytest.CaptureFixture[str]) -> None:
     planned = "plan --layout my_layout.py:hall --planner my_planner.py:Backwards astar --tasks 2 --runs 1"
     assert main([*planned.split(), "--no-pictures", "--json", "plan.jsonl", "--out", "plan"]) == 0
@@ -242,6 +219,7 @@ def test_other_commands_take_them(capsys: pytest.CaptureFixture[str]) -> None:
     assert {row["policy"] for row in read_rows(Path("audit/rows.jsonl"))} == {"my_policy.py:Slow"}
 
 
+@pytest.mark.nightly
 def test_a_training_takes_them_and_goes_on_with_them(capsys: pytest.CaptureFixture[str]) -> None:
     small = "--robots 2 --rows 4 --rollout 6 --minibatch 24 --hidden 24 --episode-seconds 3 --threads 1 --no-progress"
     own = ["--layout", "my_layout.py:hall", "--planner", "my_planner.py:Backwards"]

@@ -6,15 +6,13 @@ import csv
 from pathlib import Path
 from typing import Any
 
-import gymnasium
 import numpy as np
 import pytest
-from gymnasium.wrappers import RecordEpisodeStatistics
 from stable_baselines3 import PPO
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.logger import configure
 
-from warehouse_env import EnvConfig, MetricsCallback, aec_env, parallel_env, single_env, vec_env
+from warehouse_env import EnvConfig, MetricsCallback, parallel_env, single_env, vec_env
 
 Info = dict[str, Any]
 
@@ -111,39 +109,6 @@ def test_the_metrics_are_the_sums_of_the_infos(mode: EnvConfig) -> None:
     assert seen["goals"] > 0 or mode.terminate_on_collision
     assert seen["collisions_robot"] + seen["collisions_shelf"] > 0 or not mode.terminate_on_collision
     assert (seen["collisions_person"] > 0) == (mode.people > 0)
-
-
-def test_the_distance_is_the_front_axles_way() -> None:
-    """Any direction, curves and backing too: from the poses, with one motion a step, so that no chord cuts short."""
-    env = parallel_env(num_agents=4, layout="open", planner="astar", substeps=1, action_type="raw", max_steps=300)
-    env.reset(seed=3)
-    rng = np.random.default_rng(0)
-    backed = False
-    while env.agents:
-        before = env.simulator.state.pose[0, :, :2].copy()
-        backed |= bool((env.simulator.state.speed < 0).any())
-        infos = env.step({agent: rng.uniform(-1, 1, 2) for agent in env.agents})[4]
-        way = np.hypot(*(env.simulator.state.pose[0, :, :2] - before).T)
-        np.testing.assert_allclose([info["distance_m"] for info in infos.values()], way, atol=1e-6)
-    assert backed
-
-
-def test_the_last_infos_pass_through_wrappers(tiny: EnvConfig) -> None:
-    """The turn-based PettingZoo env, and Gymnasium's statistics, which use keys of their own."""
-    turns = aec_env(tiny)
-    turns.reset(seed=1)
-    last = {}
-    for agent in turns.agent_iter():
-        over = turns.terminations[agent] or turns.truncations[agent]
-        last[agent] = dict(turns.infos[agent])
-        turns.step(None if over else turns.action_space(agent).sample())
-    assert [info["episode_metrics"]["seconds"] for info in last.values()] == [pytest.approx(1.2)] * 3
-    env = RecordEpisodeStatistics(gymnasium.make("Warehouse-v0", config=tiny))
-    env.reset(seed=1)
-    for _ in range(12):
-        info = env.step(env.action_space.sample())[4]
-    assert info["episode"]["l"] == 12
-    assert info["episode_metrics"]["seconds"] == pytest.approx(1.2)
 
 
 def logged(model: BaseAlgorithm, folder: Path) -> list[dict[str, float]]:

@@ -105,17 +105,6 @@ def test_infos_that_nobody_has_read_yet_are_a_dict(tiny: EnvConfig, name: str) -
     assert kept != plain
 
 
-def test_spaces_are_one_instance_a_robot(tiny: EnvConfig) -> None:
-    env = parallel_env(tiny)
-    assert env.action_space("robot_0") is env.action_space("robot_0")
-    assert env.action_space("robot_0") is not env.action_space("robot_1")
-    env.action_space("robot_0").seed(3)
-    alone = [env.action_space("robot_0").sample() for _ in range(5)]
-    env.action_space("robot_0").seed(3)
-    mixed = [(env.action_space("robot_1").sample(), env.action_space("robot_0").sample())[1] for _ in range(5)]
-    assert alone == mixed
-
-
 def cruise(env: WarehouseParallelEnv) -> dict[str, Any]:
     return dict.fromkeys(env.agents, env.simulator.cruise_action)
 

@@ -91,35 +91,6 @@ def test_a_robot_that_parks_ends_once(tiny: EnvConfig, wrapped: bool) -> None:
         assert sorted(found[1]) == sorted(lengths)
 
 
-def test_notes_in_an_info_stay_in_that_step(tiny: EnvConfig) -> None:
-    env = vec_env(2, tiny)
-    rng = np.random.default_rng(0)
-    env.reset()
-    for step in range(30):
-        for part in (infos := env.step(random_actions(env, rng))[3]):
-            assert "note" not in part
-            part["note"] = step
-    assert [part["note"] for part in infos] == [29] * 6
-    env.reset()
-    assert env.step(random_actions(env, rng))[3] == [{}] * 6
-    assert [part["note"] for part in infos] == [29] * 6
-
-
-def test_what_is_given_away_stays_as_it_was(tiny: EnvConfig) -> None:
-    env = vec_env(2, tiny)
-    rng = np.random.default_rng(0)
-    first = env.reset()
-    given = env.step(random_actions(env, rng))
-    parts = (first, *given[:3])
-    copies = [np.array(part) for part in parts]
-    for _ in range(14):
-        env.step(random_actions(env, rng))
-    env.reset()
-    for part, copy in zip(parts, copies, strict=True):
-        np.testing.assert_array_equal(part, copy)
-    assert given[3] == [{}] * 6
-
-
 def test_mixed_configs(tiny: EnvConfig) -> None:
     """Each config's rows are those of its own Simulator, whatever stands beside it."""
     other = tiny.replace(layout="narrow", num_agents=2, max_steps=7)

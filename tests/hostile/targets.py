@@ -33,19 +33,16 @@ from train.commands.demo import Demo
 from train.commands.evaluate import Evaluate
 from train.commands.kinds import read_fleet
 from train.commands.plan import PlanCommand
-from train.evaluation.episodes import Episodes
-from train.evaluation.jobs import go_on
-from train.evaluation.rollout import make_experiment
 from train.fleet.build import episode_of
 from train.fleet.check import check_log
-from train.fleet.driven import Driven, load_episode
+from train.fleet.driven import load_episode
 from train.fleet.factsheet import factsheet_of
 from train.fleet.listen import hear_log
 from train.learning import checkpoint
-from train.learning.config import HELD_OUT_SEED, PPOConfig, ReinforceConfig, ThreadedPPOConfig
+from train.learning.config import PPOConfig, ReinforceConfig, ThreadedPPOConfig
 from train.learning.curves import read_run
 from train.live.commands import read_command
-from train.reporting.rows import RowFile, read_rows, whole_rows
+from train.reporting.rows import read_rows, whole_rows
 from warehouse_env.checked import from_plain
 from warehouse_env.config import EnvConfig, RewardWeights, RobotSpec, SensorSpec
 from warehouse_env.envs.parallel import parallel_env
@@ -59,7 +56,6 @@ from warehouse_env.maps.halls.saved import write_hall
 from warehouse_env.maps.layouts import LAYOUTS, make_layout
 from warehouse_env.maps.movingai import EXAMPLE_SCEN, read_map, read_scen, write_map
 from warehouse_env.planning import PLANNERS, make_planner
-from warehouse_env.render.replay import replay_of
 from warehouse_env.routes.plan_store import PlanStore
 from warehouse_env.simulation.record.recording import Episode, Recorder
 from warehouse_env.simulation.simulator import Simulator
@@ -268,44 +264,7 @@ def _fleet_log(content: bytes, folder: Path) -> None:
     made = episode_of(hear_log(path).fleet, make_layout("open"), EnvConfig(layout="open"))
     made.row()
     made.save(folder / "e.npz")
-    _watched(folder / "e.npz")
-
-
-@functools.cache
-def _driven_members() -> dict[str, bytes]:
-    """Return the members of the file of an episode that a real fleet drove."""
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        path = _written("\n".join(map(json.dumps, _fleet_entries())).encode(), folder, "log.jsonl")
-        episode_of(hear_log(path).fleet, make_layout("open"), EnvConfig(layout="open")).save(folder / "e.npz")
-        with zipfile.ZipFile(folder / "e.npz") as file:
-            return {member: file.read(member) for member in file.namelist()}
-
-
-def _make_driven(rng: Random) -> bytes:
-    members = dict(_driven_members())
-    beside = [member for member in members if member.startswith("fleet.")]
-    name = rng.choice(beside)
-    is_json = name.endswith(".json")
-    members[name] = json_bytes(rng, json.loads(members[name])) if is_json else damaged(rng, members[name])
-    if rng.random() < 0.2:
-        del members[rng.choice(sorted(members))]
-    content = io.BytesIO()
-    with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as file:
-        for member, data in members.items():
-            file.writestr(zipfile.ZipInfo(member), data)
-    return content.getvalue()
-
-
-def _shown(content: bytes, folder: Path) -> None:
-    _watched(_written(content, folder, "e.npz"))
-
-
-def _watched(path: Path) -> None:
-    """Look at an episode of a real fleet as the replay page does."""
-    episode = load_episode(path)
-    if isinstance(episode, Driven) and len(episode.pose) < 20_000:  # of which a page is made in a few seconds
-        replay_of(episode, "real")
+    load_episode(folder / "e.npz")
 
 
 @functools.cache
@@ -323,25 +282,6 @@ def _rows(content: bytes, folder: Path) -> None:
     path = _written(content, folder, "rows.jsonl")
     whole_rows(path)
     read_rows(path)
-
-
-@functools.cache
-def _jobs() -> list[Episodes]:
-    base = EnvConfig(**SMALL)
-    return [Episodes(make_experiment("follow", base, 2, 1.0, HELD_OUT_SEED))]
-
-
-@functools.cache
-def _played() -> list[Any]:
-    rows: list[Any] = json.loads(json.dumps(_jobs()[0].run(lambda part: None).rows))
-    return rows
-
-
-def _kept(content: bytes, folder: Path) -> None:
-    """Look for what an evaluation need not do again."""
-    with contextlib.redirect_stdout(io.StringIO()):
-        file = RowFile(_written(content, folder, "rows.jsonl"), keep=True)
-        go_on(file, _jobs(), lambda row: row.get("policy") == "x")
 
 
 def _run(given: tuple[bytes, bytes], folder: Path) -> None:
@@ -567,13 +507,6 @@ def _line(given: tuple[str, list[str]], folder: Path) -> None:
         cli._options(options, name, words)
 
 
-def _paths(path: Any, folder: Path) -> None:
-    for read in (read_map, read_scen, Episode.load):
-        with contextlib.suppress(ValueError):
-            read(path)
-    Episode.load(path)
-
-
 TARGETS: dict[str, Target] = {
     "map": Target(lambda rng: (damaged(rng, MAP), rng.choice([ONE_WAY, damaged(rng, ONE_WAY)])), _map, 500),
     "hall": Target(_make_hall, _hall, 100),
@@ -587,7 +520,6 @@ TARGETS: dict[str, Target] = {
     "rows": Target(lambda rng: json_lines(rng, EVALUATED), _rows, 200),
     "run": Target(lambda rng: (json_bytes(rng, RECORD) if rng.random() < 0.3 else json.dumps(RECORD).encode(),
                                json_lines(rng, PROGRESS)), _run, 100),
-    "kept rows": Target(lambda rng: json_lines(rng, _played()), _kept, 100),
     "policy": Target(lambda rng: json_bytes(rng, RECORD), _policy, 60),
     "weights": Target(lambda rng: damaged(rng, _weights()),
                       lambda given, f: read_tensors(_written(given, f, WEIGHTS).parent, NETWORK), 1000),
@@ -605,9 +537,7 @@ TARGETS: dict[str, Target] = {
     "env": Target(lambda rng: (rng.randrange(3), options(rng, OPTIONS)), _env, 60),
     "act": Target(_make_act, _act, 120),
     "command line": Target(_make_line, _line, 6),
-    "path": Target(value, _paths, 600),
     "fleet log": Target(_make_fleet_log, _fleet_log, 60),
-    "fleet episode": Target(_make_driven, _shown, 60),
     "live command": Target(lambda rng: json_bytes(rng, rng.choice(LIVE)), lambda given, _: read_command(given), 2000),
 }  # fmt: skip
 
@@ -615,7 +545,6 @@ TARGETS: dict[str, Target] = {
 def warm(folder: Path) -> None:
     """Compile what inputs need, which takes longer than any input may."""
     _replayed(an_episode(), folder)
-    _kept(b"", folder)
     for action_type in ("discrete", "raw", "continuous"):
         for act in ("single", "vector", "step", "put", "parallel"):
             with contextlib.suppress(ValueError):

@@ -30,14 +30,6 @@ def floor(**more: object) -> GridMap:
     return GridMap(occupied, discs=PILLARS, **more)  # type: ignore[arg-type]
 
 
-def test_the_cells_that_discs_reach_into_are_closed_and_no_shelves() -> None:
-    grid = floor()
-    assert np.argwhere(grid.occupied).tolist() == [[0, 0], [2, 2], [3, 3], [3, 4], [4, 3], [4, 4]]
-    assert np.argwhere(grid.walls).tolist() == [[0, 0]]
-    beside = GridMap(FREE, discs=[(2.5, 2.5, 0.5)])  # touches its neighbours and reaches into none
-    assert np.argwhere(beside.occupied).tolist() == [[2, 2]]
-
-
 @given(st.lists(st.tuples(st.floats(0, 6), st.floats(0, 5), st.floats(0.01, 1.2)), max_size=4), st.integers(0, 10**6))
 def test_a_cell_is_closed_where_its_nearest_point_is_within_a_disc(
     discs: list[tuple[float, float, float]], seed: int
@@ -73,13 +65,6 @@ def test_copies_keep_what_is_a_shelf_and_what_a_disc() -> None:
     on_disc = FREE.copy()
     on_disc[2, 2] = True  # a shelf given where a disc is stays one
     assert GridMap(on_disc, discs=PILLARS).walls[2, 2]
-
-
-def test_who_stands_beside_a_disc_in_its_cell_plans_from_the_nearest_free_one() -> None:
-    grid = floor()  # rows count from the north: y 4..5 is row 0
-    points = [(2.05, 2.5), (2.95, 2.4), (0.5, 4.4), (5.5, 0.5), (-3.0, 9.0), (6.0, -0.1)]
-    assert grid.standing(points).tolist() == [[2, 1], [2, 3], [1, 0], [4, 5], [0, 1], [4, 5]]
-    assert GridMap(FREE).standing((2.05, 2.5)).tolist() == [2, 2]
 
 
 @pytest.mark.parametrize(

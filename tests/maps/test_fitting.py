@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import warnings
 
@@ -15,12 +14,11 @@ from agents import make_policy, policy_config
 from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.errors import MapWarning
 from warehouse_env.maps.endpoints import largest_region
-from warehouse_env.maps.fitting import ROOM, _near, fitted, headings_on, stands
+from warehouse_env.maps.fitting import ROOM, _near, fitted, headings_on
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import LAYOUTS, make_layout
 from warehouse_env.maps.loading import load_floor
-from warehouse_env.planning import PLANNERS, make_planner
-from warehouse_env.routes.book import RouteBook
+from warehouse_env.planning import make_planner
 from warehouse_env.routes.goals import face
 from warehouse_env.simulation.simulator import Simulator
 
@@ -160,28 +158,6 @@ def test_planned_cells_leave_room_for_the_body(seed: int, cell: float, planner: 
         assert way == sorted(way, reverse=True)  # off the tight floor, and never onto it
 
 
-def test_a_goal_that_somebody_gives_on_tight_floor_is_planned_to() -> None:
-    """Beside a shelf, off its cell's middle, a pose can be free where the middle is none: the way there is opened."""
-    floor, _ = fitted(drawn("............", "............", "p.........s.", "############"), LARGE)
-    cells = RouteBook(floor, make_planner("astar_turns")).cells((1, 2), (2, 8)).tolist()
-    assert (cells[0], cells[-1]) == ([1, 2], [2, 8])
-    assert all(row == 1 for row, _ in cells[:-1])
-
-
-def test_discs_are_kept_off_as_they_are() -> None:
-    """A pillar of 0.2 m in a corner of four cells: of the cells around it those nearer than half a width are tight."""
-    ends = {"picks": [[1, 1]], "stations": [[7, 7]]}
-    floor, _ = fitted(GridMap(np.zeros((9, 9)), cell_size=0.5, discs=[[2.5, 2.5, 0.2]], **ends), RobotSpec())
-    inner = floor.closed[1:-1, 1:-1]
-    centres = floor.centre(np.stack(np.mgrid[1:8, 1:8], axis=-1))
-    apart = np.hypot(*(centres - 2.5).transpose(2, 0, 1)) - 0.2
-    assert (inner == (apart < 0.35)).all()
-    assert 0 < inner.sum() == 4
-    pillar = GridMap(np.zeros((9, 9)), cell_size=0.5, discs=[[2.2, 2.25, 0.05]])
-    assert not stands(pillar, (4, 3), RobotSpec(), 0.0, centred=True)  # 0.45 m ahead of (1.75, 2.25)
-    assert stands(pillar, (4, 2), RobotSpec(), 0.0, centred=True)
-
-
 def test_faces_of_large_bodies_are_free() -> None:
     """Beside a shelf in parallel, its middle in the cell's; 1.5 m before a wall only with the axle there."""
     floor, _ = fitted(drawn("............", "............", "p.........s.", "############"), LARGE)
@@ -189,17 +165,6 @@ def test_faces_of_large_bodies_are_free() -> None:
     assert [round(x, 6) for x, _, _ in along] == [5.5, 3.5]  # 1 m ahead of the middle, either way round
     assert face(floor, (1, 1), LARGE).poses == ((1.5, 2.5, math.pi),)
     assert headings_on(floor, (1, 1), LARGE) == [math.pi]
-
-
-@pytest.mark.parametrize("name", PLANNERS)
-def test_no_planner_enters_tight_floor(name: str) -> None:
-    grid = make_layout("open:rows=12,columns=12,spacing=3")
-    occupied = grid.occupied.copy()
-    occupied[4:6, 3:9] = True
-    floor, _ = fitted(dataclasses.replace(grid, occupied=occupied, picks=[[8, 6]], stations=[[2, 6], [8, 2]]), LARGE)
-    cells = make_planner(name).plan(floor, (8, 6), (8, 2), np.random.default_rng(0)).cells
-    assert len(cells)
-    assert not floor.closed[tuple(cells.T)].any()
 
 
 @given(st.integers(0, 2**20 - 1), st.floats(0.05, 6.0), st.booleans())
@@ -212,12 +177,3 @@ def test_cells_near_marked_ones_are_those_of_brute_force(marks: int, reach: floa
         nearest = np.hypot(off[:, 0], off[:, 1]).min(initial=np.inf)
         if abs(nearest - reach) > 1e-6:
             assert _near(mask, reach, beyond)[cell] == (nearest < reach)
-
-
-@pytest.mark.parametrize(("length", "width", "cell"), [(900.0, 0.1, 0.01), (900.0, 800.0, 0.01)])
-def test_bodies_of_any_size_on_cells_of_any_size_take_little(length: float, width: float, cell: float) -> None:
-    grid = GridMap(np.zeros((400, 400), np.bool_), cell_size=cell)
-    robot = RobotSpec(length=length, width=width, wheelbase=0.8 * length, front_overhang=0.1 * length)
-    floor, notes = fitted(grid, robot)
-    assert floor is grid
-    assert len(notes) == 1

@@ -77,25 +77,6 @@ def test_distances_equal_slow_relaxation(grid: GridMap, data: st.DataObject) -> 
     assert np.allclose(grid.distance_to(goal), relaxed_distances(grid, goal), rtol=0, atol=1e-9, equal_nan=True)
 
 
-def test_distances_by_hand() -> None:
-    grid = floor("....", ".##.", "....")
-    expected = [[0, 1, 2, 3], [1, np.inf, np.inf, 4], [2, 3, 4, 5]]  # no diagonal passes the shelf's corners
-    assert grid.distance_to((0, 0)).tolist() == expected
-    assert GridMap(np.zeros((14, 22))).distance_to((0, 0))[13, 21] == 8 + 13 * math.sqrt(2)  # to the last bit
-
-
-def test_distance_kernels_are_the_same_as_plain_python() -> None:
-    grid = GridMap(np.random.default_rng(3).random((20, 17)) < 0.3)
-    goal = grid.free_cells[0].tolist()
-    for kernel, arguments in (
-        (distance.distance_field, (grid.legal_moves, MOVES, *goal)),
-        (distance.label_regions, (~grid.occupied,)),
-        (distance.cut_cells, (~grid.occupied,)),
-    ):
-        plain = getattr(kernel, "py_func", kernel)
-        assert np.array_equal(kernel(*arguments), plain(*arguments))
-
-
 @given(floors())
 def test_free_cells_can_all_reach_each_other_and_nothing_else(grid: GridMap) -> None:
     reached = np.isfinite(grid.distance_to(tuple(grid.free_cells[0])))
@@ -111,14 +92,6 @@ def test_frame_is_x_east_y_north_in_metres() -> None:
     assert grid.centre([(0, 4), (1, 1)]).tolist() == [[9.0, 5.0], [3.0, 3.0]]
     assert grid.cell([(0.0, 5.99), (9.99, 0.0)]).tolist() == [[0, 0], [2, 4]]
     assert grid.cell((-0.1, 6.1)).tolist() == [-1, -1]  # off the floor: outside, not clipped
-
-
-@given(st.integers(1, 50), st.integers(1, 50), st.floats(0.05, 5), st.data())
-def test_cell_inverts_centre(rows: int, columns: int, size: float, data: st.DataObject) -> None:
-    grid = GridMap(np.zeros((rows, columns)), cell_size=size)
-    cell = [data.draw(st.integers(0, rows - 1)), data.draw(st.integers(0, columns - 1))]
-    inside = np.array([data.draw(st.floats(-0.49, 0.49)), data.draw(st.floats(-0.49, 0.49))]) * size
-    assert grid.cell(grid.centre(cell) + inside).tolist() == cell
 
 
 def test_key_follows_the_content() -> None:
@@ -207,30 +180,6 @@ def test_what_is_wrong_is_named(fields: dict[str, Any], words: str) -> None:
         GridMap(**{"occupied": [[0, 0, 0], [0, 1, 0], [0, 0, 0]], **fields})
     assert isinstance(raised.value, WarehouseError)
     assert "\n" not in str(raised.value)
-
-
-def test_an_endpoint_in_a_smaller_region_is_refused() -> None:
-    with pytest.raises(MapError, match=r"picks cell \(0, 0\) cannot be reached"):
-        GridMap([[0, 1, 0, 0]], picks=[(0, 0)])
-
-
-@pytest.mark.parametrize(
-    ("cell", "words"),
-    [
-        ((0, 9), r"goal \(0, 9\) is outside map 'unnamed': rows 0..2, columns 0..3"),
-        ((-1, 0), "outside"),
-        ((1, 1), "on a shelf"),
-        ((0.5, 1), "whole numbers"),
-        ((0, 1, 2), "whole numbers"),
-        ("ab", "whole numbers"),
-    ],
-)
-def test_cells_are_checked(cell: Any, words: str) -> None:
-    grid = floor("....", ".#..", "....")
-    with pytest.raises(MapError, match=words):
-        grid.check_cell(cell, "goal")
-    with pytest.raises(MapError, match=words):
-        grid.distance_to(cell)
 
 
 def test_the_origin_is_where_the_floor_is_in_its_files_frame() -> None:

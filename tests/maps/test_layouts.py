@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import itertools
 import math
-import re
 from typing import Any
 
 import numpy as np
 import pytest
 
 from warehouse_env.errors import ConfigError
-from warehouse_env.maps.generators import blocks
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import LAYOUTS, NAMED_TASKS, make_layout
 
@@ -63,21 +61,6 @@ def test_no_pick_is_next_to_a_station(name: str) -> None:
     assert not near(grid.picks, grid.stations, 2)
 
 
-@pytest.mark.parametrize(
-    ("name", "sentence"),
-    [
-        ("aisles:seed", "layout aisles: 'seed' must be PARAMETER=VALUE, as in aisles:seed=7,rows=40"),
-        ("aisles:sed=7", "did you mean seed"),
-        ("aisle:seed=7", "did you mean aisles"),
-        ("aisles:seed=x", "seed='x' must be a whole number"),
-        ("paper46:rows=3", "unknown parameter of layout 'paper46'"),
-    ],
-)
-def test_a_wrong_parameter_in_a_name_is_one_sentence(name: str, sentence: str) -> None:
-    with pytest.raises(ConfigError, match=re.escape(sentence)):
-        make_layout(name)
-
-
 # ---- named tasks
 
 
@@ -119,14 +102,6 @@ def free_gaps(occupied: np.ndarray) -> list[int]:
     return [len(run) for row in occupied for run in "".join("#" if o else "." for o in row).split("#") if run]
 
 
-def test_paper46_rough_differs_from_paper46_by_its_heights_alone() -> None:
-    smooth, rough = make_layout("paper46"), make_layout("paper46_rough")
-    assert np.array_equal(smooth.occupied, rough.occupied)
-    assert rough.height.min() == 0
-    assert 0.1 < rough.height.max() <= 0.2 + 1e-6
-    assert not rough.height[rough.occupied].any()
-
-
 def test_single_lane_has_lanes_of_one_cell_with_a_passing_place_in_each() -> None:
     grid = make_layout("single_lane")
     assert grid.shape == (46, 46)
@@ -150,12 +125,6 @@ def test_blocks_keep_their_density_at_any_size(size: int) -> None:
     assert grid.occupied.mean() == pytest.approx(make_layout("paper46").occupied.mean(), abs=0.03)
     assert len(grid.stations) >= (size / 46) ** 2 * 32
     assert not near(grid.stations, grid.stations, 3)
-
-
-def test_blocks_centre_what_is_left_over() -> None:
-    shelves = blocks(48, 50, corridor_stations=False).occupied
-    assert np.array_equal(shelves[1:47, 2:48], make_layout("paper46").occupied)
-    assert shelves.sum() == make_layout("paper46").occupied.sum()
 
 
 # ---- bad input

@@ -26,29 +26,6 @@ def plan(grid: GridMap, start: Cell, goal: Cell) -> Plan:
     return ThetaStar().plan(grid, start, goal, RNG)
 
 
-@pytest.mark.parametrize(
-    ("rows", "goal", "sees"),
-    [
-        (("...", "..."), (1, 2), True),
-        (("..#", "..."), (1, 2), True),  # passes (0, 1) and (1, 1), between them the middle of their side
-        ((".#.", "..."), (1, 2), False),
-        (("...", ".#."), (1, 2), False),
-        ((".#", ".."), (1, 1), False),  # past one corner
-        (("..", "#."), (1, 1), False),
-        ((".#", "#."), (1, 1), False),  # between two
-        (("..", ".."), (1, 1), True),
-        ((".....", ".....", "#...."), (2, 4), True),
-        (("...#.", ".....", "....."), (2, 4), True),
-        (("..#..", ".....", "....."), (2, 4), True),  # runs by (0, 1), (1, 1): the shelf is one side away
-        ((".....", "..#..", "....."), (2, 4), False),
-    ],
-)
-def test_sight_by_hand(rows: tuple[str, ...], goal: Cell, sees: bool) -> None:
-    occupied = drawn(*rows).occupied
-    assert line_of_sight(occupied, np.zeros(occupied.shape, np.uint8), 0, 0, *goal) == sees
-    assert line_of_sight(occupied, np.zeros(occupied.shape, np.uint8), *goal, 0, 0) == sees
-
-
 def touches(a: Cell, b: Cell, square: Cell) -> bool:
     """Does the segment between two cell centres meet the closed unit square of a cell? Exact, by separating axes."""
     (r, c), (r2, c2) = ((2 * (p[0] - square[0]), 2 * (p[1] - square[1])) for p in (a, b))  # the square is [-1, 1]^2
@@ -87,19 +64,6 @@ def test_around_a_wall_by_hand() -> None:
     assert found.line_length == pytest.approx(2 + 2 * math.sqrt(5))
     validate(grid, found.cells, (0, 0), (0, 4))
     assert path_length(found.cells) == pytest.approx(4 + 2 * math.sqrt(2))
-
-
-def test_cells_go_straight_where_a_diagonal_would_cut_a_corner() -> None:
-    grid = drawn(
-        "..#..",
-        ".....",
-        "#....",
-    )
-    found = plan(grid, (0, 0), (2, 3))
-    # The line by way of (0, 1), (1, 1), (1, 2), (2, 2) touches no shelf. The diagonals (0, 1)-(1, 2) and (1, 0)-(2, 1)
-    # would; two diagonals and a straight step, with one turn, are left.
-    assert found.line_length == math.hypot(2, 3)
-    assert found.cells.tolist() == [[0, 0], [1, 1], [2, 2], [2, 3]]
 
 
 def visibility_length(grid: GridMap, start: Cell, goal: Cell) -> float:

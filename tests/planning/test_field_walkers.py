@@ -55,17 +55,6 @@ def test_the_intermediate_point_leads_round_the_shelf() -> None:
         assert (2, 6) in map(tuple, plan.cells) or (2, 0) in map(tuple, plan.cells)
 
 
-def test_a_shelf_behind_the_goal_keeps_the_classical_walker_away() -> None:
-    # Beside the goal the pull is 1 and the shelf, 2 away, pushes back with 20 (1/2 - 1/4) / 4 = 1.25. With the
-    # relative distance d^n, d = 1, the pull grows by n/2 * 20 (1/2 - 1/4)^2 = 0.3125: just enough.
-    grid = drawn(".......", ".......", "......#", ".......", ".......")
-    field = {"repulsion_gain": 20.0, "repulsion_reach": 4.0}
-    assert not walk(Apf(**field), grid, (2, 0), (2, 5)).found
-    assert not walk(ApfImproved(relative_distance=False, intermediate_point=False, **field), grid, (2, 0), (2, 5)).found
-    repaired = walk(ApfImproved(intermediate_point=False, **field), grid, (2, 0), (2, 5))
-    assert repaired.cells.tolist() == [[2, col] for col in range(6)]
-
-
 @given(
     st.integers(0, 2**32 - 1),
     st.tuples(st.integers(1, 12), st.integers(1, 12)),

@@ -62,17 +62,6 @@ def test_min_turns_equals_an_exhaustive_search() -> None:
         tried += 1
 
 
-@pytest.mark.parametrize("name", EXACT)
-def test_a_cost_a_move_can_make_a_street_one_way(name: str) -> None:
-    grid = drawn("....", ".##.", "....")
-    cost = np.zeros((3, 4, 8))
-    cost[0, :, 0] = 5.0  # eastwards along the north
-    there = make_planner(name).plan(grid, (0, 0), (0, 3), RNG, cost)
-    back = make_planner(name).plan(grid, (0, 3), (0, 0), RNG, cost)
-    assert path_length(there.cells) == 7
-    assert path_length(back.cells) == 3
-
-
 def cheapest(grid: GridMap, cost: NDArray[np.float64], start: Cell, goal: Cell) -> float:
     """A plain Dijkstra in floats; cost float64[H, W, 8]."""
     best, heap = {start: 0.0}, [(0.0, start)]

@@ -9,7 +9,7 @@ import pytest
 
 from warehouse_env.errors import ConfigError, PlanError
 from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.planning import PLANNERS, Plan, climb, make_planner, path_length, turns, validate
+from warehouse_env.planning import Plan, climb, make_planner, path_length, turns, validate
 from warehouse_env.planning.plan import edge_cost, validate_line
 
 # Shelf at (1, 1); the path goes round it on the south-west side.
@@ -32,19 +32,6 @@ def test_measures_of_a_path() -> None:
     assert turns([(3, 3)]) == 0
     assert path_length(np.empty((0, 2), int)) == math.inf
     assert turns(np.empty((0, 2), int)) == 0
-
-
-def test_converged_at_is_the_first_iteration_with_the_final_best() -> None:
-    cells = np.array([(0, 0), (0, 1)])
-
-    def converged(*history: float) -> int:
-        return Plan(cells, np.array(history), 0.0).converged_at
-
-    assert converged(math.inf, 9, 7, 7, 7) == 3
-    assert converged(7, 7) == 1
-    assert converged(9, 8) == 2
-    assert converged() == 0
-    assert Plan(np.empty((0, 2), np.int64), np.full(3, math.inf), 0.0).converged_at == 0
 
 
 @pytest.mark.parametrize(
@@ -143,12 +130,3 @@ def test_unknown_names_are_refused_with_near_matches() -> None:
 def test_bad_parameters_are_refused_by_name(parameter: str, value: object) -> None:
     with pytest.raises(ConfigError, match=f"aco parameter {parameter}="):
         make_planner("aco", **{parameter: value})
-
-
-def test_keys_tell_planners_and_parameters_apart() -> None:
-    keys = [make_planner(name).key for name in PLANNERS]
-    keys += [make_planner("pf_aco", ants=7).key, make_planner("pf_aco", local_search=False).key]
-    assert len(set(keys)) == len(keys)
-    assert make_planner("pf_aco").key == make_planner("pf_aco").key
-    for name in PLANNERS:
-        assert make_planner(name).name == name

@@ -92,13 +92,6 @@ def test_a_corridor_one_cell_wide(mode: str) -> None:
 
 
 @pytest.mark.parametrize("mode", MODES)
-def test_start_is_goal(mode: str) -> None:
-    plan = search(mode, GridMap(np.zeros((3, 3), dtype=bool)), (1, 2), (1, 2))
-    assert plan.cells.tolist() == [[1, 2]]
-    assert (plan.best_by_iteration == 0).all()
-
-
-@pytest.mark.parametrize("mode", MODES)
 def test_a_walled_in_goal_gives_an_empty_plan(mode: str) -> None:
     occupied = np.zeros((6, 6), dtype=bool)
     occupied[3, 3:] = occupied[3:, 3] = True  # (4, 4) is cut off; (2, 2) and it only touch by corners

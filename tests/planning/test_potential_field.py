@@ -18,7 +18,6 @@ from warehouse_env.planning.potential_field import (
     intermediate_point,
     repulsion,
     repulsive_potential,
-    resultant,
 )
 
 GAIN, REACH = 0.02, 1.5
@@ -40,13 +39,6 @@ def test_repulsion_points_away_with_the_strength_of_the_formula() -> None:
     assert push[3, 3] == pytest.approx((corner / math.sqrt(2), corner / math.sqrt(2)))
     assert push[0, 2] == pytest.approx((0, 0))  # two cells away, out of reach
     assert push[0, 0] == pytest.approx((0, 0))
-
-
-def test_without_force_the_attraction_decides() -> None:
-    # Beside a shelf of gain 3 the push of 3 * (1 - 1/1.5) = 1 exactly balances the unit pull through it.
-    force = resultant(one_shelf(), (2, 0), 3.0, REACH)
-    assert force[2, 3] == pytest.approx((0, -1))
-    assert resultant(one_shelf(), (2, 0), 0.0, REACH)[4, 4] == pytest.approx((-2 / math.sqrt(20), -4 / math.sqrt(20)))
 
 
 def test_alignment_is_the_cosine_to_each_move() -> None:
@@ -88,16 +80,6 @@ def test_the_improved_force_is_the_gradient_of_its_potential(
     h = 1e-5
     assert force[0] == pytest.approx((potential(row - h, col) - potential(row + h, col)) / (2 * h), abs=1e-5, rel=1e-5)
     assert force[1] == pytest.approx((potential(row, col - h) - potential(row, col + h)) / (2 * h), abs=1e-5, rel=1e-5)
-
-
-def test_the_goal_is_the_lowest_cell_of_the_improved_potential_only() -> None:
-    energy = repulsive_potential(one_shelf(), 50.0, 3.0)
-    for exponent, is_lowest in ((0.0, False), (0.5, True)):
-        potential = improved_potential(energy, (2, 3), 1.0, exponent)
-        assert (potential[2, 3] == potential.min()) is np.bool_(is_lowest)
-    assert improved_potential(energy, (2, 3), 1.0, 0.5)[2, 1] == pytest.approx(
-        0.5 * 4 + 25 * (1 - 1 / 3) ** 2 * math.sqrt(2)
-    )
 
 
 def test_descent_into_a_local_minimum_pays_the_penalty() -> None:

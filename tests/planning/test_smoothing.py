@@ -32,13 +32,6 @@ def length(line: NDArray[Any]) -> float:
     return float(np.hypot(*np.diff(line, axis=0).T).sum())
 
 
-def test_one_corner_by_hand() -> None:
-    # a(2) = (lambda x(2) + mu (a(1) + a(3))) / (lambda + 2 mu)
-    cells = np.array([(0, 0), (0, 1), (1, 2)])
-    np.testing.assert_allclose(smooth(cells, OPEN)[1], [1 / 3, 1.0], atol=1e-6)
-    np.testing.assert_allclose(smooth(cells, OPEN, deviation=1.0, length=0.25)[1], [0.25 / 1.5, 1.0], atol=1e-6)
-
-
 def test_printed_norms_cannot_move_a_corner_of_45_degrees() -> None:
     cells = np.array([(3, 0), (3, 1), (3, 2), (2, 3), (1, 4), (0, 5)])
     np.testing.assert_array_equal(smooth(cells, OPEN, power=1), cells)

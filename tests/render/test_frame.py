@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.render.colours import CONTACT, DEADLOCK, ORANGE, WAITING, name_colours, robot_colour
 from warehouse_env.render.floor import floor_image
-from warehouse_env.render.frame import CAPTION_HEIGHT, Scene, draw, scene_of
+from warehouse_env.render.frame import Scene, draw, scene_of
 
 SCALE = 40
 
@@ -100,14 +100,6 @@ def test_people_wear_a_vest_across_their_way(make_scene: Callable[..., Scene]) -
         assert (across > along) == (heading > 1)
 
 
-def test_parked_robot_is_grey_and_has_no_goal(make_scene: Callable[..., Scene]) -> None:
-    parked = make_scene((8.0, 4.0, 0.0), alive=np.array([False]))
-    frame = draw(parked, SCALE)
-    body = at(frame, 8.0 - 0.35, 4.0 + 0.24)
-    assert np.ptp(body) < 12
-    assert not changed(frame, parked)[-SCALE:, -SCALE:].any()
-
-
 def test_goal_and_route_have_the_robots_colour(make_scene: Callable[..., Scene]) -> None:
     routes = [np.array([(8.0, 4.0), (8.0, 8.0)], dtype=np.float32), np.zeros((0, 2), dtype=np.float32)]
     scene = make_scene((8.0, 4.0, 0.0), (4.0, 4.0, 0.0), goal=np.array([[9, 13], [7, 2]]), routes=routes)
@@ -117,35 +109,6 @@ def test_goal_and_route_have_the_robots_colour(make_scene: Callable[..., Scene])
     along = at(frame, 8.0, 6.5)
     assert along[2] > along[0] + 60  # robot 0 is blue
     assert changed(frame, scene)[int(3.5 * SCALE), int(7.7 * SCALE)] == 0
-
-
-def test_a_goal_with_a_heading_has_a_nose_on_that_side(make_scene: Callable[..., Scene]) -> None:
-    pose = (2.0, 2.0, 0.0)
-    plain = draw(make_scene(pose, goal_pose=np.array([(8.0, 5.0, np.nan)], np.float32)), 32).astype(int)
-    east = draw(make_scene(pose, goal_pose=np.array([(8.0, 5.0, 0.0)], np.float32)), 32).astype(int)
-    changed = np.argwhere(np.abs(east - plain).sum(axis=-1) > 60)
-    assert len(changed) > 20
-    assert changed[:, 1].min() > 8.0 * 32
-
-
-def test_caption_shows_text_and_time(make_scene: Callable[..., Scene]) -> None:
-    scene = make_scene((8.0, 4.0, 0.0))
-    strip = draw(scene, SCALE)[-CAPTION_HEIGHT:]
-    assert (strip[:, :80].max(axis=-1) > 200).any()
-    assert (strip[:, -60:].max(axis=-1) > 120).any()
-    assert (draw(scene._replace(time=99.0), SCALE)[-CAPTION_HEIGHT:] != strip).any()
-    assert np.array_equal(
-        draw(scene._replace(time=99.0), SCALE)[:-CAPTION_HEIGHT], draw(scene, SCALE)[:-CAPTION_HEIGHT]
-    )
-    assert draw(scene._replace(text="long " * 60), 16).shape == draw(scene, 16).shape
-
-
-def test_robots_beyond_the_floor_are_clipped(make_scene: Callable[..., Scene]) -> None:
-    routes = [np.array([(-5.0, -5.0), (30.0, 40.0)], dtype=np.float32)]
-    scene = make_scene((-0.2, 0.1, 2.0), routes=routes)
-    frame = draw(scene, SCALE)
-    assert np.array_equal(frame[-CAPTION_HEIGHT:], draw(make_scene((8.0, 4.0, 0.0)), SCALE)[-CAPTION_HEIGHT:])
-    assert draw(make_scene((-50.0, 90.0, 2.0))).shape == draw(scene).shape
 
 
 def test_floor_heights_are_tinted_and_flat_floors_are_not(grid: GridMap) -> None:

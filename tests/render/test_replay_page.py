@@ -12,10 +12,9 @@ import pytest
 from tests.render.browser import Opener, needs_chromium, until
 from tests.render.episodes import CONFIG, driven
 from tests.render.test_replay import shares
-from warehouse_env.errors import ConfigError
 from warehouse_env.render import live_page, replay_page
 from warehouse_env.render.page_text import PAGE, SHARED
-from warehouse_env.render.replay import FLAGS, Replay, replay_of
+from warehouse_env.render.replay import Replay, replay_of
 from warehouse_env.render.replay_page import write_replay_page
 from warehouse_env.render.thinning import thinned
 
@@ -76,25 +75,6 @@ def test_nothing_is_fetched(one: Path) -> None:
     assert not re.findall(r"(?:src|href)=\"(?!data:)", text)
     assert "default-src 'none'" in text
     assert one.stat().st_size < 300_000
-
-
-def test_three_are_too_many(replay: Replay, tmp_path: Path) -> None:
-    for replays in ([], [replay] * 3):
-        with pytest.raises(ConfigError, match="one replay, or two side by side"):
-            write_replay_page(tmp_path / "page.html", replays, "none")
-    assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.nightly
-@needs_chromium
-def test_it_loads_and_says_what_it_shows(one: Path, open_page: Opener) -> None:
-    page = open_page(one)
-    assert page.title() == "A </script> & more"
-    assert page.inner_text("h1") == "A </script> & more"
-    assert page.inner_text("figcaption b") == "follow <b>&"
-    assert "hall, 7 robots, seed 4" in page.inner_text("figcaption")
-    assert page.evaluate("replay.frames()") == 151
-    assert not page.evaluate("replay.playing()")
 
 
 @needs_chromium
@@ -176,21 +156,6 @@ def test_the_keyboard_works(one: Path, open_page: Opener) -> None:
     assert page.is_visible("#keys")
     frame = page.evaluate("replay.frame()")
     assert press("ArrowRight", "replay.frame()") == frame  # the help is open
-
-
-@pytest.mark.nightly
-@needs_chromium
-def test_events_are_those_of_the_arrays(one: Path, replay: Replay, open_page: Opener) -> None:
-    page = open_page(one)
-    events = page.evaluate("replay.events()")
-    hits = np.any(
-        [replay.flags >> FLAGS.index(f"hit_{what}") & 1 for what in ("robot", "shelf", "person")], axis=(0, 2)
-    )
-    assert {"a person"} <= {event.get("what") for event in events}
-    found = {event["frame"] for event in events if event["kind"] == "collision"}
-    assert found == set(np.flatnonzero(hits).tolist())
-    page.keyboard.press("]")
-    assert page.evaluate("replay.frame()") == min(event["frame"] for event in events if event["frame"] > 0)
 
 
 @pytest.mark.nightly

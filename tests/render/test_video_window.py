@@ -44,19 +44,6 @@ def test_video_shows_what_was_drawn(tmp_path: Path, suffix: str) -> None:
         assert pictures[k][4, 4].min() > 230
 
 
-def test_no_file_after_an_error(tmp_path: Path) -> None:
-    path = tmp_path / "clip.mp4"
-
-    def fail() -> None:
-        with VideoWriter(path, fps=10) as video:
-            video.add(next(frames()))
-            raise RuntimeError("meanwhile")
-
-    with pytest.raises(RuntimeError, match="meanwhile"):
-        fail()
-    assert list(tmp_path.iterdir()) == []
-
-
 @pytest.mark.parametrize("suffix", [".mp4", ".gif"])
 def test_a_video_cut_short_by_its_encoder_is_no_file(
     tmp_path: Path, suffix: str, monkeypatch: pytest.MonkeyPatch

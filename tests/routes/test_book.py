@@ -80,11 +80,6 @@ def test_routes_join_the_cells_centres_evenly_and_off_the_shelves(name: str) -> 
         assert 0.85 * planned - 0.5 < steps.sum() < 1.1 * planned + 2.0
 
 
-def test_start_and_goal_in_one_cell_are_one_point() -> None:
-    route = book(drawn("....", "....")).route((1, 2), (1, 2)).line
-    assert route.tolist() == [[2.5, 0.5]]
-
-
 def aisle(width: int, length: int = 30) -> GridMap:
     return drawn("#" * length, *["." * length] * width, "#" * length)
 
@@ -107,13 +102,6 @@ def test_opposite_routes_keep_to_their_own_right(width: int, from_wall: float, u
     # east has south to its right; upright, `near` is at the north end, and south has west to its right
     np.testing.assert_allclose(first, low + from_wall, atol=0.06)
     np.testing.assert_allclose(second, high - from_wall, atol=0.06)
-
-
-def test_on_open_floor_routes_move_right_by_keep_right() -> None:
-    grid = drawn(*["." * 30] * 13)
-    route = book(grid, keep_right=0.4).route((6, 2), (6, 27)).line.astype(np.float64)
-    middle = route[(route[:, 0] > 8) & (route[:, 0] < 22)]
-    np.testing.assert_allclose(middle[:, 1], 6.5 - 0.4, atol=0.02)
 
 
 def test_single_lanes_are_entered_gently_and_down_the_middle() -> None:
@@ -157,11 +145,6 @@ def test_in_a_dead_end_it_backs_out() -> None:
     known = book(DEAD_END)
     route = known.route((1, 5), (1, 1), EAST).line
     np.testing.assert_array_equal(route, known.route((1, 5), (1, 1)).line)
-
-
-def test_the_cell_right_behind_may_be_the_goal() -> None:
-    known = book(LOOP)
-    np.testing.assert_array_equal(known.route((0, 6), (0, 5), EAST).line, known.route((0, 6), (0, 5)).line)
 
 
 @pytest.mark.parametrize(
@@ -247,22 +230,6 @@ def test_a_damaged_cache_is_simply_not_used(own_cache: Path, damage: str) -> Non
     assert plans_made(Counting()) == 3
 
 
-def test_a_cache_folder_that_cannot_be_made_is_simply_not_used(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    blocked = tmp_path / "file"
-    blocked.write_text("in the way")
-    monkeypatch.setenv("WAREHOUSE_CACHE_DIR", str(blocked / "cache"))
-    assert plans_made(Counting()) == 3
-    assert blocked.read_text() == "in the way"
-
-
-def test_memory_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(route_book, "MEMORY", 2)
-    known = RouteBook(LOOP, Counting(seconds=0.0))
-    for start, goal in TASKS * 2:
-        known.route(start, goal)
-    assert len(known._routes) == 2
-
-
 def test_threads_may_share_a_book(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(route_book, "MEMORY", 1)  # so that each route drops another
     grid = make_layout("open")
@@ -279,16 +246,6 @@ def test_threads_may_share_a_book(monkeypatch: pytest.MonkeyPatch) -> None:
     for pair, route in zip(10 * pairs, found, strict=True):
         np.testing.assert_array_equal(route.line, alone.route(*pair).line)
     assert len(shared._routes) == 1
-
-
-def test_resample_keeps_the_ends_and_spaces_evenly() -> None:
-    line = np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 1.2]])
-    points = resample(line, 0.5)
-    np.testing.assert_allclose(points[[0, -1]], line[[0, -1]])
-    assert len(points) == 9  # 4.2 m in 8 pieces
-    np.testing.assert_allclose(points[:5, 0], 0.525 * np.arange(5))
-    np.testing.assert_allclose(points[6:], [[3.0, 0.15], [3.0, 0.675], [3.0, 1.2]])
-    assert resample(line[:1].repeat(2, axis=0), 0.5).tolist() == [[0.0, 0.0]]
 
 
 def test_plans_prepared_side_by_side_are_those_made_one_by_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -347,11 +304,3 @@ def test_a_store_that_grows_too_large_loses_its_oldest_plans(tmp_path: Path, mon
     assert 100 < len(kept) < 220
     assert kept == list(range(kept[0], 20 * plan_store.PENDING))
     assert max(sizes) < 300_000
-
-
-def test_stores_of_earlier_formats_are_removed(tmp_path: Path) -> None:
-    (tmp_path / "plans-1.sqlite").touch()
-    store = plan_store.PlanStore(tmp_path)
-    store.put("plan", np.zeros((2, 2), np.int64))
-    store.flush()
-    assert [path.name for path in tmp_path.iterdir()] == [f"plans-{plan_store.CACHE_FORMAT}.sqlite"]

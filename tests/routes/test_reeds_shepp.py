@@ -80,14 +80,6 @@ def test_it_is_a_metric_that_no_mirror_and_no_reversal_changes(
     assert there >= radius * abs(wrapped(turn)) - 1e-6
 
 
-@given(POSE, POSE, POSE)
-def test_no_detour_is_shorter(
-    a: tuple[float, float, float], b: tuple[float, float, float], c: tuple[float, float, float]
-) -> None:
-    direct = distance(*seen_from(*a, *c), 1.0)
-    assert direct <= distance(*seen_from(*a, *b), 1.0) + distance(*seen_from(*b, *c), 1.0) + 1e-5
-
-
 def test_no_way_of_short_arcs_is_shorter() -> None:
     """Dijkstra's algorithm over arcs of 15 degrees and lines as long, whose ends lie exactly where they lie."""
     step = math.pi / 12

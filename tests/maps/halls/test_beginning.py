@@ -10,13 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from tests.maps.halls.test_map_server import REAL, YAML, hall, room
-from warehouse_env.errors import ConfigError
-from warehouse_env.maps.grid_map import GridMap
+from tests.maps.halls.test_map_server import REAL, hall, room
 from warehouse_env.maps.halls.cells import Raster, spread
 from warehouse_env.maps.halls.hall import Hall, read_hall
 from warehouse_env.maps.halls.map_server import Occupancy, write_occupancy
-from warehouse_env.maps.halls.saved import write_hall
 from warehouse_env.render.hall_map import cell_kinds
 
 RACKS = np.array([list(row) for row in (
@@ -75,17 +72,6 @@ def test_an_aisle_is_worth_more_than_a_strip_of_floor(tmp_path: Path) -> None:
     assert told(found).endswith("(begin=0.5+0)")
 
 
-def test_clean_floor_is_worth_more_than_floor_full_of_specks(tmp_path: Path) -> None:
-    """From the corner ten cells, each with a speck of 4%; a pixel lower nine without."""
-    grey = room(6, 50)
-    grey[0, ::5] = grey[5, 45:] = 0
-    name = hall(tmp_path, grey, YAML.replace("resolution: 0.5", "resolution: 0.2"))
-    assert len(read_hall(f"{name}:begin=corner").grid.free_cells) == 10
-    found = read_hall(name)
-    assert len(found.grid.free_cells) == 9
-    assert told(found).endswith("(begin=0+0.2)")
-
-
 walled = hnp.arrays(np.bool_, st.tuples(st.integers(1, 6), st.integers(1, 6))).map(
     lambda inner: np.pad(inner, 1, constant_values=True)
 )
@@ -98,24 +84,6 @@ def test_a_hall_is_the_same_wherever_its_picture_begins(tmp_path_factory, occupi
     folder = tmp_path_factory.mktemp("h")
     plain = driven(read_hall(f"{shifted(folder, occupied)}:begin=corner,share={share}"))
     assert driven(read_hall(f"{shifted(folder, occupied, above, left)}:share={share}")) == plain
-
-
-@given(
-    hnp.arrays(np.bool_, st.tuples(st.integers(1, 7), st.integers(1, 7))),
-    st.sampled_from([(1.0, 1), (1.0, 2), (0.75, 3), (1.0, 7), (0.5, 10)]),
-    st.tuples(st.floats(-50, 50), st.floats(-50, 50)),
-)
-@settings(max_examples=60, deadline=None)
-def test_what_is_saved_keeps_its_cells(tmp_path_factory, occupied, sizes, origin) -> None:  # type: ignore[no-untyped-def]
-    """Nothing says where they begin, and no arrows lie beside."""
-    occupied[0, 0] = False
-    cell, fine = sizes
-    grid = GridMap(occupied, cell_size=cell, origin=origin, name="hall")
-    name = write_hall(grid, tmp_path_factory.mktemp("h") / "hall.yaml", cell / fine)
-    found = read_hall(name)
-    assert found.grid.key == grid.key
-    assert found.grid.origin == pytest.approx(origin)
-    assert told(found).endswith("at the picture's upper left corner")
 
 
 def test_arrows_count_cells_from_the_corner(tmp_path: Path) -> None:
@@ -165,12 +133,6 @@ def test_sums_are_those_of_the_pixels(weights: np.ndarray, sizes: tuple[float, f
     expected = [[float(np.mean(found.get((r, c), [0]))) for c in range(3)] for r in range(4)]
     occupancy = Occupancy(np.zeros(weights.shape, np.int8), resolution)
     assert spread(occupancy, weights, raster).tolist() == expected
-
-
-@pytest.mark.parametrize("begin", ["x", "1", "0.5", "1+0", "0+1", "-0.5+0", "0.5+", "0.5+0.5+0.5", "nan+0", "1e-1+0"])
-def test_a_wrong_beginning_is_one_sentence(tmp_path: Path, begin: str) -> None:
-    with pytest.raises(ConfigError, match="begin"):
-        read_hall(f"{hall(tmp_path, room())}:begin={begin}")
 
 
 @pytest.mark.skipif(not REAL.exists(), reason="the real halls are not here")

@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from tests.maps.halls.test_map_server import REAL, hall, room
-from warehouse_env.errors import MapError, MapWarning
-from warehouse_env.maps.grid_map import MOVES, GridMap
+from warehouse_env.errors import MapError
+from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.halls.cells import Raster
 from warehouse_env.maps.halls.hall import read_hall
 from warehouse_env.maps.halls.lanes import STEPS, Lane, Lanes, arrows, lay, of_floor, prices
@@ -24,7 +24,6 @@ from warehouse_env.maps.halls.lif import read_lif, write_lif
 from warehouse_env.maps.halls.places import cells_of, read_places
 from warehouse_env.maps.halls.route_graph import read_route_graph, write_route_graph
 from warehouse_env.maps.one_way import ARROWS
-from warehouse_env.planning import PLANNERS, make_planner, path_length
 
 RASTER = Raster(3, 5, 1.0, (0.0, 0.0))
 
@@ -78,31 +77,6 @@ def test_prices_by_hand() -> None:
     cheap = lane((0.5, 0.5), (4.5, 0.5))._replace(price=0.5)
     both = prices(lay(Lanes(lanes=[east, cheap]), open_floor, RASTER), 1.5)
     assert (both[2, 0, 0], both[1, 0, 0], both[0, 0, 0]) == (1.0, 2.0, 3.0)  # in proportion to the cheapest
-
-
-@pytest.mark.parametrize("name", PLANNERS)
-def test_planners_prefer_lanes_and_fast_floor(name: str) -> None:
-    """Who takes a cost map keeps to a lane beside the straight way, and out of a slow aisle; who does not says so."""
-    around = lane((0.5, 2.5), (0.5, 3.5), (8.5, 3.5), (8.5, 2.5))
-    free = np.ones((5, 9), np.bool_)
-    price = prices(lay(Lanes(lanes=[around]), free, Raster(5, 9, 1.0, (0.0, 0.0))), 2.0)
-    slow = np.full((5, 9), np.inf)
-    slow[2, 1:8] = 0.5
-    straight = np.array([(2, column) for column in range(9)])
-    for grid in (GridMap(~free, price=price), GridMap(~free, speed=slow)):
-        planner = make_planner(name)
-        if not planner.takes_cost:
-            with pytest.warns(MapWarning, match="neither preferred lanes nor speed limits"):
-                planner.plan(grid, (2, 0), (2, 8), np.random.default_rng(0))
-            continue
-        found = planner.plan(grid, (2, 0), (2, 8), np.random.default_rng(0)).cells
-        assert cost_of(grid, found) < 0.9 * cost_of(grid, straight)
-
-
-def cost_of(grid: GridMap, cells: np.ndarray) -> float:
-    assert grid.surplus is not None
-    moves = [MOVES.tolist().index(step) for step in np.diff(cells, axis=0).tolist()]
-    return path_length(cells) + float(grid.surplus[(*cells[:-1].T, moves)].sum())
 
 
 def test_time_and_prices_multiply() -> None:
@@ -159,30 +133,6 @@ def test_lifs_own_examples() -> None:
         assert read_lif(file).nodes
     with pytest.raises(MapError, match="'number' must be a finite number"):
         read_lif(files[0])
-
-
-@pytest.mark.skipif(not REAL.exists(), reason="the real halls are not here")
-def test_a_real_route_graph_on_its_hall() -> None:
-    found = read_hall(f"{REAL / 'warehouse.yaml'}:lanes=warehouse_graph.geojson,lanes_only=true")
-    assert not found.notes
-    assert (found.grid.one_way > 0).sum() == 152
-    lanes = read_route_graph(REAL / "warehouse_graph.geojson")
-    assert (len(lanes.nodes), len(lanes.lanes)) == (96, 172)
-
-
-def test_a_curve_goes_through_its_arc(tmp_path: Path) -> None:
-    """A quarter circle of radius 10 as a rational curve of degree 2."""
-
-    def bend(data: Any) -> None:
-        nodes, edges = data["layouts"][0]["nodes"], data["layouts"][0]["edges"]
-        nodes[0]["nodePosition"], nodes[1]["nodePosition"] = {"x": 10, "y": 0}, {"x": 0, "y": 10}
-        points = [{"x": 10, "y": 0}, {"x": 10, "y": 10, "weight": 0.5**0.5}, {"x": 0, "y": 10}]
-        curve = {"degree": 2, "knotVector": [0, 0, 0, 1, 1, 1], "controlPoints": points}
-        edges[0]["vehicleTypeEdgeProperties"][0]["trajectory"] = curve
-
-    line = read_lif(lif(tmp_path, bend, GridMap(np.zeros((1, 2))))).lanes[0].line
-    assert np.allclose(np.hypot(*line.T), 10.0)
-    assert len(line) > 10
 
 
 def test_costs_of_lanes_are_kept_or_said(tmp_path: Path) -> None:

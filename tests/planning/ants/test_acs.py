@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from tests.planning.ants.colonies import EAST, SOUTH, SOUTH_EAST, walked
+from tests.planning.ants.colonies import EAST, SOUTH_EAST, walked
 from warehouse_env.maps.generators import random_floor
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning.ants.acs import ShaaAcs, draw_towards_best
@@ -87,13 +87,3 @@ def test_it_is_optimal_on_cluttered_floors(local_search: bool) -> None:
         plan = ShaaAcs(local_search=local_search).plan(grid, start, goal, np.random.default_rng(seed))
         validate(grid, plan.cells, start, goal)
         assert path_length(plan.cells) == pytest.approx(grid.distance_to(goal)[start])
-
-
-def test_a_cost_map_bends_the_network() -> None:
-    cost = np.zeros((9, 9))
-    cost[1:8, 4] = 1000.0
-    plan = ShaaAcs(ants=5, iterations=5).plan(open_floor(9, 9), (4, 0), (4, 8), np.random.default_rng(0), cost)
-    assert cost[plan.cells[:, 0], plan.cells[:, 1]].sum() == 0
-    floor = make_floor(open_floor(9, 9), (4, 8), 0.0, cost)
-    assert ShaaAcs().network_weights(floor)[4 * 9 + 3, EAST] == 1e-300
-    assert ShaaAcs(weights="inverse").network_weights(floor)[4 * 9 + 3, [EAST, SOUTH]] == pytest.approx([1 / 1001, 1])

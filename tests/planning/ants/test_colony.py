@@ -11,7 +11,7 @@ import pytest
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning.ants.colony import Colony, EdgeWeights, WalkRule, cells_of, run, walk
 from warehouse_env.planning.ants.floor import Floor, Table, make_floor
-from warehouse_env.planning.ants.walks import Walks, deposit, empty_walks, measure
+from warehouse_env.planning.ants.walks import Walks, empty_walks, measure
 
 EAST, SOUTH_EAST, SOUTH = 0, 7, 6
 
@@ -37,16 +37,6 @@ def test_first_steps_are_drawn_in_proportion() -> None:
     walks = send(floor, table, table, 20_000)
     share = [(walks.moves[:, 0] == move).mean() for move in (EAST, SOUTH_EAST, SOUTH)]
     assert share == pytest.approx([1 / 8, 5 / 8, 2 / 8], abs=0.012)
-
-
-def test_going_straight_on_uses_its_own_table() -> None:
-    floor = open_floor(3, 9)
-    ahead = np.full((27, 8), 1e6)
-    walks = send(floor, np.ones((27, 8)), ahead, 50)
-    # An ant keeps its first direction until the wall.
-    east = walks.moves[:, 0] == EAST
-    assert east.any()
-    assert (walks.moves[east, :8] == EAST).all()
 
 
 def test_greedy_ants_take_the_best_edge() -> None:
@@ -116,17 +106,6 @@ def test_measures_of_walks_by_hand() -> None:
     # Heights 0, 0.3, 0: mean 0.1, sum of squares 0.06, over p - 1 = 2 (eq. 24).
     assert walks.spread[:2] == pytest.approx([math.sqrt(0.03), 0.0])
     assert math.isinf(walks.length[2])
-
-
-def test_deposit_marks_directed_edges_once_per_ant() -> None:
-    floor = open_floor(1, 3)
-    walks = empty_walks(0, 2, 3)
-    walks.steps[:] = 2, -1
-    pheromone = np.zeros((3, 8))
-    deposit(floor, pheromone, walks, np.array([0.25, 9.0]))
-    expected = np.zeros((3, 8))
-    expected[:2, EAST] = 0.25
-    np.testing.assert_array_equal(pheromone, expected)
 
 
 def test_the_slots_are_called_in_their_order_and_an_improved_path_counts() -> None:

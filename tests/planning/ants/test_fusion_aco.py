@@ -12,7 +12,7 @@ from warehouse_env.maps.grid_map import MOVES, GridMap
 from warehouse_env.maps.layouts import NAMED_TASKS, make_layout
 from warehouse_env.planning import path_length, validate
 from warehouse_env.planning.ants.floor import make_floor
-from warehouse_env.planning.ants.fusion_aco import FusionAco, stuck_cells
+from warehouse_env.planning.ants.fusion_aco import FusionAco
 
 START = 0
 
@@ -54,18 +54,6 @@ def wall() -> GridMap:
     occupied = np.zeros((6, 9), dtype=bool)
     occupied[2, 2:7] = True
     return GridMap(occupied)
-
-
-def test_stuck_cells_are_where_walks_end() -> None:
-    grid, goal = wall(), (0, 4)
-    planner = FusionAco(repulsion_gain=0.0)
-    assert stuck_cells(grid, planner.force(grid, goal), goal) == [(3, 4)]
-    empty = GridMap(np.zeros((5, 5), dtype=bool))
-    assert stuck_cells(empty, planner.force(empty, (2, 2)), (2, 2)) == []
-    # A walker that is pushed back and pulled on goes round: all cells of the round are stuck.
-    to_and_fro = np.zeros((1, 4, 2))
-    to_and_fro[0, :, 1] = 1, 1, -1, -1
-    assert stuck_cells(GridMap(np.zeros((1, 4), dtype=bool)), to_and_fro, (0, 0)) == [(0, 1), (0, 2)]
 
 
 def test_the_intermediate_point_turns_the_force_round_the_wall() -> None:

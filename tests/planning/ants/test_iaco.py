@@ -64,9 +64,3 @@ def test_the_line_is_the_smoothed_path(where: str, norms: str) -> None:
     validate_line(grid, plan.line, start, goal, 0.35 - 1e-6)
     np.testing.assert_array_equal(plan.line, smooth(plan.cells, grid.occupied, power=2 if norms == "squared" else 1))
     assert plan.line_length < path_length(plan.cells)
-
-
-def test_it_is_near_the_optimum_in_the_zone() -> None:
-    grid = make_layout("paper46")
-    lengths = [path_length(search("iaco", grid, TASK.start, TASK.goal, seed).cells) for seed in range(10)]
-    assert np.mean(lengths) < 1.03 * grid.distance_to(TASK.goal)[TASK.start]

@@ -33,13 +33,6 @@ def test_a_zigzag_on_open_floor_becomes_one_turn() -> None:
     assert turns(cells) == 1
 
 
-def test_a_corner_is_not_cut() -> None:
-    occupied = np.zeros((3, 3), dtype=bool)
-    occupied[1, 1] = True
-    around = [(0, 0), (1, 0), (2, 0), (2, 1), (2, 2)]
-    assert improved(GridMap(occupied), around).tolist() == [list(cell) for cell in around]
-
-
 def test_a_detour_round_a_bump_stays_if_it_is_worth_it() -> None:
     height = np.zeros((3, 5))
     height[0, 2] = 0.1  # straight over it: 4 cells and 0.2 m; round it: 2 + 2 sqrt 2 cells

@@ -40,33 +40,6 @@ def test_a_fish_swarms_to_the_middle_where_that_is_better() -> None:
         assert cost[k] == np.abs(new[k] - TARGET).sum() < 4.0
 
 
-def preyed(swarm: FishSwarm, seed: int = 0) -> tuple[np.ndarray, np.ndarray, Recorder]:
-    place, paths = np.full((20, 1, 2), 8.0), Recorder()
-    cost = paths.cost(place)
-    swarm._prey(paths, place, cost, np.arange(10), 3.0, np.random.default_rng(seed))
-    return place[:, 0], cost, paths
-
-
-def test_hungry_fish_go_to_the_first_better_place_in_sight() -> None:
-    place, cost, paths = preyed(FishSwarm(waypoints=1, tries=4, roam=0.0))
-    assert (place[10:] == 8.0).all()
-    assert (cost == np.abs(place - TARGET).sum(axis=1)).all()
-    assert (cost[:10] < 11.0).sum() >= 8
-    assert np.abs(place - 8.0).max() <= 3.0
-    assert [len(code) for code in paths.tried[1:]] == sorted([len(code) for code in paths.tried[1:]], reverse=True)
-
-
-def test_a_fish_that_finds_nothing_may_roam() -> None:
-    best, paths = np.full((20, 1, 2), TARGET), Recorder()
-    stay, cost = best.copy(), np.zeros(20)
-    FishSwarm(waypoints=1, roam=0.0)._prey(paths, stay, cost, np.arange(20), 2.0, np.random.default_rng(0))
-    assert (stay == best).all()
-    FishSwarm(waypoints=1, roam=1.0, step=0.5)._prey(paths, stay, cost, np.arange(20), 2.0, np.random.default_rng(0))
-    assert (stay != best).any(axis=(1, 2)).all()
-    assert np.abs(stay - best).max() <= 1.0
-    assert (cost > 0).all()
-
-
 def test_the_swarm_gathers_at_the_target() -> None:
     paths = Recorder()
     first = np.random.default_rng(0).uniform(0, 10, (12, 2, 2))

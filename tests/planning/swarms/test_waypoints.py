@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 
 import numpy as np
@@ -36,14 +35,6 @@ OPEN = drawn(".....", ".....", ".....", ".....")
 WALL = drawn(".....", ".###.", "...#.", ".....")
 
 
-def test_from_tight_floor_the_walk_goes_by_the_nearest_points_that_are_not() -> None:
-    """No way leads back there: the walker ran out of cells to go back to, and read the one before its first."""
-    tight = np.zeros((4, 5), np.bool_)
-    tight[1:3, 0] = True
-    grid = dataclasses.replace(OPEN, tight=tight)
-    assert decoded(grid, (1, 0), (1, 4), (1.0, 2.0), (2.0, 0.0)) == [(1, k) for k in range(5)]
-
-
 def test_the_walk_goes_by_its_points_and_diagonally_while_it_can() -> None:
     assert decoded(OPEN, (0, 0), (0, 4), (2.4, 1.6)) == [(0, 0), (1, 1), (2, 2), (1, 3), (0, 4)]
     assert decoded(OPEN, (0, 0), (3, 1), (0.0, 0.0)) == [(0, 0), (1, 1), (2, 1), (3, 1)]
@@ -71,13 +62,6 @@ def test_cost_is_length_and_tolls_of_each_code_and_the_best_is_kept() -> None:
     assert paths.best.cost[0] == cost[1]
     assert paths.cost(np.array([straight], dtype=np.float64)) == pytest.approx([9.0])
     assert paths.best.cost[0] == cost[1]
-
-
-def test_local_search_straightens_the_best_but_not_the_codes_cost() -> None:
-    zigzag = np.array([[(2.0, 1.0), (0.0, 2.0), (2.0, 3.0)]])
-    plain, searched = paths_of(OPEN, (0, 0), (0, 4)), paths_of(OPEN, (0, 0), (0, 4), local=True)
-    assert searched.cost(zigzag) == plain.cost(zigzag)
-    assert searched.best.length[0] == 4.0 < plain.best.length[0]
 
 
 @given(seed=st.integers(0, 10_000), share=st.floats(0.0, 0.5), rows=st.integers(1, 9), columns=st.integers(2, 9))

@@ -17,7 +17,7 @@ import yaml
 from numpy.typing import NDArray
 
 from warehouse_env.errors import MapError, shown
-from warehouse_env.files import write_text
+from warehouse_env.files import as_number, write_text
 from warehouse_env.maps.halls.picture import SUFFIXES, Picture, read_picture, write_pgm
 from warehouse_env.maps.plain_yaml import read_yaml
 
@@ -52,7 +52,8 @@ def read_occupancy(path: Path, resolution: float | None = None) -> Occupancy:
     if path.suffix.lower() in YAMLS:
         if resolution is not None:
             raise MapError(f"{path} says its resolution itself; leave resolution={resolution} out")
-        return _read_yaml(path)
+        about = _mapping(path)
+        return _interpreted(path, read_picture(_image(path, about)), about)
     if resolution is None:
         raise MapError(f"{path} is a plain picture, so say how wide a pixel is in metres: {path.name}:resolution=0.05")
     about = {"resolution": resolution, "free_thresh": FREE_THRESH, "occupied_thresh": OCCUPIED_THRESH}
@@ -65,11 +66,6 @@ def beside(path: Path, name: Any, what: str) -> Path:
     if not inside or Path(name).is_absolute() or ".." in Path(name).parts or "\\" in name:
         raise MapError(f"{path}: {what} {shown(name)} must be the name of a file in the same folder; copy it there")
     return path.parent / str(name)
-
-
-def _read_yaml(path: Path) -> Occupancy:
-    about = _mapping(path)
-    return _interpreted(path, read_picture(_image(path, about)), about)
 
 
 def image_of(path: Path) -> Path:
@@ -90,30 +86,19 @@ def _mapping(path: Path) -> dict[Any, Any]:
     return about
 
 
-def _number(path: Path, about: dict[Any, Any], name: str, low: float, high: float) -> float:
-    if name not in about:
-        raise MapError(f"{path} has no entry {name}")
-    return _within(path, about[name], name, low, high)
-
-
-def _within(path: Path, value: Any, name: str, low: float, high: float) -> float:
-    if isinstance(value, str):  # YAML 1.1 takes 5e-2 for a word
-        try:
-            value = float(value)
-        except ValueError:
-            value = None
-    # Python compares whole numbers of any length
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not low <= value <= high:
+def _number(path: Path, value: Any, name: str, low: float, high: float) -> float:
+    number = as_number(value)  # YAML 1.1 takes 5e-2 for a word
+    if not low <= number <= high:
         raise MapError(f"{path}: {name} must be a number from {low:g} to {high:g}")
-    return float(value)
+    return number
 
 
 def _interpreted(path: Path, picture: Picture, about: dict[Any, Any]) -> Occupancy:
-    resolution = _number(path, about, "resolution", 1e-3, 100.0)
+    resolution = _number(path, about.get("resolution"), "resolution", 1e-3, 100.0)
     origin = about.get("origin")
     if not isinstance(origin, list) or len(origin) != 3:
         raise MapError(f"{path}: origin must be a list of x, y and yaw, as [0.0, 0.0, 0.0]")
-    x, y, yaw = (_within(path, value, "origin", -_FARTHEST, _FARTHEST) for value in origin)
+    x, y, yaw = (_number(path, value, "origin", -_FARTHEST, _FARTHEST) for value in origin)
     if abs(math.remainder(yaw, math.tau)) > 1e-3:
         raise MapError(f"{path}: origin has a yaw of {yaw:g} rad; only 0 is read, so turn the picture instead")
     mode, negate = about.get("mode", "trinary"), about.get("negate", 0)
@@ -124,7 +109,8 @@ def _interpreted(path: Path, picture: Picture, about: dict[Any, Any]) -> Occupan
     if mode == "raw":
         free, occupied = 0.0, 1.0
     else:
-        free, occupied = (_number(path, about, name, 0.0, 1.0) for name in ("free_thresh", "occupied_thresh"))
+        names = ("free_thresh", "occupied_thresh")
+        free, occupied = (_number(path, about.get(name), name, 0.0, 1.0) for name in names)
         if free >= occupied:
             raise MapError(f"{path}: free_thresh {free:g} must be below occupied_thresh {occupied:g}")
     values = _levels(mode, bool(negate), free, occupied)[picture.grey]

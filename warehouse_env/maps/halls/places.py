@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.errors import MapError, shown
-from warehouse_env.files import read_json, write_text
+from warehouse_env.files import as_number, read_json, write_text
 from warehouse_env.maps.halls.cells import Raster
 
 SUFFIX = ".places.json"
@@ -55,19 +55,13 @@ def _listed(path: Path, kind: str, entries: Any) -> tuple[Place, ...]:
     places: dict[str, Place] = {}
     for number, entry in enumerate(entries, start=1):
         name = str(entry.get("id", number))[:80] if isinstance(entry, dict) else str(number)
-        where: list[Any] = [entry.get(axis) for axis in "xy"] if isinstance(entry, dict) else [None, None]
-        if not all(is_number(value) for value in where):
+        where = [as_number(entry.get(axis)) if isinstance(entry, dict) else math.nan for axis in "xy"]
+        if not all(map(math.isfinite, where)):
             raise MapError(f"{path}: {kind[:-1]} {shown(name)} must have numbers x and y, in metres")
         if name in places:
             raise MapError(f"{path}: {kind} names {shown(name)} twice; give each its own id")
-        places[name] = Place(name, float(where[0]), float(where[1]))
+        places[name] = Place(name, *where)
     return tuple(places.values())
-
-
-def is_number(value: Any) -> bool:
-    """Whether a value of a JSON file is a finite number."""
-    plain = isinstance(value, (int, float)) and not isinstance(value, bool)
-    return plain and abs(value) < 1e300 and math.isfinite(value)
 
 
 def write_places(places: Places, path: Path) -> None:
