@@ -11,7 +11,8 @@ import pytest
 
 from agents import make_policy
 from tests.hostile.__main__ import attempt, guarded, hunt
-from tests.hostile.targets import EVALUATED, PROGRESS, RECORD, SMALL, TARGETS, Target, _plans, an_episode
+from tests.hostile.readers import EVALUATED, PROGRESS, RECORD, SMALL, an_episode
+from tests.hostile.targets import TARGETS, Target, _plans
 from train.evaluation.episodes import Episodes
 from train.evaluation.jobs import of_all_runs
 from train.evaluation.rollout import make_experiment

@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import itertools
 import pickle
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 from unittest import mock
@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from tests.simulation.worlds import drawn
 from warehouse_env import EnvConfig, GridMap, Simulator, aec_env, make_planner, parallel_env, single_env, vec_env
 from warehouse_env.routes.book import RouteBook
-from warehouse_env.simulation.worlds import Pool
 
 GRID = drawn([*["............"] * 5, "....####....", *["............"] * 6])
 SETTINGS: dict[str, Any] = {"num_agents": 3, "max_steps": 60, "planner": "astar", "action_repeat": 3}
@@ -207,50 +206,6 @@ def test_a_copy_goes_on_to_the_bit(name: str, way: str, moment: str, request: py
     for env in (never_copied, twin, original):
         if hasattr(env, "close"):
             env.close()
-
-
-def array_paths(thing: Any, path: str = "", seen: set[int] | None = None) -> Iterator[tuple[str, NDArray[Any]]]:
-    """Yield every array within a thing, with its path; but for those of maps and books, which are theirs to share,
-    and for scratch, of which one who has searched has more.
-    """
-    seen = set() if seen is None else seen
-    if isinstance(thing, np.ndarray):
-        yield path, thing
-    elif id(thing) in seen or isinstance(thing, (GridMap, RouteBook, Pool)) or callable(thing):
-        return
-    else:
-        seen.add(id(thing))
-        parts = thing if isinstance(thing, dict) else vars(thing) if hasattr(thing, "__dict__") else {}
-        if isinstance(thing, (list, tuple)):
-            parts = dict(enumerate(thing))
-        for key, part in parts.items():
-            yield from array_paths(part, f"{path}.{key}", seen)
-
-
-@pytest.mark.parametrize("way", WAYS)
-def test_copies_of_an_env_that_was_never_seeded_have_tasks_of_their_own(way: str) -> None:
-    """Else SuperSuit, which copies one env many times, would make many worlds of the same tasks."""
-    fresh = Simulator(EnvConfig(**SETTINGS), 2, grid=GRID)
-    starts = []
-    for env in (fresh, WAYS[way](fresh), WAYS[way](fresh)):
-        env.reset()
-        starts += [env.state.pose[world].tobytes() for world in range(2)]
-    assert len(set(starts)) == 6
-
-
-@pytest.mark.parametrize("way", ["pickle", "deepcopy"])
-@pytest.mark.parametrize("name", ["parallel", "mixed"])
-def test_views_in_a_copy_look_at_the_copy(name: str, way: str) -> None:
-    """What shares memory in the original does so in the copy; between the two only read-only arrays do."""
-    original = brought_to("driving", DRIVES[name])
-    twin = WAYS[way](original)
-    mine, its = dict(array_paths(original)), dict(array_paths(twin))
-    assert mine.keys() == its.keys()
-    assert len(mine) > 30
-    for a, b in itertools.combinations(mine, 2):
-        assert np.may_share_memory(mine[a], mine[b]) == np.may_share_memory(its[a], its[b]), (a, b)
-    for a, b in itertools.product(mine, its):
-        assert not np.may_share_memory(mine[a], its[b]) or not mine[a].flags.writeable, (a, b)
 
 
 def test_what_the_user_gave_goes_along_as_it_is() -> None:

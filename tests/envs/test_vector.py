@@ -91,29 +91,6 @@ def test_a_robot_that_parks_ends_once(tiny: EnvConfig, wrapped: bool) -> None:
         assert sorted(found[1]) == sorted(lengths)
 
 
-def test_mixed_configs(tiny: EnvConfig) -> None:
-    """Each config's rows are those of its own Simulator, whatever stands beside it."""
-    other = tiny.replace(layout="narrow", num_agents=2, max_steps=7)
-    env = vec_env([1, 2], configs=[tiny, other])
-    assert env.num_envs == 3 + 2 * 2
-    env.seed(9)
-    observation = env.reset()
-    first = Simulator(tiny, 1)
-    np.testing.assert_array_equal(observation[:3], first.reset(9)[0])
-    rng = np.random.default_rng(0)
-    ends = []
-    for _ in range(14):
-        actions = random_actions(env, rng)
-        observation, _, dones, _ = env.step(actions)
-        ends.append(dones.tolist())
-        if not dones[0]:
-            np.testing.assert_array_equal(observation[:3], first.step(actions[None, :3])[0])
-        else:
-            break
-    assert ends[6] == [False] * 3 + [True] * 4
-    assert ends[11] == [True] * 3 + [False] * 4
-
-
 def test_routes_are_planned_once_for_equal_maps(tiny: EnvConfig) -> None:
     configs = [tiny, tiny.replace(num_agents=2), tiny.replace(layout="narrow"), tiny.replace(planner="dijkstra")]
     books = [block.simulator.route_book for block in vec_env(configs=configs).blocks]
@@ -149,7 +126,6 @@ def test_each_row_is_told_of_its_own_world(tiny: EnvConfig) -> None:
     for row, view in enumerate(expected):
         np.testing.assert_array_equal(state[row], np.pad(view, (0, 24 - len(view))))
         np.testing.assert_array_equal(env.env_method("global_state")[row], view)
-        np.testing.assert_array_equal(env.get_attr("global_state", row)[0](), view)
         np.testing.assert_array_equal(env.env_method("state", indices=row)[0], state[row])
     assert env.env_method("seconds") == env.env_method("seconds", indices=range(8)) == [0.1] * 5 + [0.0] * 3
     assert env.env_method("seconds", 0) == [0.1] * 8

@@ -71,31 +71,6 @@ def test_what_does_not_fit_is_one_sentence() -> None:
         load_floor(EnvConfig(), grid)
 
 
-def test_where_aisles_meet_in_which_a_body_hardly_turns_is_said() -> None:
-    """1.4 x 0.8 m turn in aisles of 1.39 m, by the circles of their corners about the turn's centre."""
-    lines = [
-        "............",
-        "..........s.",
-        "#.#########.",
-        "#.#########.",
-        "p.........p.",
-        "###.#######.",
-        "###p#######.",
-    ]
-    grid = drawn(*lines)
-    floor, notes = fitted(grid, LONG)
-    assert floor.tight is None
-    assert notes == (
-        "bodies of 1.4 x 0.8 m need aisles of 1.4 m to turn from one into another, and some of 1 m meet, as near "
-        "(1.5, 2.5) m: they may stand there for good; smaller cells leave such aisles out, as in hall.yaml:cell=0.5",
-    )
-    assert fitted(floor, LONG)[1] == notes
-    slender = RobotSpec(length=1.05, width=0.2, wheelbase=1.0, front_overhang=0.02)
-    assert slender.farthest > 1
-    assert fitted(grid, slender)[1] == ()
-    assert fitted(drawn(*lines[:4], "p...........", "............"), LONG)[1] == ()
-
-
 @pytest.mark.parametrize(("length", "width", "gets_there"), [(0.9, 0.6, True), (1.4, 0.8, False)])
 def test_bodies_stand_for_good_where_it_is_said(length: float, width: float, gets_there: bool) -> None:
     robot = RobotSpec(length=length, width=width)
@@ -103,7 +78,7 @@ def test_bodies_stand_for_good_where_it_is_said(length: float, width: float, get
     config = policy_config("greedy", EnvConfig(num_agents=1, planner="astar_turns", robot=robot, layout="pocket"))
     simulator, policy, rng = Simulator(config, grid=grid), make_policy("greedy", config), np.random.default_rng(0)
     observation = simulator.reset([0])
-    while simulator.seconds(0) < 60:
+    while simulator.seconds(0) < 80:
         observation = simulator.step(policy.act(observation, rng))
     assert (simulator.episode_metrics()["stuck"] == 0) == gets_there == (fitted(grid, robot)[1] == ())
 

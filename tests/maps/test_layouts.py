@@ -102,31 +102,6 @@ def free_gaps(occupied: np.ndarray) -> list[int]:
     return [len(run) for row in occupied for run in "".join("#" if o else "." for o in row).split("#") if run]
 
 
-def test_single_lane_has_lanes_of_one_cell_with_a_passing_place_in_each() -> None:
-    grid = make_layout("single_lane")
-    assert grid.shape == (46, 46)
-    assert min(free_gaps(grid.occupied.T)) == 1
-    lanes = sorted({row for row, _ in grid.picks.tolist()})
-    assert len(lanes) == 2 * 5
-    for row in lanes:
-        for left in (4, 26):
-            lane = slice(left, left + 16)
-            assert not grid.occupied[row, lane].any()
-            assert grid.occupied[row + 1, lane].all()
-            assert (~grid.occupied[row - 1, lane]).sum() == 4  # the bay
-            assert not grid.occupied[row - 1, left + 6 : left + 10].any()
-    for corridor in (np.s_[:4], np.s_[-4:], np.s_[21:25], np.s_[:, :4], np.s_[:, -4:], np.s_[:, 20:26]):
-        assert not grid.occupied[corridor].any()
-
-
-@pytest.mark.parametrize("size", [46, 92, 130])
-def test_blocks_keep_their_density_at_any_size(size: int) -> None:
-    grid = make_layout("blocks", rows=size, columns=size)
-    assert grid.occupied.mean() == pytest.approx(make_layout("paper46").occupied.mean(), abs=0.03)
-    assert len(grid.stations) >= (size / 46) ** 2 * 32
-    assert not near(grid.stations, grid.stations, 3)
-
-
 # ---- bad input
 
 

@@ -6,12 +6,11 @@ import itertools
 import math
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from warehouse_env.maps.grid_map import Cell, GridMap
-from warehouse_env.planning import path_length, validate
+from warehouse_env.planning import validate
 from warehouse_env.planning.any_angle import ThetaStar, line_of_sight
 from warehouse_env.planning.plan import Plan, validate_line
 
@@ -49,21 +48,6 @@ def test_sight_equals_exact_geometry(data: st.DataObject) -> None:
     assert line_of_sight(occupied, np.zeros(occupied.shape, np.uint8), *a, *b) == (
         not any(touches(a, b, shelf) for shelf in shelves)
     )
-
-
-def test_around_a_wall_by_hand() -> None:
-    grid = drawn(
-        "..#..",
-        "..#..",
-        ".....",
-    )
-    found = plan(grid, (0, 0), (0, 4))
-    # The straight lines to (2, 2) touch the wall's corners; so (2, 1) and (2, 3) are the vertices.
-    assert found.line is not None
-    assert found.line.tolist() == [[0, 0], [2, 1], [2, 3], [0, 4]]
-    assert found.line_length == pytest.approx(2 + 2 * math.sqrt(5))
-    validate(grid, found.cells, (0, 0), (0, 4))
-    assert path_length(found.cells) == pytest.approx(4 + 2 * math.sqrt(2))
 
 
 def visibility_length(grid: GridMap, start: Cell, goal: Cell) -> float:

@@ -99,15 +99,6 @@ def test_random_cost_maps_are_searched_exactly() -> None:
             assert priced(plan.cells, cost) == pytest.approx(expected, abs=1e-4)  # tolls are whole millionths
 
 
-@pytest.mark.parametrize(("hairpin", "back"), [(0.0, True), (0.5, True), (0.7, False)])
-def test_turning_back_sharply_is_priced(hairpin: float, back: bool) -> None:
-    grid = drawn("....", "....")
-    cost = np.zeros((2, 4, 8))
-    cost[1, 2, [2, 3, 4]] = 2.5  # straight to the goal; by (1, 3) and back it is 1 + sqrt 2, round by (0, 3) it is 3
-    cells = make_planner(f"astar_turns:hairpin={hairpin}").plan(grid, (1, 2), (0, 2), RNG, cost).cells.tolist()
-    assert cells == ([[1, 2], [1, 3], [0, 2]] if back else [[1, 2], [1, 3], [0, 3], [0, 2]])
-
-
 def test_equal_costs_tie_whatever_the_order_of_their_tolls() -> None:
     # Where the diagonal is driven does not matter for the cost, but sums of these floats differ in the last bit with
     # the order of adding, so a search that adds floats may pay a second turn for nothing.

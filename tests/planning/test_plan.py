@@ -9,7 +9,7 @@ import pytest
 
 from warehouse_env.errors import ConfigError, PlanError
 from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.planning import Plan, climb, make_planner, path_length, turns, validate
+from warehouse_env.planning import climb, make_planner, path_length, turns, validate
 from warehouse_env.planning.plan import edge_cost, validate_line
 
 # Shelf at (1, 1); the path goes round it on the south-west side.
@@ -54,14 +54,6 @@ def test_validate_names_the_fault(cells: object, says: str) -> None:
         validate(shelf_map(), cells, (0, 0), (1, 3))  # type: ignore[arg-type]
 
 
-def test_a_line_has_a_length_of_its_own() -> None:
-    cells = np.array([(0, 0), (1, 1), (1, 2)])
-    assert Plan(cells, np.empty(0), 0.0).line_length == 1 + math.sqrt(2)
-    straight = np.array([(0.0, 0.0), (1.0, 2.0)])
-    assert Plan(cells, np.empty(0), 0.0, line=straight).line_length == math.sqrt(5)
-    assert Plan(np.empty((0, 2), np.int64), np.empty(0), 0.0).line_length == math.inf
-
-
 @pytest.mark.parametrize(
     ("line", "clearance", "says"),
     [
@@ -102,8 +94,8 @@ def test_a_cost_map_by_cell_counts_on_entering() -> None:
 
 
 def test_a_name_may_carry_parameters() -> None:
-    carried = make_planner("pf_aco:ants=20, local_search=false,attraction=distance_field,patience=null")
-    same = make_planner("pf_aco", ants=20, local_search=False, attraction="distance_field", patience=None)
+    carried = make_planner("pf_aco:ants=20, local_search=false,dead_end=die,patience=null")
+    same = make_planner("pf_aco", ants=20, local_search=False, dead_end="die", patience=None)
     assert carried.key == same.key
     assert make_planner("pf_aco:ants=20", ants=30).key == make_planner("pf_aco", ants=30).key
     for text, says in (("pf_aco:ants=", "PARAMETER=VALUE"), ("pf_aco:ants=many", "must be a whole number")):

@@ -23,7 +23,6 @@ MODES = (
     *PLANNERS,
     "aco:heuristic=next_cell,dead_end=die",
     "pf_aco:local_search=false,patience=null",
-    "pf_aco:attraction=distance_field,b=0.1,exponent=4",
     "fusion_aco:intermediate_point=true",
     "shaa_acs:local_search=false",
     "iaco:smoothing=false",
@@ -159,6 +158,7 @@ def digest():
 """
 
 
+@pytest.mark.nightly
 def test_compiled_and_plain_python_agree_to_the_bit() -> None:
     program = PLAIN_PYTHON.replace("{modes!r}", repr(MODES)).replace("{small!r}", repr(SMALL))
     scope: dict[str, Any] = {}

@@ -45,17 +45,6 @@ def shown(page: Any, panel: int = 0) -> np.ndarray:
     return np.array([(r["x"], r["y"], r["heading"]) for r in page.evaluate(f"replay.robots({panel})")])
 
 
-def where(page: Any, robot: int) -> dict[str, float]:
-    """Return the middle of a robot on the first canvas [CSS px]."""
-    x, y = page.evaluate(
-        "(robot) => { const { app } = replay, [x, y] = app.replays[0].centre(robot), c = app.canvases[0];"
-        " return [c.clientWidth / 2 + (x - app.view.x) * app.view.scale,"
-        " c.clientHeight / 2 - (y - app.view.y) * app.view.scale]; }",
-        robot,
-    )
-    return {"x": x, "y": y}
-
-
 def assert_at(page: Any, replay: Replay, frame: int, panel: int = 0) -> None:
     walking = np.array([(o["x"], o["y"], o["heading"]) for o in page.evaluate(f"replay.people({panel})")])
     for apart in (shown(page, panel) - replay.pose[frame], walking - replay.people[frame]):
@@ -126,54 +115,6 @@ def test_the_lidar_is_the_robots_own(one: Path, open_page: Opener) -> None:
     assert np.mean(np.concatenate(apart) < 0.02) > 0.99
 
 
-@pytest.mark.nightly
-@needs_chromium
-def test_the_keyboard_works(one: Path, open_page: Opener) -> None:
-    page = open_page(one)
-
-    def press(key: str, what: str) -> Any:
-        page.keyboard.press(key)
-        return page.evaluate(what)
-
-    assert press("ArrowRight", "replay.frame()") == 1
-    assert press("ArrowRight", "replay.frame()") == 2
-    assert press("ArrowLeft", "replay.frame()") == 1
-    assert press("Shift+ArrowRight", "replay.frame()") == 26
-    assert press("End", "replay.frame()") == 150
-    assert press("Home", "replay.frame()") == 0
-    assert press("Space", "replay.playing()")
-    assert not press("Space", "replay.playing()")
-    assert press(".", "replay.app.robot") == 0
-    assert press("f", "replay.app.following")
-    assert press("Escape", "replay.app.robot") == -1
-    scale = page.evaluate("replay.app.view.scale")
-    assert press("+", "replay.app.view.scale") > scale
-    assert press("0", "replay.app.view.scale") == scale
-    assert not press("r", "replay.app.layers.routes")
-    dark = page.evaluate("document.documentElement.dataset.theme")
-    assert press("d", "document.documentElement.dataset.theme") != dark
-    press("?", "0")
-    assert page.is_visible("#keys")
-    frame = page.evaluate("replay.frame()")
-    assert press("ArrowRight", "replay.frame()") == frame  # the help is open
-
-
-@pytest.mark.nightly
-@needs_chromium
-def test_a_click_chooses_a_robot_and_its_numbers_are_shown(one: Path, replay: Replay, open_page: Opener) -> None:
-    page = open_page(one)
-    page.evaluate("replay.seek(40)")
-    shown(page)  # so that they are there now
-    page.click(".floor canvas", position=where(page, 3))
-    assert page.inner_text("#robot-name") == "Robot 3"
-    until(page, "document.querySelector('.chart output').textContent !== ''")
-    said = page.inner_text(".chart output").replace("−", "-")
-    assert float(said.split()[0]) == pytest.approx(float(replay.speed[40, 3]), abs=0.02)
-    percents = page.locator("#commands td").all_inner_texts()
-    assert replay.liked is not None
-    assert max(int(text) for text in percents if text) == pytest.approx(100 * replay.liked[40, 3].max(), abs=1)
-
-
 @needs_chromium
 def test_two_episodes_are_in_step(two: Path, replay: Replay, open_page: Opener) -> None:
     page = open_page(two)
@@ -186,18 +127,3 @@ def test_two_episodes_are_in_step(two: Path, replay: Replay, open_page: Opener) 
     assert_at(page, replay, 100, 0)
     assert_at(page, other, 60, 1)
     assert page.locator("#totals thead th").all_inner_texts()[1:] == ["follow <b>&", "front-steered"]
-
-
-@pytest.mark.nightly
-@needs_chromium
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_it_fits_a_phone(two: Path, scheme: str, open_page: Opener) -> None:
-    page = open_page(two, "", 390, 844, color_scheme=scheme, has_touch=True, device_scale_factor=2)
-    assert page.evaluate("document.documentElement.dataset.theme") == scheme
-    assert page.evaluate("document.documentElement.scrollWidth") == 390
-    for canvas in page.locator(".floor canvas").all():
-        box = canvas.bounding_box()
-        assert box["width"] > 350
-        assert box["height"] > 150
-    page.tap("#play")
-    assert page.evaluate("replay.playing()")

@@ -104,18 +104,6 @@ def test_opposite_routes_keep_to_their_own_right(width: int, from_wall: float, u
     np.testing.assert_allclose(second, high - from_wall, atol=0.06)
 
 
-def test_single_lanes_are_entered_gently_and_down_the_middle() -> None:
-    side, lane = "." * 12, "#" * 16
-    grid = drawn("#" * 40, side + lane + side, side + "." * 16 + side, side + lane + side, "#" * 40)
-    route = book(grid).route((2, 1), (2, 38)).line.astype(np.float64)
-    inside = route[(route[:, 0] > 12) & (route[:, 0] < 28)]
-    np.testing.assert_allclose(inside[:, 1], 2.5, atol=0.06)
-    before = route[(route[:, 0] > 4) & (route[:, 0] < 8)]
-    assert before[:, 1].min() < 2.3  # in its lane on the right
-    slope = np.abs(np.diff(route[:, 1]) / np.diff(route[:, 0]))[(route[:-1, 0] > 5) & (route[:-1, 0] < 35)]
-    assert slope.max() < 0.3  # 0.15 m a metre are asked for, and smoothing bends them
-
-
 def test_no_way_is_a_plan_error_that_names_it() -> None:
     grid = GridMap(np.array([[False, False, False, True, False]] * 3), name="drawn")
     with pytest.raises(PlanError, match=r"astar found no path from \(0, 0\) to \(0, 4\) on map 'drawn'"):
@@ -199,16 +187,6 @@ def test_plans_are_kept_in_memory_and_on_disk(own_cache: Path) -> None:
     assert plans_made(planner, seed=1) == 3
     other = GridMap(LOOP.occupied, np.eye(4, 12, dtype=np.float32), name="uneven")
     assert plans_made(planner, other) == 3
-
-
-def test_a_book_that_goes_away_writes_what_is_pending() -> None:
-    planner = Counting()
-    known = RouteBook(LOOP, planner)
-    known.route(*TASKS[0])
-    del known
-    again = RouteBook(LOOP, planner)
-    again.route(*TASKS[0])
-    assert planner.plans == 1
 
 
 def database(folder: Path) -> Path:

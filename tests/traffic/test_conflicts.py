@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 
 from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
-from warehouse_env.maps.layouts import make_layout
 from warehouse_env.planning import make_planner, path_length, validate
 from warehouse_env.traffic.conflicts import HOLD, Conflicts, Route, conflict_table, conflicts, congestion
 from warehouse_env.traffic.together import choose_together, plan_together
@@ -135,32 +134,3 @@ def test_planned_together_routes_keep_out_of_each_others_way() -> None:
         assert conflicts([plan.cells for plan in plans], grid.shape).opposing == 0
     plans = plan_together(astar, grid, tasks)  # the third can follow the first
     assert conflicts([plan.cells for plan in plans], grid.shape).opposing == 0
-
-
-def test_the_choice_is_one_that_nobody_alone_can_better() -> None:
-    rng = np.random.default_rng(1)
-    grid = make_layout("open")
-    candidates = []
-    for _ in range(6):
-        a, b, *vias = (tuple(grid.free_cells[i].tolist()) for i in rng.integers(0, len(grid.free_cells), 5))
-        candidates.append([_via(a, via, b) for via in (a, *vias)])
-    chosen = choose_together(candidates, grid.shape, 4.0)
-
-    def total(choice: list[int]) -> float:
-        routes = [own[k] for own, k in zip(candidates, choice, strict=True)]
-        return sum(map(path_length, routes)) + 4.0 * conflicts(routes, grid.shape).all
-
-    assert total(chosen) <= total([0] * 6) + 1e-9
-    for robot, own in enumerate(candidates):
-        for other in range(len(own)):
-            assert total([*chosen[:robot], other, *chosen[robot + 1 :]]) >= total(chosen) - 1e-6
-
-
-def _via(start: Cell, via: Cell, goal: Cell) -> Route:
-    """From start to goal by way of a cell, or straight there where that would cross itself."""
-    grid, astar, rng = make_layout("open"), make_planner("astar"), np.random.default_rng(0)
-    ways = [astar.plan(grid, *ends, rng).cells for ends in ((start, via), (via, goal))]
-    joined = np.concatenate([ways[0], ways[1][1:]])
-    if len(np.unique(joined, axis=0)) == len(joined):
-        return joined
-    return astar.plan(grid, start, goal, rng).cells

@@ -5,7 +5,6 @@ from __future__ import annotations
 import inspect
 import time
 from collections.abc import Callable, Sequence
-from functools import partial
 from typing import Any, NamedTuple, Unpack
 
 import gymnasium
@@ -18,8 +17,8 @@ from warehouse_env.config import EnvConfig, EnvOptions
 from warehouse_env.envs.camera import Camera, render_fps
 from warehouse_env.envs.infos import EPISODE_METRICS, final_metrics, finished_task, known
 from warehouse_env.envs.options import build_simulator, share_routes
+from warehouse_env.envs.rows import write_rows
 from warehouse_env.errors import ActionError, ConfigError, shown
-from warehouse_env.kernel import kernel
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning.plan import Planner
 from warehouse_env.simulation.given import check_count, listed, whole_seed
@@ -144,7 +143,7 @@ class WarehouseVecEnv(VecEnv):
         for block in self.blocks:
             simulator, rows = block.simulator, block.rows
             simulator.step(block.actions)
-            some_done |= _write_rows(
+            some_done |= write_rows(
                 simulator.reward, simulator.terminated, simulator.truncated,
                 reward[rows], dones[rows], self._returns[rows],
             )  # fmt: skip
@@ -211,18 +210,11 @@ class WarehouseVecEnv(VecEnv):
         return whole
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
-        """Return, for each chosen row, the attribute of its Simulator ("render_mode": of this env).
-
-        A method that takes a world takes the row's own, unless world= names another.
-        """
+        """Return, for each chosen row, the attribute of its Simulator ("render_mode": of this env)."""
         rows = list(self._get_indices(indices))
         if attr_name == "render_mode":
             return [self._mode for _ in rows]
-        found = [getattr(self.blocks[self._owner[row]].simulator, attr_name) for row in rows]
-        return [
-            partial(one, world=int(self._world[row])) if callable(one) and _takes_world(one) else one
-            for row, one in zip(rows, found, strict=True)
-        ]
+        return [getattr(self.blocks[self._owner[row]].simulator, attr_name) for row in rows]
 
     def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
         """Set an attribute of the Simulators that hold the chosen rows."""
@@ -268,24 +260,6 @@ class WarehouseVecEnv(VecEnv):
     def close(self) -> None:
         """Close the window, if one is open."""
         self._camera.close()
-
-
-@kernel
-def _write_rows(reward, terminated, truncated, rewards, dones, returns):
-    """Write a block's rewards [B, N] and ends [B, N], [B] into its rows, and add to their returns; is any row done?
-
-    One kernel, for after a step of the Simulator has filled the caches each call of NumPy takes 10 us.
-    """
-    some_done = False
-    row = 0
-    for world in range(reward.shape[0]):
-        for robot in range(reward.shape[1]):
-            rewards[row] = reward[world, robot]
-            returns[row] += reward[world, robot]
-            dones[row] = terminated[world, robot] or truncated[world]
-            some_done |= dones[row]
-            row += 1
-    return some_done
 
 
 def _takes_world(method: Callable[..., Any], *arguments: Any, **options: Any) -> bool:

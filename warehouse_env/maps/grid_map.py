@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import hashlib
-import operator
 from collections import OrderedDict
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from warehouse_env.config import RobotSpec
-from warehouse_env.errors import MapError, WarehouseError, shown
+from warehouse_env.errors import MapError, shown
 from warehouse_env.maps import discs as round_ones
 from warehouse_env.maps import going, moves, one_way, tables
 from warehouse_env.maps.moves import MOVES as MOVES
@@ -76,7 +75,7 @@ class GridMap:
             "origin": tables.point(self.origin, "origin", FARTHEST),
             "pace": tables.number(self.pace, "pace", going.SLOWEST, going.FASTEST, "m/s"),
             "speed": going.checked_speed(self.speed, occupied), "price": going.checked_price(self.price, occupied),
-            "tight": _checked_tight(self.tight, occupied),
+            "tight": tables.marks_on_floor(self.tight, occupied, "tight"),
         }  # fmt: skip
         if not isinstance(self.name, str):
             raise MapError(f"name={shown(self.name)} must be a text")
@@ -280,7 +279,7 @@ class GridMap:
 
     def check_cell(self, cell: ArrayLike, what: str) -> Cell:
         """Return `cell` as two Python ints; MapError, beginning with `what`, if it is outside or on a shelf."""
-        row, column = whole_cell(cell, what, MapError)
+        row, column = tables.whole_cell(cell, what, MapError)
         rows, columns = self.shape
         if not (0 <= row < rows and 0 <= column < columns):
             given = shown((row, column))
@@ -301,20 +300,3 @@ class GridMap:
         drawing[tuple(self.stations.T)] = "s"
         arrows = np.array(list(one_way.ARROWS))[self.one_way]
         return ["".join(row) for row in np.where(self.one_way > 0, arrows, drawing)]
-
-
-def whole_cell(cell: ArrayLike, what: str, error: type[WarehouseError]) -> Cell:
-    """Return a cell as two Python ints; raises `error`, beginning with `what`, for anything but two whole numbers."""
-    try:
-        row, column = (operator.index(number) for number in cell)  # type: ignore[union-attr, arg-type]
-    except (TypeError, ValueError):
-        raise error(f"{what} {shown(cell)} must be two whole numbers (row, column)") from None
-    return row, column
-
-
-def _checked_tight(tight: ArrayLike | None, occupied: NDArray[np.bool_]) -> NDArray[np.bool_] | None:
-    """Return a read-only bool[H, W] copy, False on shelves; None where it marks nothing."""
-    if tight is None:
-        return None
-    found = tables.flags(tight, occupied.shape, "tight") & ~occupied
-    return frozen(found) if found.any() else None

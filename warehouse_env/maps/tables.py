@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import operator
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from warehouse_env.errors import MapError, shown
+from warehouse_env.errors import MapError, WarehouseError, shown
 
 T = TypeVar("T", bound=np.generic)
 
@@ -52,6 +53,14 @@ def numbers(given: ArrayLike, shape: tuple[int, ...], what: str, low: float, hig
     return array
 
 
+def marks_on_floor(given: ArrayLike | None, occupied: NDArray[np.bool_], what: str) -> NDArray[np.bool_] | None:
+    """Return a read-only bool[H, W] copy, False on shelves; None where it marks nothing."""
+    if given is None:
+        return None
+    found = flags(given, occupied.shape, what) & ~occupied
+    return frozen(found) if found.any() else None
+
+
 def flags(given: ArrayLike, shape: tuple[int, ...], what: str) -> NDArray[np.bool_]:
     """Return a bool[H, W] copy."""
     array = np.array(given)
@@ -77,3 +86,12 @@ def point(given: Any, what: str, most: float) -> tuple[float, float]:
     if not (abs(x) <= most and abs(y) <= most):
         raise MapError(f"{what}={shown(given)} must be two numbers of metres up to {most:g}")
     return x, y
+
+
+def whole_cell(cell: ArrayLike, what: str, error: type[WarehouseError]) -> tuple[int, int]:
+    """Return a cell as two Python ints; raises `error`, beginning with `what`, for anything but two whole numbers."""
+    try:
+        row, column = (operator.index(number) for number in cell)  # type: ignore[union-attr, arg-type]
+    except (TypeError, ValueError):
+        raise error(f"{what} {shown(cell)} must be two whole numbers (row, column)") from None
+    return row, column

@@ -12,8 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from warehouse_env.errors import ConfigError, PlanError, shown
 from warehouse_env.kernel import kernel
-from warehouse_env.maps.grid_map import Cell, GridMap, whole_cell
+from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.maps.moves import beyond
+from warehouse_env.maps.tables import whole_cell
 
 CostMap = NDArray[np.float64] | None
 """Cells of length that each move costs on top of its own, [H, W, 8], or that entering a cell costs, [H, W]."""

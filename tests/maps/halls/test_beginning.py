@@ -96,22 +96,6 @@ def test_arrows_count_cells_from_the_corner(tmp_path: Path) -> None:
     assert told(found) == "cells begin at the picture's upper left corner, as hall.oneway counts them"
 
 
-def test_masks_do_not_move_cells(tmp_path: Path) -> None:
-    """A mask in cells of the floor bars just these, whatever is left."""
-    name = shifted(tmp_path, RACKS, above=3, left=2)
-    found = read_hall(name).grid
-    barred = np.zeros(found.shape, np.int8)
-    barred[tuple(found.free_cells[:7].T)] = 100
-    write_occupancy(Occupancy(barred, 1.0, found.origin), tmp_path / "m.yaml")
-    write_occupancy(Occupancy(barred // 2, 1.0, found.origin), tmp_path / "s.yaml")
-    masked = read_hall(f"{name}:keepout=m.yaml")
-    assert masked.grid.origin == found.origin
-    assert np.array_equal(masked.barred, barred == 100)
-    slow = read_hall(f"{name}:speed=s.yaml").grid
-    assert slow.speed is not None
-    assert np.array_equal(slow.speed == 0.75, barred == 100)
-
-
 @given(
     hnp.arrays(np.int64, st.tuples(st.integers(1, 9), st.integers(1, 9)), elements=st.integers(0, 100)),
     st.sampled_from([(1.0, 1.0), (1.0, 0.25), (0.5, 0.2), (0.25, 1.0), (1.0, 0.03)]),

@@ -191,17 +191,6 @@ def lif(folder: Path, edit: Callable[[Any], object], grid: GridMap | None = None
     return file
 
 
-@pytest.mark.parametrize("about", [{}, None, {"lifVersion": None}, {"lifVersion": "draft"}, {"lifVersion": [2]}])
-def test_a_file_without_a_version_is_read_unless_its_names_are_new(tmp_path: Path, about: Any) -> None:
-    found = read_lif(lif(tmp_path, lambda data: data.update(metaInformation=about)))
-    assert found.noted() == ["lifVersion is missing or none, and taken for 1.0.0"]
-    text = (tmp_path / "f.json").read_text()
-    for old in ("vehicleTypeNode", "vehicleTypeEdge"):
-        (tmp_path / "f.json").write_text(text.replace(old, old.replace("vehicleType", "mobileRobotType")))
-        with pytest.raises(MapError, match=r"holds mobileRobotType.*, a name of LIF 2, which is not read; versions 0"):
-            read_lif(tmp_path / "f.json")
-
-
 @pytest.mark.parametrize(
     ("change", "says"),
     [
@@ -224,24 +213,6 @@ def test_a_curve_is_followed_or_noted(tmp_path: Path, change: dict[str, Any], sa
     assert (len(found.lanes[0].line) == 2) == (says is not None)
     assert np.isfinite(found.lanes[0].line).all()
     assert any(says in note and "straight" in note for note in found.noted()) if says else not found.notes
-
-
-def test_what_a_lif_closes_or_names_elsewhere_is_said(tmp_path: Path) -> None:
-    def edit(data: Any) -> None:
-        first = data["layouts"][0]
-        for edge in first["edges"]:
-            edge["vehicleTypeEdgeProperties"] = []
-        first["nodes"][0]["nodeId"], first["edges"] = (
-            7,
-            [edge for edge in first["edges"] if "r0c0" not in edge["edgeId"]],
-        )
-        first["stations"] = [{"stationId": "s", "interactionNodeIds": [7, "up"]}]
-        up = {"nodeId": "up", "nodePosition": {"x": 0, "y": 0}}
-        data["layouts"].append({"layoutId": "2", "layoutLevelId": "2", "nodes": [up], "edges": [], "stations": None})
-
-    found = read_lif(lif(tmp_path, edit))
-    assert [place.name for place in found.places["stations"]] == ["s"]
-    assert "none of its 2 edges is open to a vehicle" in found.noted()
 
 
 @pytest.mark.parametrize(

@@ -74,16 +74,6 @@ def test_update_eq_21_rewards_even_paths() -> None:
     assert pheromone[0, SOUTH_EAST] == pytest.approx(0.8 + 0.6 * (common + 0.05 / (100 * 0.01)))
 
 
-def test_distance_field_mode_pulls_along_shortest_paths_only() -> None:
-    grid = GridMap(np.array([[c == "#" for c in row] for row in ("...", "##.", "...")]))
-    floor = make_floor(grid, (2, 0))
-    planner = PfAco(attraction="distance_field", b=0.0, c=0.0, exponent=1)
-    turning, _ = planner.colony(grid, floor, 0).attraction(0)
-    assert turning[0, EAST] == 1  # away from the goal as the crow flies, but the only way
-    assert turning[1, WEST] == 0
-    assert turning[5, SOUTH] == 1
-
-
 TURNS_OF_THE_PAPER = {"in_zone": 8, "cross_zone": 18}  # tables 1 and 2 of paper 000
 
 
@@ -96,17 +86,6 @@ def test_pf_aco_reaches_the_optimum_with_few_turns_before_the_traditional_colony
     assert max(turns(plan.cells) for plan in plans) <= TURNS_OF_THE_PAPER[task[:-2]]
     traditional = search("aco", grid, start, goal)
     assert max(plan.converged_at for plan in plans) < traditional.converged_at
-
-
-def test_the_papers_own_system_is_close_without_local_search() -> None:
-    grid = make_layout("paper46")
-    start, goal, optimum = NAMED_TASKS["paper46"]["cross_zone_1"]
-    lengths = [
-        path_length(search("pf_aco", grid, start, goal, seed, local_search=False, patience=None).cells)
-        for seed in range(3)
-    ]
-    assert min(lengths) == optimum
-    assert max(lengths) < 1.03 * optimum
 
 
 @pytest.mark.parametrize("local_search", [True, False])

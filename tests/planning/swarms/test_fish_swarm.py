@@ -40,16 +40,6 @@ def test_a_fish_swarms_to_the_middle_where_that_is_better() -> None:
         assert cost[k] == np.abs(new[k] - TARGET).sum() < 4.0
 
 
-def test_the_swarm_gathers_at_the_target() -> None:
-    paths = Recorder()
-    first = np.random.default_rng(0).uniform(0, 10, (12, 2, 2))
-    FishSwarm(iterations=60, fish=12, waypoints=2, vision_last=0.1, roam=0.0).search(
-        paths, first, np.random.default_rng(0)
-    )
-    assert min(np.abs(code - TARGET).sum(axis=(1, 2)).min() for code in paths.tried) < 0.2
-    assert len(paths.history) == 60
-
-
 @pytest.mark.parametrize("task", NAMED_TASKS["paper46"])
 def test_it_finds_the_shortest_paths_of_the_warehouse(task: str) -> None:
     grid = make_layout("paper46")

@@ -29,19 +29,6 @@ def test_velocity_and_place_by_hand() -> None:
     assert third[1] == pytest.approx(np.clip(second[1] + np.clip(velocity, -5.5, 5.5), 0, 10))
 
 
-def test_speed_is_limited_and_the_edge_holds() -> None:
-    paths = Recorder()
-    first = np.random.default_rng(0).uniform(0, 10, (8, 3, 2))
-    ParticleSwarm(iterations=30, particles=8, waypoints=3, speed_limit=0.1).search(
-        paths, first, np.random.default_rng(0)
-    )
-    tried = np.array(paths.tried)
-    assert np.abs(np.diff(tried, axis=0)).max() <= 1.1 + 1e-12
-    assert tried.min() >= 0
-    assert tried.max() <= 10
-    assert np.abs(tried[-1] - TARGET).max() < np.abs(tried[0] - TARGET).max() / 4
-
-
 @pytest.mark.parametrize("task", NAMED_TASKS["paper46"])
 def test_it_finds_the_shortest_paths_of_the_warehouse(task: str) -> None:
     grid = make_layout("paper46")

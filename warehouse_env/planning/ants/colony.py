@@ -78,21 +78,11 @@ def run(
     backtrack: bool = True,
     appraise: Callable[[Walks], int] | None = None,
 ) -> Search:
-    """Let ants walk to the goal, appraise their paths, and mark.
+    """Let ants walk from a cell to the goal on a floor of C cells, appraise their paths, and mark.
 
-    The best path has the least (cost, turns). All random numbers follow from one draw of `rng`.
-
-    Args:
-        floor: of C cells.
-        colony: the slots.
-        start: the cell from which all ants start.
-        ants: how many walk in an iteration.
-        iterations: how often they walk.
-        rng: the only source of chance.
-        patience: stop after so many iterations without a better path; None: never before the last.
-        backtrack: at a dead end ants step back, and the cell stays tabu; False: they die.
-        appraise: measures the walks, may improve them first, and returns the best ant, -1 if none arrived. By default
-            `measure`.
+    The best path has the least (cost, turns). All random numbers follow from one draw of `rng`. patience: stop after so
+    many iterations without a better path. backtrack: at a dead end ants step back, and the cell stays tabu; False: they
+    die. appraise: measures the walks, may improve them, and returns the best ant, -1 if none; `measure` by default.
     """
     begin, cells = time.perf_counter(), len(floor.height)
     walks, best = empty_walks(start, ants, cells), empty_walks(start, 1, cells)

@@ -31,16 +31,8 @@ class FusionAco(AntSystem):
 
     p ~ pheromone^1.5 * (1/d_jg)^3 * exp(gamma * fr * cos theta), fr = 1 - iteration / iterations, theta between the
     move and the resultant force of eqs. 12 and 17-20: the field leads the first ants, the pheromone the last. All
-    arrived ants deposit Q / L. The paper prints ants, alpha, beta, rho and Q; the other constants are ours. Where the
-    print is doubtful, it is read so:
-
-    - eq. 22's factor (D_max - D) / D_max is the same for all moves and would cancel in a product with a power; so the
-      field's factor of eq. 23 is an exponential, with eq. 22 in its exponent, as the print's "e" suggests.
-    - eq. 22 multiplies cos theta by the size of the force, some tens far from the goal, which makes ants greedy and
-      leads them into traps; the direction alone counts.
-    - eq. 6 takes the distance to the next cell, 1 or sqrt 2, which knows nothing of the goal; here it is that from the
-      next cell to the goal.
-    - n of eq. 16 is not printed: 1.
+    arrived ants deposit Q / L. The paper prints ants, alpha, beta, rho and Q; the other constants are ours.
+    docs/planners.md tells how doubtful equations are read.
 
     intermediate_point: the paper's way out of local minima. On cells where a walker along the force is stuck, and on
     its way from there to the point P (`potential_field.intermediate_point`), the force points to P.
