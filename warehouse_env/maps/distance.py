@@ -1,9 +1,8 @@
 """Numba kernels over the cells of a map: exact distance fields and connected regions.
 
-Fields are made by label setting with buckets of width 1 (Dial 1969): no move is shorter than 1, so a cell whose
-distance lies in the bucket under work can no longer improve, and no heap is needed. A move reaches at most two buckets
-ahead, so three lists suffice. A length is kept as its two counts, straight and diagonal: it does not depend on the
-order of adding.
+Fields use label setting with buckets of width 1 (Dial 1969): no move is shorter than 1, so a cell in the current bucket
+can no longer improve, and no heap is needed. A move reaches at most two buckets ahead, so three lists suffice. A length
+is kept as two counts, straight and diagonal, so it does not depend on the order of adding.
 
 Imported only when first needed, because importing numba takes about 0.4 s.
 """
@@ -93,7 +92,7 @@ def label_regions(mask):
 
 @kernel
 def cut_cells(free):
-    """Return bool[H, W]: free cells without which their region falls apart (Hopcroft and Tarjan 1973)."""
+    """Return bool[H, W]: free cells whose removal disconnects their region (Hopcroft and Tarjan 1973)."""
     rows, columns = free.shape
     order, low = np.zeros(rows * columns, np.int32), np.zeros(rows * columns, np.int32)
     parent, tried = np.full(rows * columns, -1, np.int32), np.zeros(rows * columns, np.uint8)

@@ -1,4 +1,4 @@
-"""Where robots fetch and bring goods on a map that does not say so itself."""
+"""Default picks and stations for a map that names none."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ def largest_region(free: NDArray[np.bool_]) -> NDArray[np.bool_]:
 def default_endpoints(occupied: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return (picks int64[K, 2], stations int64[S, 2]) for a map that names none; both hold at least one cell.
 
-    Stations stand along the west and the east rim, `STATION_SPACING` apart, off the wall where there is room.
-    Picks are the free cells orthogonally beside a shelf, or an even spread of the floor where there is no shelf.
+    Stations lie along the west and east rim, `STATION_SPACING` apart, off the wall if there is room.
+    Picks are the free cells orthogonally beside a shelf, or an even spread of the floor if there are no shelves.
     The two are disjoint unless the map has a single reachable cell.
     """
     region = largest_region(~occupied)
@@ -42,16 +42,16 @@ def default_endpoints(occupied: NDArray[np.bool_]) -> tuple[NDArray[np.int64], N
 
 
 def _rim_stations(region: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Return int64[S, 2]: in each row the cell nearest to the west and to the east rim, thinned out.
+    """Return int64[S, 2]: in each row the cells nearest to the west and east rim, thinned out.
 
-    Cells with room around them are preferred; a floor with fewer than two near its rims takes what there is.
+    Cells with room around them are preferred; a floor with fewer than two of these takes any.
     """
     cells = np.argwhere(region)
     for mask in (_roomy(region), region):
         stations = _thin_rims(mask)
         if len(stations) >= 2:
             break
-    else:  # a floor too small or too odd for rims: the two ends of what is there
+    else:  # too small or odd for rims: the first and last cell
         ends = cells[[0, -1]].tolist()
         stations = [(ends[0][0], ends[0][1]), (ends[1][0], ends[1][1])][: min(2, len(cells))]
     if len(stations) >= len(cells) > 1:  # leave a cell for the picks

@@ -32,12 +32,12 @@ def blocks(
     station_spacing: int = 4,
     corridor_stations: bool = True,
 ) -> GridMap:
-    """Return a floor of storage zones: regular shelf blocks, parted by aisles, zones parted by cross corridors.
+    """Return a floor of storage zones: regular shelf blocks between aisles, zones between cross corridors.
 
     rows, columns: size of the floor. block_rows, block_columns: size of a shelf block. aisle: width between blocks.
     zone_rows, zone_columns: blocks in a zone each way. cross: width between zones. rim_rows, rim_columns: least free
-    width along the north and south, and along the west and east edge. All in cells; what is left over widens the rims.
-    Stations stand along all rims every `station_spacing` cells, off the wall if the rim is 3 wide, and with
+    width along the north and south, and along the west and east edge. All in cells; the remainder widens the rims.
+    Stations lie along all rims every `station_spacing` cells, off the wall if the rim is 3 wide, and with
     `corridor_stations` along the middle of the north-south cross corridors as well (for floors with many robots).
     Picks are the cells beside a block that are not next to a station. 92 x 92 at these defaults suits 128 robots as
     well as 46 x 46 suits 32, and 260 x 260 suits 1024.
@@ -88,7 +88,7 @@ def rim_stations(rows: int, columns: int, offsets: tuple[int, int], spacing: int
     """Return stations every `spacing` cells along the four rims.
 
     offsets: distance of the stations from the north and south, and from the west and east edge [cells].
-    No station stands in a corner, where a robot could hardly turn, and no two lines crowd each other.
+    No station lies in a corner, where a robot could hardly turn.
     """
     d_row, d_column = offsets
     west_east = _spread(d_row + 2, rows - 3 - d_row, spacing)
@@ -106,7 +106,7 @@ def _spread(first: int, last: int, spacing: int) -> list[int]:
 
 
 def single_lane(zone_rows: int = 5, lane: int = 16, rim: int = 4, cross: int = 4) -> GridMap:
-    """Return four zones of shelves two deep with aisles one cell wide: robots that meet must use a passing place.
+    """Return four zones of shelves two deep with one-cell aisles: robots that meet must use a passing place.
 
     zone_rows: aisles in a zone. lane: their length; in the middle of each a bay, 4 long and 1 deep, is cut out of the
     shelf to its north. rim, cross: width of the rims and of the corridors between zones, at least 3, for a robot needs
@@ -142,7 +142,7 @@ def open_floor(rows: int = 40, columns: int = 40, spacing: int = 4) -> GridMap:
 
 
 def random_floor(rows: int = 32, columns: int = 32, share: float = 0.1, seed: int = 0) -> GridMap:
-    """Return a floor with shelves on single cells drawn at random; what they cut off is filled, so all is one region.
+    """Return a floor with shelves on random single cells; cut-off floor is filled, so all floor is one region.
 
     share: part of the cells that is drawn, 0 to 0.6; seed: the same seed gives the same floor.
     """
@@ -157,7 +157,7 @@ def random_floor(rows: int = 32, columns: int = 32, share: float = 0.1, seed: in
 
 
 def aisles(rows: int = 36, columns: int = 44, seed: int = 0) -> GridMap:
-    """Return a floor of shelves of random sizes with aisles of one to three cells between them, some of them blind.
+    """Return a floor of shelves of random sizes with aisles of one to three cells between them, some of them dead ends.
 
     Bands of shelves 1 to 5 deep and 2 to 7 long; every row of shelves has aisles of its own, so that most crossings
     are T-shaped; an aisle in four is closed at one end. Stations along the rims, which are 3 wide at least; picks are
@@ -187,11 +187,11 @@ def aisles(rows: int = 36, columns: int = 44, seed: int = 0) -> GridMap:
 def pillars(
     rows: int = 34, columns: int = 40, count: int = 60, radius: float = 0.4, gap: float = 2.4, seed: int = 0
 ) -> GridMap:
-    """Return a hall of round pillars that stand anywhere on its floor, and nothing else.
+    """Return a hall of round pillars anywhere on its floor, and nothing else.
 
-    rows, columns: size of the floor [cells] of 1 m. count: of pillars, fewer where no more find room. radius: of the
-    largest [m]; the others are down to half as wide. gap: least floor between two [m]. seed: the same seed gives the
-    same floor. Stations along the rims, which no pillar reaches into; picks on an even lattice inside.
+    rows, columns: size of the floor [cells] of 1 m. count: of pillars, fewer if no more fit. radius: of the
+    largest [m]; the smallest is half as wide. gap: least floor between two [m]. seed: the same seed gives the same
+    floor. Stations lie along the rims, which no pillar reaches into; picks on an even lattice inside.
     """
     check_whole(16, rows=rows, columns=columns)
     check_whole(1, count=count)
@@ -215,7 +215,7 @@ def pillars(
 def _with_endpoints(occupied: NDArray[np.bool_], stations: list[Cell], picks: NDArray[np.bool_], name: str) -> GridMap:
     """Return the map with its stations, where free, and with picks on the marked free cells.
 
-    No pick is at or next to a station, so that a robot at one leaves the other within reach.
+    No pick is at or next to a station, so that a robot at one does not block the other.
     """
     free = sorted({cell for cell in stations if not occupied[cell]})
     marked = picks & ~occupied

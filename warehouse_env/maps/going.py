@@ -1,6 +1,6 @@
-"""What going over a floor costs beside its length: limits of speed on cells, and prices of moves.
+"""Speed limits on cells and prices of moves: what a move costs beside its length.
 
-A move costs its length, times its price, times how much longer it takes than where nothing limits a robot's speed.
+A move costs its length, times its price, times how much longer it takes than without speed limits.
 """
 
 from __future__ import annotations

@@ -36,14 +36,14 @@ class GridMap:
     height: float32[H, W], floor height [m]; flat if not given.
     cell_size: side of a cell [m].
     picks, stations: int64[K, 2], endpoint cells (row, col) of lifelong tasks; `default_endpoints` if not given.
-    one_way: uint8[H, W], a direction to keep on a cell, as an index into one_way.ARROWS; none if not given.
-    origin: (x, y) [m] of the south-west corner in the frame of the file that the map is from (`world`).
-    discs: float32[K, 3], round obstacles (x, y, radius) [m]; none if not given. What they reach into is occupied too.
-    walls: bool[H, W], the cells that are shelves as a whole; if not given, those given as occupied.
-    speed: float64[H, W], [m/s] that robots may drive at most on a cell, inf where nothing limits them; or None.
-    price: float64[H, W, 8], times its length that each of MOVES costs a planner, from 1 on; or None.
-    tight: bool[H, W], floor on which robots' bodies do not fit, and nobody plans (maps/fitting.py); or None.
-    pace: [m/s] of robots that nothing limits, against which planners count the time that limits cost (`at_pace`).
+    one_way: uint8[H, W], the direction of a cell as an index into one_way.ARROWS; none if not given.
+    origin: (x, y) [m] of the south-west corner in the frame of the map's file (`world`).
+    discs: float32[K, 3], round obstacles (x, y, radius) [m]; none if not given. Cells they reach into are occupied.
+    walls: bool[H, W], the cells that are whole shelves; by default those given as occupied.
+    speed: float64[H, W], speed limits of cells [m/s], inf for none; or None.
+    price: float64[H, W, 8], factor of at least 1 on the length of each of MOVES, for planners; or None.
+    tight: bool[H, W], floor on which robots' bodies do not fit, which planners avoid (maps/fitting.py); or None.
+    pace: [m/s] of robots without limits; planners count the time lost by limits against it (`at_pace`).
     """
 
     occupied: NDArray[np.bool_]
@@ -89,13 +89,13 @@ class GridMap:
         vars(self).update({what: frozen(self._checked_endpoints(cells, what)) for what, cells in endpoints.items()})
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle the fields only; the copy is checked and read-only again, its caches are empty."""
+        """Pickle the fields only; the copy is checked and read-only again, with empty caches."""
         of_cells = (self.occupied, self.height, self.cell_size, self.picks, self.stations, self.name, self.one_way)
         on_the_way = (self.speed, self.price, self.tight, self.pace)
         return GridMap, (*of_cells, self.origin, self.discs, self.walls, *on_the_way)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> GridMap:
-        """Return itself: nobody can change it, and what it has worked out serves all."""
+        """Return itself: it is immutable, and all copies share its caches."""
         return self
 
     def _checked_endpoints(self, cells: ArrayLike, what: str) -> NDArray[np.int64]:
@@ -125,7 +125,7 @@ class GridMap:
 
     @cached_property
     def key(self) -> str:
-        """Return 32 hex digits that stand for the content (shelves, discs, heights, cell size, rules of lanes)."""
+        """Return 32 hex digits that identify the content (shelves, discs, heights, cell size, rules of lanes)."""
         content = hashlib.blake2b(digest_size=16)
         content.update(f"{self.shape} {self.cell_size!r} ".encode())
         content.update(self.occupied.tobytes())
@@ -152,7 +152,7 @@ class GridMap:
 
     @cached_property
     def closed(self) -> NDArray[np.bool_]:
-        """bool[H, W], where nobody drives over by plan: shelves, and floor that is tight."""
+        """bool[H, W], cells that planners avoid: shelves and tight floor."""
         return self.occupied if self.tight is None else frozen(self.occupied | self.tight)
 
     @cached_property
@@ -162,7 +162,7 @@ class GridMap:
 
     @cached_property
     def endpoints(self) -> tuple[list[Cell], list[Cell], list[Cell]]:
-        """Return the picks, the stations, and all of them in reading order, each once; as Python's numbers."""
+        """Return the picks, the stations, and all of them in reading order, each once; as Python numbers."""
         picks, stations = ([(int(r), int(c)) for r, c in cells] for cells in (self.picks, self.stations))
         return picks, stations, sorted({*picks, *stations})
 
@@ -187,18 +187,15 @@ class GridMap:
 
     @cached_property
     def surplus(self) -> NDArray[np.float64] | None:
-        """float64[H, W, 8], cells of length that each move costs on top of its own, for `price` and limits of `speed`.
-
-        None where nothing does.
-        """
+        """float64[H, W, 8], cells of length that `price` and `speed` add to each move; or None."""
         return going.surplus(self.speed, self.price, self.pace)
 
     def at_pace(self, pace: float) -> GridMap:
-        """Return the map for robots that drive so fast [m/s] where nothing limits them."""
+        """Return the map for robots of this unlimited speed [m/s]."""
         return self if self.speed is None or pace == self.pace else dataclasses.replace(self, pace=pace)
 
     def without(self, cell: Cell) -> GridMap:
-        """Return the map with one more cell occupied, to plan on: of its endpoints one is left, where it may be."""
+        """Return the map with one more cell occupied, to plan on; it keeps a single endpoint."""
         from warehouse_env.maps.endpoints import largest_region
 
         occupied = self.occupied.copy()
@@ -233,8 +230,8 @@ class GridMap:
     def standing(self, points: ArrayLike) -> NDArray[np.int64]:
         """Return int64[..., 2], the cells from which robots at points (x, y) [m] plan: those that hold them.
 
-        A robot can stand in a cell that a disc closes, and an erring one believes to be in a shelf or off the floor:
-        it plans from the nearest cell of `free_cells`.
+        A robot may stand in a cell that a disc closes, or believe that it is in a shelf or off the floor: it plans from
+        the nearest cell of `free_cells`.
         """
         cells = self.nearest_cell(points)
         for at in map(tuple, np.argwhere(self.occupied[cells[..., 0], cells[..., 1]])):
@@ -293,7 +290,7 @@ class GridMap:
     def text(self) -> list[str]:
         """Return one line a row: `#` shelf, `p` pick, `s` station, `~` raised or sunken floor, `.` other floor.
 
-        One-way cells show their arrow instead, endpoint or not.
+        One-way cells show their arrow instead.
         """
         drawing = np.where(self.occupied, "#", np.where(self.height != 0, "~", "."))
         drawing[tuple(self.picks.T)] = "p"

@@ -1,6 +1,6 @@
-"""The named layouts: a catalogue of floors, and tasks on them whose shortest lengths are known.
+"""The named layouts: a catalogue of floors, and tasks on them with known shortest lengths.
 
-`LAYOUTS` maps a name to a function that makes the floor; a new layout is one more line there.
+`LAYOUTS` maps a name to the function that makes the floor; a new layout is one more line there.
 """
 
 from __future__ import annotations
@@ -120,7 +120,7 @@ _EXAMPLE = "aisles:seed=7,rows=40"
 
 
 def add_layout(text: str) -> None:
-    """Load a layout of one's own, "my_layout.py:hall" or "module:hall", into LAYOUTS; ConfigError if it is none."""
+    """Load a user's layout, "my_layout.py:hall" or "module:hall", into LAYOUTS; ConfigError if it is none."""
     name, _ = plugins.parse(text, "layout", _EXAMPLE, LAYOUTS)
     if name not in LAYOUTS and plugins.split(name):
         made = plugins.load(name, "layout")
@@ -132,8 +132,8 @@ def add_layout(text: str) -> None:
 def make_layout(name: str, **parameters: Any) -> GridMap:
     """Return the named layout, or the floor of a file: MovingAI's NAME.map, map_server's NAME.yaml, or a picture.
 
-    The name may carry parameters, so that a configuration or a command line can: "aisles:seed=7,rows=40". ConfigError,
-    with near matches, for an unknown name or an unknown parameter; MapError for a file that is none.
+    The name may carry parameters, as in "aisles:seed=7,rows=40". ConfigError, with near matches, for an unknown name or
+    parameter; MapError for a file that is no map.
     """
     if isinstance(name, str) and name.lower().endswith(".map") and not parameters:
         return read_map(name)

@@ -1,13 +1,13 @@
 """Global planners: from a map, a start and a goal to a path of cells. A new planner is one line in PLANNERS.
 
-Which to take when; `warehouse tables benchmark` has the figures (200 pairs of cells on each of five floors):
+Which to use; docs/measured/planners.md has the figures (200 pairs of cells on each of five floors):
 
 1. `astar_turns`: always a shortest path, with the fewest turns, 0.1 to 0.6 ms.
 2. Floor heights: `astar_turns` with gentleness=10; the default `pf_aco` finds the same paths, 40 times slower.
-3. A cost map, such as other robots' traffic: `astar_turns` heeds it exactly, every colony nearly.
+3. A cost map, such as other robots' traffic: `astar_turns` is exact, every colony nearly.
 4. Lines off the lattice: `theta_star`, 2.5 to 4.6% shorter, close to the shelves' corners.
 5. Of the colonies `pf_aco`: optimal in 88 to 100% of the runs, never more than 0.21% longer in the mean, 8 to 46 ms.
-   The ants of `shaa_acs` are led by what amounts to the true distance. The others are there to be compared.
+   The ants of `shaa_acs` follow nearly the true distance. The others are for comparison.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ _MEMBERS = ("plan(grid, start, goal, rng, cost=None)", "takes_cost", "name", "ke
 
 
 def add_planner(text: str) -> None:
-    """Load a planner of one's own, "my_planner.py:Mine" or "module:Mine", into PLANNERS; ConfigError if it is none."""
+    """Load a user's planner, "my_planner.py:Mine" or "module:Mine", into PLANNERS; ConfigError if it is none."""
     name, _ = plugins.parse(text, "planner", _EXAMPLE, PLANNERS)
     if name in PLANNERS or not plugins.split(name):
         return
@@ -88,8 +88,8 @@ _EXAMPLE = "pf_aco:ants=20,patience=null"
 def make_planner(name: str, **parameters: Any) -> Planner:
     """Build a planner of PLANNERS; ConfigError for an unknown name, an unknown parameter or a bad value.
 
-    The name may carry parameters, so that a configuration or a command line can: "pf_aco:ants=20,local_search=false".
-    Their values are JSON, words need no quotes; `parameters` come first.
+    The name may carry parameters, as in "pf_aco:ants=20,local_search=false". Values are JSON; words need no quotes.
+    `parameters` override them.
     """
     name, named = plugins.parse(name, "planner", _EXAMPLE, PLANNERS)
     if not isinstance(name, str) or name not in PLANNERS:

@@ -18,11 +18,11 @@ from warehouse_env.planning.plan import CostMap, Plan
 
 @kernel
 def line_of_sight(occupied, one_way, row, col, to_row, to_col):
-    """May a point go straight from the centre of one cell to that of another? occupied: bool[H, W].
+    """Whether the straight line between the centres of two cells is free. occupied: bool[H, W].
 
-    Every cell whose inside the line crosses must be free. Where it runs exactly through a corner of cells, the two
-    cells beside it must be free as well: the rule of eq. 26 (paper 000) for a diagonal move, for lines of any angle.
-    Nor may the line have a part against the direction of a cell that it crosses (one_way: uint8[H, W], GridMap).
+    Every cell whose inside the line crosses must be free. Where it runs exactly through a corner, the two cells beside
+    it must be free as well: eq. 26 (paper 000) for lines of any angle. Nor may the line have a component against the
+    direction of a cell that it crosses (one_way: uint8[H, W], GridMap).
     """
     d_row, d_col = abs(to_row - row), abs(to_col - col)
     step_row, step_col = (1 if to_row > row else -1), (1 if to_col > col else -1)
@@ -47,13 +47,13 @@ def line_of_sight(occupied, one_way, row, col, to_row, to_col):
 
 @kernel
 def _against_rows(d_row):
-    """The direction (an index into ARROWS) that a line down so many rows has a part against; 0 where there is none."""
+    """Return the direction (an index into ARROWS) that a line down so many rows opposes; 0 for none."""
     return 2 if d_row > 0 else 4 if d_row < 0 else 0
 
 
 @kernel
 def _against_columns(d_col):
-    """As `_against_rows`, of a line over so many columns to the east."""
+    """Return the direction that a line over so many columns to the east opposes; 0 for none."""
     return 3 if d_col > 0 else 1 if d_col < 0 else 0
 
 

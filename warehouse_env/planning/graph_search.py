@@ -1,8 +1,7 @@
-"""Dijkstra, A* and turn-aware A* on the moves of eq. 26 (paper 000): the truth the other planners are held against.
+"""Dijkstra, A* and turn-aware A* on the moves of eq. 26 (paper 000): the exact reference for the other planners.
 
-Costs are kept as two whole numbers, diagonal steps and millionths of a cell of all else (straight steps, and the tolls
-of a cost map), and a cost is computed from them once. As sqrt(2) is irrational, equal costs are thus equal numbers,
-whatever the order of the steps and of the tolls.
+A cost is kept as two whole numbers: diagonal steps, and millionths of a cell for straight steps and tolls. It is
+computed from them once, so equal costs are equal numbers whatever the order of steps and tolls (sqrt(2) is irrational).
 """
 
 from __future__ import annotations
@@ -23,16 +22,15 @@ from warehouse_env.planning.plan import MICRO, CostMap, Plan, check_endpoints, t
 
 _SQRT2 = math.sqrt(2.0)
 _STEP = int(MICRO)  # millionths of a cell: a straight step
-START = whole(8)  # in place of a move, of a state: it is the start
+START = whole(8)  # in place of the arriving move: the start
 
 
 @kernel
 def _labels(states, start):
     """Labels of a search, [states]: straight (with tolls), diagonal, length, turns, state before, closed; and a heap.
 
-    A state is put on the heap at most once for each of the 8 moves that enter its cell. The order of the arrays
-    counts: with others after the heap's, malloc gives pages back after every search, and a short one takes twice as
-    long.
+    A state is pushed at most once for each of the 8 moves that enter its cell. The heap's arrays come last: otherwise
+    malloc returns pages after every search, and a short search takes twice as long.
     """
     straight, diagonal, length = np.zeros(states, np.int64), np.zeros(states, np.int64), np.full(states, np.inf)
     length[start] = 0.0
@@ -198,7 +196,7 @@ class AStar(_GraphSearch):
 class AStarTurns(_GraphSearch):
     """The fewest turns among the shortest paths: A* on cell x direction with the cost (length, turns)."""
 
-    hairpin: float = 0.0  # [cells] price of a turn of more than 90 degrees, which only a cost map makes worth while
+    hairpin: float = 0.0  # [cells] price of a turn of more than 90 degrees, which only pays with a cost map
 
     name: ClassVar[str] = "astar_turns"
 

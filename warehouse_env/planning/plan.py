@@ -1,4 +1,4 @@
-"""Plan, the Planner protocol, measures of a path, and a validator that shares no code with any planner."""
+"""Plan, the Planner protocol, measures of a path, and a validator that shares no code with the planners."""
 
 from __future__ import annotations
 
@@ -20,24 +20,24 @@ CostMap = NDArray[np.float64] | None
 """Cells of length that each move costs on top of its own, [H, W, 8], or that entering a cell costs, [H, W]."""
 
 DEAREST = 1e6  # [cells] that a move may cost
-_COUNTED = 2.0**61  # a path's sum of tolls that int64 holds with room to spare
+_COUNTED = 2.0**61  # largest sum of tolls along a path; int64 holds more
 MICRO = 1e6  # tolls and heights are counted in whole millionths, so that sums of them are exact
 
 _NONE = np.empty(0)
 _NONE.flags.writeable = False
-_GRAZE = 1e-9  # [cells] by which a line may seem to enter a shelf, for rounding
+_GRAZE = 1e-9  # [cells] of rounding by which a line may enter a shelf
 
 
 class Plan(NamedTuple):
-    """What a planner gives back.
+    """A planner's result.
 
     cells: int64[L, 2], (row, col) from start to goal, both included; (0, 2) where no path was found.
     best_by_iteration: float64[I], length [cells] of the best path known after each iteration, inf before the
         first one; empty for planners that do not iterate.
     seconds: wall time of the search.
     elapsed: float64[I] [s] from the beginning of the search to the end of each iteration.
-    line: float64[K, 2], (row, col) in cells, from start to goal: the polyline that is to be driven, where a planner
-        makes one that leaves the lattice (any-angle search, smoothing); None where the cells are the path.
+    line: float64[K, 2], (row, col) in cells, from start to goal: the polyline to drive, if a planner leaves the lattice
+        (any-angle search, smoothing); None if the cells are the path.
     """
 
     cells: NDArray[np.int64]
@@ -108,7 +108,7 @@ def edge_cost(grid: GridMap, cost: NDArray[np.float64]) -> NDArray[np.float64]:
 def tolls(grid: GridMap, gentleness: float = 0.0, cost: NDArray[np.float64] | None = None) -> NDArray[np.int64] | None:
     """Return what each legal move costs on top of its length [millionths of a cell], int64[H, W, 8]; None: nothing.
 
-    What the floor itself asks for (GridMap.surplus) is part of it. gentleness: cells of length that a metre of
+    The floor's own tolls (GridMap.surplus) are part of it. gentleness: cells of length that a metre of
     climbing, up or down, is worth; cost: a cost map (Planner.plan).
     """
     climbing = bool(gentleness) and bool(_climbs(grid).any())
@@ -116,7 +116,7 @@ def tolls(grid: GridMap, gentleness: float = 0.0, cost: NDArray[np.float64] | No
         return None
     toll = np.zeros((*grid.shape, 8), np.int64)
     if climbing and gentleness * float(_climbs(grid).max()) * len(grid.free_cells) > _COUNTED:
-        raise ConfigError(f"gentleness={gentleness:g} is too much on map {grid.name!r}, whose floor is that uneven")
+        raise ConfigError(f"gentleness={gentleness:g} is too much for the uneven floor of map {grid.name!r}")
     if climbing:
         toll += np.rint(gentleness * _climbs(grid)).astype(np.int64)
     if grid.surplus is not None:

@@ -85,7 +85,7 @@ def alignment(force: NDArray[np.float64]) -> NDArray[np.float64]:
 def repulsion_parts(
     occupied: NDArray[np.bool_], gain: float, reach: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """What the improved field needs of the shelves, whatever the goal: `repulsion` and `repulsive_potential`."""
+    """Return `repulsion` and `repulsive_potential`: what the improved field needs of the shelves for any goal."""
     return repulsion(occupied, gain, reach), repulsive_potential(occupied, gain, reach)
 
 
@@ -174,12 +174,12 @@ def _descend(potential, legal, order, goal, penalty):
 
 @kernel
 def intermediate_point(occupied, cell, goal, tried):
-    """Where a robot stuck on `cell` turns to before it goes on to the goal; (-1, -1) where there is no such cell.
+    """Return the intermediate point of a robot stuck on `cell`; (-1, -1) if there is none.
 
     Paper 002, "local minimum", steps 1-3: through the obstacle goes a perpendicular to the line from the robot to the
     goal; the free cell on it that is nearest to the obstacle, on either side, is the point P. The obstacle is the
-    first shelf cell that bars the line, else the nearest. Cells of `tried` bool[H, W] and the robot's own are passed
-    over, so that a robot that is stuck again does not turn to the same point for ever.
+    first shelf cell that bars the line, else the nearest. Cells of `tried` bool[H, W] and the robot's own are
+    skipped, so a robot that is stuck again gets another point.
     """
     shelf = _blocking_shelf(occupied, cell, goal)
     if shelf[0] < 0:

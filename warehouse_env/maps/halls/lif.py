@@ -35,9 +35,9 @@ _FARTHEST = 1e300  # [m] of a coordinate
 
 
 def read_lif(path: Path, vehicle: str | None = None) -> Lanes:
-    """Return the lanes of a file, of the level of its first layout; those open to a type of vehicle if one is named.
+    """Return the lanes of a file on the level of its first layout; only those open to `vehicle`, if given.
 
-    MapError in one sentence where it cannot be used; what is read in spite of the format is noted.
+    MapError in one sentence if it cannot be used; deviations from the format are noted.
     """
     data = read_json(path, "LIF file", _LARGEST_FILE)
     if not isinstance(data, dict) or not isinstance(data.get("layouts"), list) or not data["layouts"]:
@@ -57,7 +57,7 @@ class _Reading:
         self._given: set[tuple[str, str]] = set()  # name of an id, and its value, that stands for something
 
     def check_version(self, about: Any) -> None:
-        """Raise MapError for a file of a version that is not read; note one that does not say its version."""
+        """Raise MapError for a version that is not read; note a missing one."""
         version = about.get("lifVersion") if isinstance(about, dict) else None
         major = major_of(version)
         if major is None:
@@ -133,7 +133,7 @@ class _Reading:
         return self._number(where.get("x"), f"{what}: x"), self._number(where.get("y"), f"{what}: y")
 
     def _for_us(self, entry: dict[str, Any], key: str) -> dict[str, Any] | None:
-        """Return the first entry for our vehicle, or for any; None where there is none, as the thing is closed then."""
+        """Return the first entry for our vehicle, or for any; None if the node or edge is closed to it."""
         newer = next((name for name in entry if name.startswith("mobileRobotType")), None)  # in place of vehicleType
         if newer is not None and entry.get(key) is None:
             raise self._bad(f"it holds {shown(newer)[1:-1]}, a name of LIF 2, which is not read; versions 0 and 1 are")
@@ -172,7 +172,7 @@ class _Reading:
         return name
 
     def _course(self, trajectory: Any, name: str, straight: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return float64[K, 2], the points of an edge's course; the straight one where it names none that is sound."""
+        """Return float64[K, 2], the points of an edge's course; a straight line if it has no sound trajectory."""
         if trajectory is None:
             return straight
         self._object(trajectory, f"trajectory of edge {shown(name)}")
@@ -227,7 +227,7 @@ def _nurbs(
 def write_lif(grid: GridMap, path: str | os.PathLike[str], when: datetime | None = None) -> None:
     """Write a floor's lanes, one-way rules, speed limits, picks and stations as LIF, whole or not at all.
 
-    when: the time that the file says it was made, now if not given. LIF has no prices of lanes.
+    when: the time stamp of the file, now if not given. LIF has no prices of lanes.
     """
     lanes = of_floor(grid)
     words = zip(KINDS, ("pick", "drop"), strict=True)

@@ -1,4 +1,4 @@
-"""Maps as ROS 2's map_server keeps them: a YAML file and a picture beside it, read and written.
+"""Maps of ROS 2's map_server: a YAML file and a picture beside it, read and written.
 
 Rules of nav2_map_server: a level is p = grey / 255, occ = p with `negate`, else 1 - p. trinary: occupied from
 `occupied_thresh` on, free up to `free_thresh`, else unknown. scale: the same, and between them a share. raw: the level
@@ -32,7 +32,7 @@ _FARTHEST = 1e7  # [m] of an origin
 
 @dataclass(frozen=True, eq=False)
 class Occupancy:
-    """What a map says of each pixel: int8[H, W], per cent occupied, or UNKNOWN; row 0 is the north edge.
+    """A map: int8[H, W], per cent occupied or UNKNOWN for each pixel; row 0 is the north edge.
 
     resolution: [m] of a pixel. origin: (x, y) [m] of the lower left corner.
     """
@@ -48,7 +48,7 @@ class Occupancy:
 
 
 def read_occupancy(path: Path, resolution: float | None = None) -> Occupancy:
-    """Return a YAML file's map, or that of a plain picture, whose resolution [m/pixel] must be told; MapError."""
+    """Return the map of a YAML file, or of a plain picture, which needs a resolution [m/pixel]; MapError."""
     if path.suffix.lower() in YAMLS:
         if resolution is not None:
             raise MapError(f"{path} says its resolution itself; leave resolution={resolution} out")
@@ -61,7 +61,7 @@ def read_occupancy(path: Path, resolution: float | None = None) -> Occupancy:
 
 
 def beside(path: Path, name: Any, what: str) -> Path:
-    """Return where a file lies that another names: in its folder or below, so that both can travel; else MapError."""
+    """Return the path of a file named in another: in its folder or below, so that both can travel; MapError."""
     inside = isinstance(name, str) and name.strip() and len(name) < 200 and name.isprintable()
     if not inside or Path(name).is_absolute() or ".." in Path(name).parts or "\\" in name:
         raise MapError(f"{path}: {what} {shown(name)} must be the name of a file in the same folder; copy it there")
@@ -69,7 +69,7 @@ def beside(path: Path, name: Any, what: str) -> Path:
 
 
 def image_of(path: Path) -> Path:
-    """Return where the picture of a YAML file lies; MapError where it names none."""
+    """Return the path of a YAML file's picture; MapError if it names none."""
     return _image(path, _mapping(path))
 
 
@@ -120,7 +120,7 @@ def _interpreted(path: Path, picture: Picture, about: dict[Any, Any]) -> Occupan
 
 
 def _levels(mode: str, negate: bool, free: float, occupied: float) -> NDArray[np.int8]:
-    """Return int8[256]: what each grey level says."""
+    """Return int8[256]: the value of each grey level."""
     grey = np.arange(256)
     if mode == "raw":
         return np.where(grey <= 100, grey, UNKNOWN).astype(np.int8)

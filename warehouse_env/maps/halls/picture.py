@@ -25,14 +25,14 @@ _HEADER = re.compile(_GAP.join([rb"P5", *3 * [rb"(\d{1,9})"]]) + rb"(?:#[^\n]*\n
 
 
 class Picture(NamedTuple):
-    """Levels uint8[H, W] from 0 (black) to 255, and opaque bool[H, W], or None where all of it is."""
+    """Levels uint8[H, W] from 0 (black) to 255, and opaque bool[H, W], or None if all are."""
 
     grey: NDArray[np.uint8]
     opaque: NDArray[np.bool_] | None = None
 
 
 def read_picture(path: Path) -> Picture:
-    """Return a picture of a file; MapError in one sentence if it is none, or too large."""
+    """Return the picture in a file; MapError in one sentence if it is none or too large."""
     if path.suffix.lower() not in SUFFIXES:
         raise MapError(f"{path} is no picture of a map; known are {', '.join(SUFFIXES)}")
     content = read_bytes(path, "picture", _LARGEST_FILE)
@@ -76,7 +76,7 @@ def _by_pillow(path: Path, content: bytes) -> Picture:
         raise MapError(f"{path} needs Pillow: pip install pillow, or save the picture as a PGM") from None
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of large pictures, whose size is checked here
+            warnings.simplefilter("ignore")  # about large pictures, whose size is checked here
             with Image.open(io.BytesIO(content), formats=("PNG", "BMP", "PPM")) as image:
                 _check_size(path, *image.size)
                 return _grey(image)
@@ -87,7 +87,7 @@ def _by_pillow(path: Path, content: bytes) -> Picture:
 
 
 def _grey(image: Any) -> Picture:
-    """Return the mean of the colours, as map_server takes it, and where a picture is opaque."""
+    """Return the mean of the colours, as map_server does, and where a picture is opaque."""
     if image.mode.startswith("I;16") or image.mode == "I":
         wide = np.asarray(image).astype(np.int64)
         return Picture((np.clip(wide, 0, 65535) // 257).astype(np.uint8))

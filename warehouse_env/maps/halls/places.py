@@ -1,7 +1,7 @@
-"""Where robots fetch and bring in a hall: proposed, and kept in a small file that a person edits.
+"""Picks and stations of a hall: proposed, and kept in a small file that a person edits.
 
 NAME.places.json beside the map: {"picks": [{"id": 1, "x": 3.5, "y": 2.5}, ...], "stations": [...]}, in metres of the
-map's own frame, so that it holds for any size of cells.
+map's own frame, so it is valid for any size of cells.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ MOST = 100_000
 
 
 class Place(NamedTuple):
-    """A pick face or a station, by its name and where it is in the map's frame [m]."""
+    """A pick face or a station: its name and position in the map's frame [m]."""
 
     name: str
     x: float
@@ -34,11 +34,11 @@ class Place(NamedTuple):
 
 
 Places = dict[str, tuple[Place, ...]]
-"""Kind, of KINDS -> places; a kind that is missing is proposed."""
+"""Kind, of KINDS -> places; a missing kind is proposed."""
 
 
 def read_places(path: Path) -> Places:
-    """Return the places of a file; MapError in one sentence, naming the place, where it is damaged."""
+    """Return the places in a file; MapError in one sentence, naming the damaged place."""
     data = read_json(path, "places file", _LARGEST_FILE)
     if not isinstance(data, dict) or not data.keys() & set(KINDS):
         raise MapError(f'{path} must hold "picks" and "stations", each a list of places')
@@ -65,7 +65,7 @@ def _listed(path: Path, kind: str, entries: Any) -> tuple[Place, ...]:
 
 
 def write_places(places: Places, path: Path) -> None:
-    """Write a file of places, one a line, as a person edits it."""
+    """Write a file of places, one a line, for a person to edit."""
     kinds = []
     for kind, listed in places.items():
         lines = [f'    {{"id": {json.dumps(place.name)}, "x": {place.x:g}, "y": {place.y:g}}}' for place in listed]
@@ -74,7 +74,7 @@ def write_places(places: Places, path: Path) -> None:
 
 
 def places_at(raster: Raster, cells: NDArray[np.int64], names: Iterable[str] | None = None) -> tuple[Place, ...]:
-    """Return cells (row, column) as places, numbered from 1 where they have no names."""
+    """Return cells (row, column) as places, numbered from 1 if they have no names."""
     points = np.round(raster.centres(cells), 6).tolist()
     named = map(str, range(1, len(points) + 1)) if names is None else names
     return tuple(Place(name, x, y) for name, (x, y) in zip(named, points, strict=True))
@@ -83,9 +83,9 @@ def places_at(raster: Raster, cells: NDArray[np.int64], names: Iterable[str] | N
 def cells_of(
     places: tuple[Place, ...], kind: str, floor: NDArray[np.bool_], raster: Raster
 ) -> tuple[NDArray[np.int64], list[str], list[str]]:
-    """Return int64[K, 2], the nearest cell of floor to each place, each once, their names, and notes on the others.
+    """Return int64[K, 2], the nearest cell of floor to each place, each once; their names; and notes on the others.
 
-    A place farther than a cell from any floor is left out; MapError where none is left.
+    A place farther than a cell from any floor is left out; MapError if none is left.
     """
     names: dict[tuple[int, int], str] = {}
     lost, same = [], 0
@@ -112,7 +112,7 @@ def cells_of(
 
 
 def _nearest(point: NDArray[np.float64], floor: NDArray[np.bool_], raster: Raster) -> tuple[int, int] | None:
-    """Return the cell of floor that a point [m] lies in, or else the nearest beside that; None if there is none."""
+    """Return the cell of floor that contains a point [m], or that cell's nearest neighbour; None without either."""
     row, column = raster.cells(point).tolist()
     around = np.array([(row + a, column + b) for a in (0, -1, 1) for b in (0, -1, 1)], dtype=np.int64)
     around = around[raster.inside(around)]

@@ -1,8 +1,8 @@
-"""Lanes as the route graph of nav2_route, a GeoJSON file: read and written.
+"""Lanes as a route graph of nav2_route, a GeoJSON file: read and written.
 
 Points are nodes, with an id; LineStrings are directed edges, with id, startid and endid. `metadata` of an edge may hold
-`abs_speed_limit` [m/s] or `speed_limit` [per cent of the robot's highest speed]; of a node, what we write, its `place`.
-An edge's `cost` is what a route along it costs in place of its length [m].
+`abs_speed_limit` [m/s] or `speed_limit` [per cent of the robot's highest speed]; of a node, its `place`, which is ours.
+An edge's `cost` replaces its length [m] in the cost of a route.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ _FARTHEST = 1e9  # [m] of a coordinate
 
 
 def read_route_graph(path: Path) -> Lanes:
-    """Return the lanes of a file; MapError in one sentence where it cannot be used.
+    """Return the lanes of a file; MapError in one sentence if it cannot be used.
 
-    Nodes at the ends of dead-end lanes are stations, unless nodes say what they are.
+    Nodes at dead ends are stations, unless nodes name their place.
     """
     data = read_json(path, "route graph", _LARGEST_FILE)
     features = data.get("features") if isinstance(data, dict) else None
@@ -70,7 +70,7 @@ def _id(path: Path, properties: dict[str, Any], key: str) -> str:
 
 
 def _line(path: Path, what: str, coordinates: Any) -> NDArray[np.float64]:
-    """Return float64[K, 2] of coordinates that may have heights behind them."""
+    """Return float64[K, 2] of coordinates, without heights."""
     points = coordinates if isinstance(coordinates, list) else []
     if len(points) == 1 and isinstance(points[0], list) and points[0] and isinstance(points[0][0], list):
         points = points[0]  # MultiLineString of one line

@@ -1,4 +1,4 @@
-"""What is told of a hall: what was read, and what its cells do not keep of it."""
+"""The report on a hall: what was read, and what its cells lose."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ class Laid(NamedTuple):
 
 
 def report(path: Path, how: Reading, laid: Laid, grid: GridMap, barred: NDArray[np.bool_]) -> Iterator[str]:
-    """Yield what was read of a hall, and lost in cells, one sentence each.
+    """Yield what was read of a hall, and what its cells lose, one sentence each.
 
-    barred: bool[H, W], floor of the map that masks or lanes close.
+    barred: bool[H, W], floor that masks or lanes close.
     """
     pixel = laid.occupancy.resolution**2
     occupied, free, unknown = laid.occupancy.counts

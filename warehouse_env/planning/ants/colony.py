@@ -1,8 +1,8 @@
-"""The one ant loop: every ant system is an assembly of slots around `run`.
+"""The one ant loop: every ant system is a set of slots around `run`.
 
-Systems differ in the slots of `Colony`: attraction tables, greed and pheromone update. They share the ants, which are
-compiled: `send` lets one walk cell by cell over the moves of eq. 26 (paper 000) with its own tabu list. Ants on the way
-(simulation/traffic/ants.py) walk by `send` as well; only what weighs their moves is another function.
+Systems differ in the slots of `Colony`: attraction tables, greed and pheromone update. They share the compiled ants:
+`send` lets one walk cell by cell over the moves of eq. 26 (paper 000) with its own tabu list. Live replanning
+(simulation/traffic/ants.py) uses `send` with another weighing function.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class Colony:
 
 
 class EdgeWeights(NamedTuple):
-    """The tables that ants choose their moves by."""
+    """The tables by which ants choose their moves."""
 
     trail: Table  # pheromone^alpha; the local update writes it
     turning: Table  # eta^beta of an edge at a turn
@@ -114,7 +114,7 @@ def run(
 
 
 def _raised(table: Table, power: float) -> Table:
-    """table^power; 1.5, that of paper 002, by a root, which takes an eighth of the time."""
+    """Return table^power; 1.5 (paper 002) by a root, in an eighth of the time."""
     if power == 1.0:
         return table
     raised: Table = table * np.sqrt(table) if power == 1.5 else table**power
@@ -168,14 +168,14 @@ def _drawn(chance, left):
 
 
 class Trip(NamedTuple):
-    """One ant's way."""
+    """One ant's walk."""
 
     start: int  # cell
-    ant: int  # its number, which no other ant of the search has
+    ant: int  # its number, unique in the search
     columns: int  # of the floor
-    trail: Table  # pheromone, of which the walk changes what WalkRule.local_decay says
-    moves: NDArray[np.int8]  # where its moves are written; as long as a path may be
-    chance: NDArray[np.float64]  # [8], room for the weights of the moves of a cell
+    trail: Table  # pheromone, which the walk changes by WalkRule.local_decay
+    moves: NDArray[np.int8]  # output: its moves; as long as a path may be
+    chance: NDArray[np.float64]  # [8], scratch for the weights of a cell's moves
 
 
 def sender(weigh: Any) -> Any:

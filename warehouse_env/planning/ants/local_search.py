@@ -1,10 +1,9 @@
 """Local search on a path: dynamic programming over its nodes with straight-then-diagonal links. Beyond the papers.
 
-An ant finds the right way round the shelves long before it finds the shortest and straightest line along it. So keep
-some of its cells, drop the others, and join what is left by octile links of at most two segments (diagonal then
-straight, or straight then diagonal) that obey eq. 26. Of all such choices this finds the one with the least
-(length + tolls, turns) exactly, in O(n^2) for n cells. Where climbing or a cost map takes its toll, it keeps the ants'
-detour where the detour is worth it.
+An ant finds the right way round the shelves long before the shortest and straightest line along it. So some of its
+cells are kept and joined by octile links of at most two segments (diagonal then straight, or the reverse) that obey
+eq. 26. Of all such choices this finds the one with the least (length + tolls, turns) exactly, in O(n^2) for n cells. A
+detour that saves more tolls than it costs is kept.
 """
 
 from __future__ import annotations

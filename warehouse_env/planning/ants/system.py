@@ -1,4 +1,4 @@
-"""AntSystem: what every ant system is besides its slots: its size, dead ends, local search, and the way to a Plan."""
+"""AntSystem: what all ant systems share besides the loop: size, dead ends, local search, and the Plan."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ class AntSystem(BasePlanner):
         return self.finish(grid, Plan(cells, search.best_by_iteration, seconds, search.elapsed + ahead))
 
     def finish(self, grid: GridMap, plan: Plan) -> Plan:
-        """Return the plan as it leaves the planner; a system that smooths adds its line here."""
+        """Return the finished plan; a system that smooths adds its line here."""
         return plan
 
 

@@ -1,4 +1,4 @@
-"""What ants did: their paths, the measures of these, and the pheromone they leave."""
+"""The ants' paths, their measures, and the pheromone they deposit."""
 
 from __future__ import annotations
 

@@ -1,8 +1,7 @@
-"""A head start: planning again from the pheromone of an earlier search, after the floor has changed.
+"""A warm start: plan again from the pheromone of an earlier search after the floor has changed.
 
-Beyond the papers. A colony that begins with the final pheromone of another knows most of the floor. A converged colony
-has forgotten nearly all but its trail (0.8^100 of the pheromone is left off it), so what it left is tempered first:
-pheromone^temper, largest 1.
+Beyond the papers. A converged colony has forgotten nearly all but its trail (0.8^100 of the pheromone is left off it),
+so its pheromone is tempered first: pheromone^temper, largest 1.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ from warehouse_env.planning.ants.floor import Table
 from warehouse_env.planning.ants.system import AntSystem
 from warehouse_env.planning.plan import Plan
 
-WARM = 0.05  # temper for a new search: the more is remembered, the sooner it settles, too often on the old way
+WARM = 0.05  # temper for a new search: with more, it settles sooner, but too often on the old path
 
 
 def tempered(pheromone: Table, temper: float) -> Table:

@@ -1,9 +1,9 @@
 """Way-points as a code for paths: what particle and fish swarms search over, and how a code becomes a path.
 
-A swarm searches a space of real numbers, a path is a chain of cells. The code between them, usual in the literature of
-swarms (e.g. Roberge, Tarbouchi & Labonte 2013), is a list of K points of the plane that the path visits in turn. With
-straight lines between them, nearly every code on a cluttered map hits a shelf. So here a walker that is fixed, and
-knows the map but no distances around shelves, joins them by valid moves: each code is a path, unless there is none.
+A swarm searches real numbers; a path is a chain of cells. The usual code (e.g. Roberge, Tarbouchi & Labonte 2013) is a
+list of K points that the path visits in turn. With straight lines between them, nearly every code on a cluttered map
+hits a shelf. So a fixed walker, which knows the map but no distances around shelves, joins them by valid moves: each
+code is a path, unless there is none.
 """
 
 from __future__ import annotations
