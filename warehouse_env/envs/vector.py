@@ -46,17 +46,17 @@ class Block(NamedTuple):
 
 
 class WarehouseVecEnv(VecEnv):
-    """Many worlds side by side, one row for each robot; worlds start anew by themselves.
+    """Many worlds in parallel, one row for each robot; worlds reset themselves.
 
-    A world starts anew when it is truncated (`max_steps`) or when all its robots have terminated (one-shot tasks).
-    A robot that terminates earlier ends its episode then, once, and parks. Its row is padding until its world starts
-    anew: observation and reward are 0, actions are not read, `infos[row]["padding"]` is True, and the row is not done.
+    A world resets when it is truncated (`max_steps`) or when all its robots have terminated (one-shot tasks).
+    A robot that terminates earlier ends its episode then, once, and parks. Its row is padding until its world
+    resets: observation and reward are 0, actions are ignored, `infos[row]["padding"]` is True, the row is not done.
 
     A done row's info holds "terminal_observation", "TimeLimit.truncated", "episode" (r: return, l: steps, t: seconds)
-    and "episode_metrics" (of the robot, see infos.final_metrics). The first done row of a world that starts anew also
+    and "episode_metrics" (of the robot, see infos.final_metrics). The first done row of a world that resets also
     holds "world_metrics" (`Simulator.episode_metrics`). Both leave out figures that an episode does not have. At an
     arrival the info holds "path_length_m" and "planned_length_m" of the finished task. All other infos are empty.
-    Observations and rewards given away are never overwritten, nor do notes in an info return in a later step's.
+    Returned observations and rewards are never overwritten, and notes in an info do not reappear in later steps.
     """
 
     def __init__(self, simulators: Sequence[Simulator], render_mode: str | None = None) -> None:
@@ -105,7 +105,7 @@ class WarehouseVecEnv(VecEnv):
         return observation
 
     def _new_observation(self) -> NDArray[np.float32]:
-        """Return an array [rows, D] that the Simulators write into from now on: given away without a copy."""
+        """Return a new array [rows, D] that the Simulators write into from now on, to be returned without a copy."""
         observation = np.empty((self.num_envs, *(self.observation_space.shape or ())), dtype=np.float32)
         for block in self.blocks:
             block.simulator.observe_into(observation[block.rows].reshape(block.simulator.observation.shape))
@@ -136,7 +136,7 @@ class WarehouseVecEnv(VecEnv):
         observation = self._new_observation()
         reward = np.empty(self.num_envs, dtype=np.float32)
         dones = np.empty(self.num_envs, dtype=np.bool_)
-        if any(self._blank_infos):  # one that was written in stays with who did; to make all anew takes far longer
+        if any(self._blank_infos):  # replace only those that the user wrote into, which is faster than all
             self._blank_infos = [{} if info else info for info in self._blank_infos]
         infos = list(self._blank_infos)
         some_done = False
@@ -163,12 +163,12 @@ class WarehouseVecEnv(VecEnv):
     def _end_rows(
         self, infos: list[dict[str, Any]], observation: NDArray[np.float32], dones: NDArray[np.bool_]
     ) -> None:
-        """Give every done row its info, and mark the terminated ones as parked."""
+        """Fill the info of every done row, and mark terminated rows as parked."""
         now = time.time()
         for block in self.blocks:
             terminated = block.simulator.terminated.ravel()
             ended = np.flatnonzero(dones[block.rows])
-            final = observation[block.rows][ended]  # a copy: the rows themselves may start anew below
+            final = observation[block.rows][ended]  # a copy: the rows themselves may reset below
             metrics = final_metrics(block.simulator, ended)
             for robot, last, figures in zip(ended.tolist(), final, metrics, strict=True):
                 row = block.start + robot
@@ -180,7 +180,7 @@ class WarehouseVecEnv(VecEnv):
             self._parked[block.rows] = terminated
 
     def _restart_worlds(self, infos: list[dict[str, Any]], dones: NDArray[np.bool_]) -> None:
-        """Reset every world whose robots have all ended; its first observations come in place of the last."""
+        """Reset every world whose robots have all ended; its first observations replace the last."""
         for block in self.blocks:
             simulator = block.simulator
             for world in np.flatnonzero(simulator.truncated | simulator.terminated.all(axis=1)).tolist():
@@ -191,7 +191,7 @@ class WarehouseVecEnv(VecEnv):
                 self._begin(rows)
 
     def _begin(self, rows: slice) -> None:
-        """Set the episode counters of some rows to a start."""
+        """Reset the episode counters of some rows."""
         self._parked[rows] = False
         self._returns[rows] = 0.0
         self._first[rows] = self._steps
@@ -246,7 +246,7 @@ class WarehouseVecEnv(VecEnv):
     def env_is_wrapped(
         self, wrapper_class: type[gymnasium.Wrapper[Any, Any, Any, Any]], indices: VecEnvIndices = None
     ) -> list[bool]:
-        """Return True for each chosen row if asked for `Monitor`, whose "episode" the infos hold; False for others."""
+        """Return for each chosen row whether it is wrapped: True for `Monitor`, whose "episode" the infos hold."""
         return [wrapper_class is Monitor for _ in self._get_indices(indices)]
 
     def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
@@ -263,7 +263,7 @@ class WarehouseVecEnv(VecEnv):
 
 
 def _takes_world(method: Callable[..., Any], *arguments: Any, **options: Any) -> bool:
-    """Return whether a method has a parameter `world` that these arguments leave open."""
+    """Return whether a method has a parameter `world` that the arguments do not set."""
     signature = inspect.signature(method)
     return "world" in signature.parameters and "world" not in signature.bind_partial(*arguments, **options).arguments
 

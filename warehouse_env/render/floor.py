@@ -1,4 +1,4 @@
-"""The still part of every picture: floor, floor heights, shelves, pick faces and stations. Only numpy."""
+"""The static part of every picture: floor, floor heights, shelves, pick faces and stations. Uses only numpy."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def floor_image(grid: GridMap, pixels_per_metre: float) -> NDArray[np.uint8]:
 
 
 def _cover_by_discs(grid: GridMap, v: NDArray[np.float64], u: NDArray[np.float64], less: float) -> Image:
-    """Cover in [0, 1] of each pixel by discs, narrower by `less` [m] but half as wide at least -> float32[H, W].
+    """Coverage in [0, 1] of each pixel by discs, narrower by `less` [m] but at least half as wide -> float32[H, W].
 
     v, u: the pixels' centres [cells], down and across from the north-west corner.
     """
@@ -137,7 +137,7 @@ def _shadow(shelf: NDArray[np.bool_], pixels_per_metre: float) -> NDArray[np.flo
 
 
 def _scatter(row: NDArray[np.int64], column: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return a whole number for each cell, without a visible pattern."""
+    """Return a pseudo-random whole number for each cell."""
     mixed = row * 73856093 ^ column * 19349663
     return (mixed ^ mixed >> 7) * 2654435761 >> 16
 
@@ -151,7 +151,7 @@ def _paint_shelves(
     down: Image,
     cell: float,
 ) -> None:
-    """Racks seen from above: a frame, and a box a cell, no two neighbours quite alike."""
+    """Racks from above: a frame, and a box in each cell, in varied tones."""
     image[shelf] = _RACK
     if cell >= _DETAIL:
         tone = _BOX[_scatter(row[:, None], column[None, :]) % len(_BOX)]

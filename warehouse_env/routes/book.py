@@ -1,7 +1,7 @@
-"""Routes: plans turned into way-points, and a cache of plans in memory and on disk.
+"""Routes: plans turned into way-points, cached in memory and on disk.
 
-A plan depends on the map, the planner with its parameters, start, goal and seed, and on nothing else,
-so it is made once: an ant colony takes milliseconds, a look-up microseconds.
+A plan depends only on the map, the planner with its parameters, start, goal and seed, so it is made once: an ant colony
+takes milliseconds, a look-up microseconds.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ class Route(NamedTuple):
 
     cells: NDArray[np.int32]  # [L, 2] (row, column)
     line: NDArray[np.float32]  # [R, 2] [m], way-points
-    reach: float = math.inf  # [m] of the line that are made drivable
-    end: Pose | None = None  # at which it ends, if that is not the centre of the last cell
-    either: bool = False  # the body may as well stand there the other way round
+    reach: float = math.inf  # [m] of the line that are drivable
+    end: Pose | None = None  # where it ends, if not at the centre of the last cell
+    either: bool = False  # the body may also stand there the other way round
 
 
 class RouteBook(Portable):
-    """Routes on one map by one planner. A copy knows what is on disk, and makes the other routes again."""
+    """Cache of the routes on one map by one planner. A copy knows only the plans on disk."""
 
     bound = ("_solid", "_one_way", "_routes", "_fresh", "_store", "_usual", "_lock")
 
@@ -54,7 +54,7 @@ class RouteBook(Portable):
         seed: int = 0,
         wider: float = 1.0,
     ) -> None:
-        """wider: how many times as wide as the default the bodies are that drive the lines (RobotSpec.wider)."""
+        """wider: width of the bodies that drive the lines over the default width (RobotSpec.wider)."""
         self.grid, self.planner = grid, planner
         self._keep_right, self._seed, self._wider = keep_right, seed, wider
         self._bind()
@@ -63,18 +63,18 @@ class RouteBook(Portable):
         self._solid = np.pad(self.grid.occupied[::-1], 1, constant_values=True).astype(np.uint8)
         self._one_way = np.pad(self.grid.one_way[::-1], 1)
         self._routes: dict[tuple[Cell, Cell, Cell | None, tuple[Pose, ...]], Route] = {}
-        self._fresh: dict[tuple[Cell, Cell, Cell | None], NDArray[np.int64]] = {}  # plans whose routes are not made yet
+        self._fresh: dict[tuple[Cell, Cell, Cell | None], NDArray[np.int64]] = {}  # plans without a route yet
         self._store = PlanStore(cache_directory())
-        self._usual = 1.0  # [s] that a plan takes, the mean of the last few
-        self._lock = Lock()  # of what is kept: threads of a training share a book
+        self._usual = 1.0  # [s] recent mean duration of a plan
+        self._lock = Lock()  # threads of a training share a cache
 
     def __getstate__(self) -> dict[str, Any]:
-        """Write what is pending first, so that the copy finds it."""
+        """Write pending plans first, so that the copy finds them."""
         self._store.flush()
         return super().__getstate__()
 
     def cells(self, start: Cell, goal: Cell, behind: Cell | None = None) -> NDArray[np.int64]:
-        """Return the planned cells int64[L, 2], without a first step to `behind`; PlanError where there is no path."""
+        """Return the planned cells int64[L, 2], not starting with a step to `behind`; PlanError if there is no path."""
         known = self._stored(start, goal, behind)
         if known is None:
             plan = self._plan(start, goal, behind)
@@ -88,10 +88,10 @@ class RouteBook(Portable):
         return known
 
     def prepare(self, tasks: Sequence[tuple[Cell, Cell]]) -> None:
-        """Plan the tasks (start, goal) that are not known yet side by side, on as many threads as may be used.
+        """Plan unknown tasks (start, goal) in parallel, on as many threads as allowed.
 
-        Each has its own generator, so the plans are the same in any order and number of threads. What fails is found
-        out when its route is asked for.
+        Each has its own generator, so the plans do not depend on order or number of threads. Failures are reported when
+        the route is asked for.
         """
         new = [task for task in dict.fromkeys(tasks) if (*task, None, ()) not in self._routes]
         new = [task for task in new if self._stored(*task) is None]
@@ -107,11 +107,11 @@ class RouteBook(Portable):
         return f"{self.grid.key} {self.planner.key} {start} {goal} {behind} {self._seed}"
 
     def _stored(self, start: Cell, goal: Cell, behind: Cell | None = None) -> NDArray[np.int64] | None:
-        """Return a plan that was made before, None where there is none or it is damaged."""
+        """Return a stored plan; None if there is none or it is damaged."""
         known = self._fresh.get((start, goal, behind))
         if known is not None:
             return known if len(known) else None
-        if self._usual < WORTH_KEEPING:  # nothing of a quick planner is kept, and planning takes no longer than looking
+        if self._usual < WORTH_KEEPING:  # quick plans are not stored, and planning is as fast as looking up
             return None
         known = self._store.get(self._key(start, goal, behind))
         try:
@@ -126,7 +126,7 @@ class RouteBook(Portable):
         return self.planner.plan(grid if behind is None else grid.without(behind), start, goal, rng)
 
     def _keep(self, start: Cell, goal: Cell, behind: Cell | None, plan: Plan) -> None:
-        """Keep a plan until its route is made, and on disk where it took long."""
+        """Keep a plan until its route is made, and on disk if it took long."""
         with self._lock:
             self._fresh[start, goal, behind] = plan.cells
             self._usual += 0.5 * (plan.seconds - self._usual)
@@ -134,7 +134,7 @@ class RouteBook(Portable):
                 self._store.put(self._key(start, goal, behind), plan.cells)
 
     def _blocked_turn(self, start: Cell, goal: Cell, heading: float) -> Cell | None:
-        """Return the cell behind a robot that stands in a single lane, where it cannot turn round; else None."""
+        """Return the cell behind a robot in a single lane, where it cannot turn round; None elsewhere."""
         forward = (-round(math.sin(heading)), round(math.cos(heading)))
         if abs(forward[0]) + abs(forward[1]) != 1:
             return None
@@ -148,9 +148,9 @@ class RouteBook(Portable):
         return behind if inside and behind != goal and not self.grid.closed[behind] else None
 
     def route(self, start: Cell, goal: Cell, heading: float | None = None, ends: tuple[Pose, ...] = ()) -> Route:
-        """Return the route from start's centre to goal's centre, or one of `ends` there; PlanError where there is none.
+        """Return the route from start's centre to goal's centre, or to one of `ends` there; PlanError if there is none.
 
-        heading [rad]: of the robot at start. In a single lane its route goes on ahead where it can, since a robot
+        heading [rad]: of the robot at start. In a single lane the route continues ahead if possible, because a robot
         cannot turn round there.
         """
         behind = None if heading is None else self._blocked_turn(start, goal, heading)
@@ -176,7 +176,7 @@ class RouteBook(Portable):
     ) -> Route:  # fmt: skip
         """Return the route along cells [L, 2], from the point `begin` [m] in the first to one of `ends` in the last.
 
-        reach [m]: how much of it is made drivable.
+        reach [m]: how much of it is drivable.
         """
         end = facing(ends, cells) if ends else None
         return Route(cells, self._lay(cells, begin, reach, end), reach, end, len(ends) > 1)

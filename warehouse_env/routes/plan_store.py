@@ -66,7 +66,7 @@ def _write(file: Path, pending: list[tuple[str, bytes]]) -> None:
 
 
 def _evict(connection: sqlite3.Connection) -> None:
-    """Drop the oldest plans of a store that has grown too large; what comes next takes their place in the file."""
+    """Drop the oldest plans of a store that has grown too large; later plans reuse their place in the file."""
     pages, free, size = (
         connection.execute(f"PRAGMA {what}").fetchone()[0] for what in ("page_count", "freelist_count", "page_size")
     )

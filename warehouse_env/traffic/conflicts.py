@@ -1,4 +1,4 @@
-"""Where routes of several robots get into each other's way, and what that costs: measures, and cost maps from them.
+"""Conflicts between routes of several robots: measures, and cost maps from them.
 
 Two routes share a stretch where both visit the same cells one after another, in the same or in the opposite order
 (paper 001, section 2.3, tells node from opposing conflicts so). All robots drive at one cell a unit of time, and a
@@ -10,7 +10,7 @@ robot keeps others off a cell for HOLD units around its arrival there:
 - an opposing conflict: a shared stretch of length l > 0 in opposite directions. They conflict if they enter its two
   ends within l + HOLD of each other.
 
-How often that happens depends on what is known of time:
+How often they happen depends on what is known of time:
 
 - "count": nothing; every shared place counts once.
 - "start": all robots start at time 0 and drive their route once; a place counts if they conflict there.
@@ -34,7 +34,7 @@ from warehouse_env.maps.grid_map import MOVES
 Timing = Literal["count", "start", "lifelong"]
 Route = NDArray[np.int64]  # [L, 2] cells (row, col)
 
-HOLD = 1.0  # [cells of driving] a robot of 0.9 m fills a cell of 1 m for about as long as it takes to drive it
+HOLD = 1.0  # [cells of driving] a robot of 0.9 m occupies a cell of 1 m for about as long as it takes to cross it
 
 _COUNT, _START, _LIFELONG = range(3)
 _SQRT2 = math.sqrt(2.0)
@@ -54,7 +54,7 @@ class Conflicts(NamedTuple):
 
 
 class Flat(NamedTuple):
-    """Routes end to end, as the kernels want them."""
+    """Routes end to end, for the kernels."""
 
     cell: NDArray[np.int64]  # [S] row * columns + column
     at: NDArray[np.float64]  # [S] arrival, in cells driven
@@ -181,7 +181,7 @@ def _weight(apart, window, timing, rate):
 def congestion(
     routes: Sequence[Route], shape: tuple[int, int], crossing: float = 1.0, opposing: float | None = None
 ) -> NDArray[np.float64]:
-    """Return what other robots on these routes cost a robot that is planned next: a cost map for `Planner.plan`.
+    """Return the cost map for the robot planned next, from other robots' routes (`Planner.plan`).
 
     crossing, opposing: cells of detour that avoiding one conflict is worth.
 

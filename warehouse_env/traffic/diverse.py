@@ -1,7 +1,7 @@
 """Several good routes for one task from a colony's final pheromone.
 
-Beyond the papers. Ants lay pheromone on all that they found good, not on the best path alone, so ants that walk over
-the final pheromone, tempered (planning/ants/warm.py), draw other near-optimal routes from it.
+Beyond the papers. Pheromone lies on all good paths, not only on the best, so ants that walk over the tempered final
+pheromone (planning/ants/warm.py) find other near-optimal routes.
 """
 
 from __future__ import annotations
