@@ -12,7 +12,7 @@ import pytest
 from agents import make_policy
 from tests.hostile.__main__ import attempt, guarded, hunt
 from tests.hostile.readers import EVALUATED, PROGRESS, RECORD, SMALL, an_episode
-from tests.hostile.targets import TARGETS, Target, _plans
+from tests.hostile.targets import TARGETS, Target
 from train.evaluation.episodes import Episodes
 from train.evaluation.jobs import of_all_runs
 from train.evaluation.rollout import make_experiment
@@ -25,7 +25,6 @@ from warehouse_env.config import EnvConfig
 from warehouse_env.errors import WarehouseError
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.movingai import read_map
-from warehouse_env.routes.plan_store import PlanStore
 from warehouse_env.simulation.record.recording import Episode, Recorder
 from warehouse_env.simulation.simulator import Simulator
 
@@ -115,12 +114,6 @@ def test_an_archive_that_says_it_is_encrypted_is_one_sentence_and_left_open_by_n
     with pytest.raises(WarehouseError, match="encrypted"):
         Episode.load(tmp_path / "e.npz")
     assert not recwarn.list
-
-
-def test_a_store_whose_table_is_no_text_is_not_used(tmp_path: Path) -> None:
-    """SQLite repeats the table's text in its error, and Python could not decode that."""
-    (tmp_path / "plans-3.sqlite").write_bytes(_plans().replace(b"CREATE TABLE plan", b"CREATE TABL\xff plan"))
-    assert PlanStore(tmp_path).get("key 3") is None
 
 
 def test_rows_of_a_training_or_an_evaluation_with_odd_values_are_made_again(tmp_path: Path) -> None:

@@ -8,7 +8,6 @@ import functools
 import inspect
 import io
 import json
-import tempfile
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -21,7 +20,6 @@ from agents import Network, PolicyRecord
 from tests.hostile import making
 from tests.hostile.making import damaged, json_bytes, json_lines, options, value
 from tests.hostile.readers import HALL, NETWORK, READERS, SMALL, an_episode
-from train import cli
 from train.commands.bench import Bench
 from train.commands.demo import Demo
 from train.commands.evaluate import Evaluate
@@ -40,7 +38,6 @@ from warehouse_env.maps.halls.route_graph import write_route_graph
 from warehouse_env.maps.halls.saved import write_hall
 from warehouse_env.maps.layouts import LAYOUTS, make_layout
 from warehouse_env.planning import PLANNERS, make_planner
-from warehouse_env.routes.plan_store import PlanStore
 from warehouse_env.simulation.record.recording import Episode, Recorder
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.tasks.assignment import Assignment
@@ -111,26 +108,6 @@ def _members() -> dict[str, bytes]:
 def _replayed(content: bytes, folder: Path) -> None:
     for _ in Episode.load(_written(content, folder, "e.npz")).replay():
         pass
-
-
-@functools.cache
-def _plans() -> bytes:
-    with tempfile.TemporaryDirectory() as folder:
-        store = PlanStore(Path(folder))
-        for k in range(40):
-            store.put(f"key {k}", np.arange(2 * (k % 7 + 1)).reshape(-1, 2))
-        store.flush()
-        return next(Path(folder).glob("*.sqlite")).read_bytes()
-
-
-def _store(content: bytes, folder: Path) -> None:
-    _written(content, folder, "plans-3.sqlite")
-    store = PlanStore(folder)
-    for k in range(10):
-        cells = store.get(f"key {k}")
-        assert cells is None or (cells.ndim, cells.shape[1], cells.dtype) == (2, 2, np.int64)
-        store.put(f"new {k}", np.zeros((2, 2), np.int64))
-    store.flush()
 
 
 def _make_config(rng: Random) -> tuple[type, dict[str, Any]]:
@@ -253,33 +230,6 @@ def _act(given: tuple[str, str, Any], folder: Path) -> None:
         assert np.isfinite(simulator.observation).all()
 
 
-@functools.cache
-def _words() -> dict[str, list[str]]:
-    """Return the options of all commands."""
-    return {name: sorted(_names(cli._options_of(name))) for name in cli.COMMANDS}
-
-
-def _names(kind: Any) -> set[str]:
-    return {f"--{field.name.replace('_', '-')}" for field in dataclasses.fields(kind)}
-
-
-def _make_line(rng: Random) -> tuple[str, list[str]]:
-    name = rng.choice(sorted(cli.COMMANDS))
-    odd = ["--", "-", "", "--help", "--seed", "-1", "1e999", "None", "True", "@x", "=", "--x=1", "99999999999999999999"]
-    words = [
-        rng.choice([rng.choice(_words()[name]), rng.choice(odd), making.text(rng), str(rng.randrange(-5, 50))])
-        for _ in range(rng.randrange(6))
-    ]
-    return name, words
-
-
-def _line(given: tuple[str, list[str]], folder: Path) -> None:
-    name, words = given
-    aside, options = io.StringIO(), cli._options_of(name)
-    with contextlib.redirect_stdout(aside), contextlib.redirect_stderr(aside), contextlib.suppress(SystemExit):
-        cli._options(options, name, words)
-
-
 def _make_file(rng: Random) -> tuple[str, bytes]:
     """Return the name of one of READERS, and a good file of it that was damaged, or whose JSON was changed."""
     name = rng.choice(sorted(READERS))
@@ -300,7 +250,6 @@ TARGETS: dict[str, Target] = {
     "file": Target(_make_file, _file, 4000),
     "hall": Target(_make_hall, _hall, 100),
     "episode": Target(lambda rng: making.archive(rng, _members()), _replayed, 120),
-    "plan store": Target(lambda rng: damaged(rng, _plans()), _store, 20),
     "config": Target(_make_config, _config, 800),
     "plain config": Target(_make_plain, _plain, 500),
     "grid map": Target(lambda rng: options(rng, ["occupied", "height", "cell_size", "picks", "stations", "name",
@@ -309,7 +258,6 @@ TARGETS: dict[str, Target] = {
     "planner": Target(_make_planned, _planned, 500),
     "env": Target(lambda rng: (rng.randrange(3), options(rng, OPTIONS)), _env, 60),
     "act": Target(_make_act, _act, 120),
-    "command line": Target(_make_line, _line, 6),
     "live command": Target(lambda rng: json_bytes(rng, rng.choice(LIVE)), lambda given, _: read_command(given), 2000),
 }  # fmt: skip
 
