@@ -6,7 +6,6 @@ import ast
 import faulthandler
 import io
 import os
-import re
 import zipfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -97,16 +96,15 @@ def test_a_text_of_another_code_page_is_named_with_its_line(name: str, tmp_path:
 
 def test_members_of_a_model_are_not_inflated_without_end(tmp_path: Path) -> None:
     data, weights = _model()
-    with zipfile.ZipFile(file := io.BytesIO(weights), "a", zipfile.ZIP_DEFLATED) as archive:
+    with zipfile.ZipFile(file := io.BytesIO(weights), "a", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
         archive.writestr("much", bytes(2**28))
     (tmp_path / "model.zip").write_bytes(model(data, file.getvalue()))
     with pytest.raises(WeightsError, match="would fill more than 256 MB"):
         read_policy(tmp_path / "model.zip")
 
 
-READS = re.compile(
-    r".*\.(open|read_text|read_bytes|fromfile|loadtxt|genfromtxt)|sqlite3.connect|open|(.*\.)?(ZipFile|load_file)"
-)
+FUNCTIONS = {"open", "ZipFile", "load_file"}
+READS = {*FUNCTIONS, "read_text", "read_bytes", "fromfile", "loadtxt", "genfromtxt"}
 MAY_READ = {
     "warehouse_env.files": "the door",
     "warehouse_env.simulation.record.recording": "members of what the door opened",
@@ -132,8 +130,9 @@ def reads(source: str) -> Iterator[str]:
     """Yield the calls of a source that may open a file for reading."""
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Call):
+            method, name = getattr(node.func, "attr", ""), getattr(node.func, "id", "")
             words = {word.value for word in node.args if isinstance(word, ast.Constant) and isinstance(word.value, str)}
-            if READS.fullmatch(ast.unparse(node.func)) and not words & {"w", "wb", "a", "x"}:
+            if (method in READS or name in FUNCTIONS) and not words & {"w", "wb", "a", "x"}:
                 yield ast.unparse(node)
 
 

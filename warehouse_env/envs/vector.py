@@ -97,7 +97,8 @@ class WarehouseVecEnv(VecEnv):
         seed = self._seeds[0]
         observation = self._new_observation()
         for k, block in enumerate(self.blocks):
-            block.simulator.reset(seed if seed is None or k == 0 else _seed_of_block(seed, k))
+            drawn = None if seed is None else int(np.random.SeedSequence([seed, k]).generate_state(1)[0])
+            block.simulator.reset(drawn if k else seed)
         self._reset_seeds()
         self._reset_options()
         self._begin(slice(None))
@@ -266,11 +267,6 @@ def _takes_world(method: Callable[..., Any], *arguments: Any, **options: Any) ->
     """Return whether a method has a parameter `world` that the arguments do not set."""
     signature = inspect.signature(method)
     return "world" in signature.parameters and "world" not in signature.bind_partial(*arguments, **options).arguments
-
-
-def _seed_of_block(seed: int, block: int) -> int:
-    """Return the seed of a later block, far from the seeds a user may give."""
-    return int(np.random.SeedSequence([seed, block]).generate_state(1)[0])
 
 
 def vec_env(

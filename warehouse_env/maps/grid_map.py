@@ -126,22 +126,13 @@ class GridMap:
     @cached_property
     def key(self) -> str:
         """Return 32 hex digits that identify the content (shelves, discs, heights, cell size, rules of lanes)."""
-        content = hashlib.blake2b(digest_size=16)
-        content.update(f"{self.shape} {self.cell_size!r} ".encode())
-        content.update(self.occupied.tobytes())
-        content.update(self.height.tobytes())
-        if self.one_way.any():
-            content.update(self.one_way.tobytes())
-        if len(self.discs):
-            content.update(self.discs.tobytes())
-            content.update(self.walls.tobytes())
-        if self.tight is not None:
-            content.update(self.tight.tobytes())
-        if self.surplus is not None:
-            content.update(f"{self.pace!r}".encode() + self.surplus.tobytes())
-        if self.speed is not None:
-            content.update(self.speed.tobytes())
-        return content.hexdigest()
+        parts: list[Any] = [f"{self.shape} {self.cell_size!r} ".encode(), self.occupied, self.height]
+        parts += [self.one_way] if self.one_way.any() else []
+        parts += [self.discs, self.walls] if len(self.discs) else []
+        parts += [self.tight] if self.tight is not None else []
+        parts += [f"{self.pace!r}".encode(), self.surplus] if self.surplus is not None else []
+        parts += [self.speed] if self.speed is not None else []
+        return hashlib.blake2b(b"".join(map(bytes, parts)), digest_size=16).hexdigest()
 
     @cached_property
     def _region(self) -> NDArray[np.bool_]:
