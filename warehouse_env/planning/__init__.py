@@ -1,6 +1,6 @@
 """Global planners: from a map, a start and a goal to a path of cells. A new planner is one line in PLANNERS.
 
-Which to use; docs/measured/planners.md has the figures (200 pairs of cells on each of five floors):
+Which to take when; `warehouse tables planners` has the figures (200 pairs of cells on each of five floors):
 
 1. `astar_turns`: always a shortest path, with the fewest turns, 0.1 to 0.6 ms.
 2. Floor heights: `astar_turns` with gentleness=10; the default `pf_aco` finds the same paths, 40 times slower.
