@@ -41,8 +41,8 @@ test: $(STAMP) ## run all tests
 kills: $(STAMP) ## kill commands KILLS times at random moments, go on, and compare what they come to
 	$(RUN)/python -m tests.kills --kills $(KILLS)
 
-hostile: $(STAMP) ## try INPUTS hostile inputs on all readers and constructors; goes on where it stopped
-	$(RUN)/python -m tests.hostile --inputs $(INPUTS) --keep $(NIGHT)/hostile
+hostile: $(STAMP) ## try INPUTS hostile inputs on all readers and constructors
+	$(RUN)/python -m tests.hostile --inputs $(INPUTS)
 
 long: $(STAMP) ## drive one world with everything on for DECISIONS decisions, twice; goes on where it stopped
 	$(RUN)/python -m tests.long --decisions $(DECISIONS) --keep $(NIGHT)/long

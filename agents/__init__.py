@@ -18,7 +18,7 @@ from agents.potential_field import PotentialField
 from agents.reciprocal import Reciprocal
 from agents.rules import Rules
 from agents.weights_folder import CONFIG, Mode, Network, PolicyRecord, save_policy
-from warehouse_env import own_parts
+from warehouse_env import plugins
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, WeightsError, shown
 from warehouse_env.files import whereabouts
@@ -70,17 +70,17 @@ def add_policy(text: str) -> None:
 
     It is made from an EnvConfig, as the rules are. An attribute `needs` may hold the fields of EnvConfig that it needs.
     """
-    part = own_parts.split(text)
+    part = plugins.split(text)
     if text in POLICIES or part is None:
         return
     if part[1]:
         raise ConfigError(f"policy {shown(text)}: a policy takes no parameters; leave out {shown(part[1])}")
-    made = own_parts.load(text, "policy")
+    made = plugins.load(text, "policy")
     if not callable(made):
         raise ConfigError(f"{text} is no policy: it must be a class that is made from an EnvConfig")
     if isinstance(made, type):
-        own_parts.check_has(text, "policy", made, (_ACT,))
-    with own_parts.running(text):
+        plugins.check_has(text, "policy", made, (_ACT,))
+    with plugins.running(text):
         needs = dict(getattr(made, "needs", {}))
     POLICIES[text] = PolicyEntry("a policy of one's own", rule=partial(_own, text, made), needs=needs)
 
@@ -91,9 +91,9 @@ _ACT = "act(observation, rng)"
 def _own(name: str, made: Callable[[EnvConfig], Policy], config: EnvConfig) -> Policy:
     """Make an own policy after a trial of another instance on empty observations; ConfigError if that fails."""
     seen = np.zeros((1, config.num_agents, observation_layout(config).size), np.float32)
-    with own_parts.running(name):
+    with plugins.running(name):
         policy = made(config)
-        own_parts.check_has(name, "policy", policy, (_ACT,))
+        plugins.check_has(name, "policy", policy, (_ACT,))
         given = policy.act(seen, np.random.default_rng(0))
     discrete = config.action_type == "discrete"
     wanted = seen.shape[:2] if discrete else (*seen.shape[:2], 2)
@@ -102,8 +102,8 @@ def _own(name: str, made: Callable[[EnvConfig], Policy], config: EnvConfig) -> P
         got = f"{given.dtype}{list(given.shape)}" if isinstance(given, np.ndarray) else shown(given)
         what = "whole numbers" if discrete else "numbers"
         raise ConfigError(f"{name} must act by an array of {what} {list(wanted)} for {list(seen.shape)}, not by {got}")
-    with own_parts.running(name):
-        return made(config)  # a new one: the first may remember the empty observations
+    with plugins.running(name):
+        return made(config)  # anew, for one that remembers has now seen what is nowhere
 
 
 def save_model(directory: Path | str, model: Any, config: EnvConfig | None = None, mode: Mode | None = None) -> Path:
@@ -121,17 +121,17 @@ def _entry(name_or_dir: str | Path) -> PolicyEntry:
     try:
         path = whereabouts(name)
     except ValueError:  # half of a character, or the one that ends names
-        raise own_parts.unknown("policy", name, POLICIES) from None
+        raise plugins.unknown("policy", name, POLICIES) from None
     if path.suffix.lower() == ".zip" and os.path.isfile(path):
         return PolicyEntry("a model of stable-baselines3", weights=path)
     if os.path.isdir(path):  # which Path.is_dir raises about where a name is too long
         return PolicyEntry("a policy folder", weights=path)
-    own = own_parts.split(name) or path.suffix == ".py"
+    own = plugins.split(name) or path.suffix == ".py"
     if path.suffix.lower() == ".zip":
         raise WeightsError(f"there is no file {shown(str(path))}")
     if not own and (len(path.parts) > 1 or isinstance(name_or_dir, Path)):
         raise WeightsError(f"{shown(str(path))} is no folder; a policy folder holds {CONFIG} and its weights")
-    raise own_parts.unknown("policy", name, POLICIES)
+    raise plugins.unknown("policy", name, POLICIES)
 
 
 def policy_config(name_or_dir: str | Path, base: EnvConfig) -> EnvConfig:

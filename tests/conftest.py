@@ -90,7 +90,7 @@ def registries(tmp_path: Path) -> Iterator[None]:
     """Put back the registries that a test adds to, and what was imported from its folder."""
     from agents import POLICIES
     from warehouse_env import LAYOUTS, PLANNERS
-    from warehouse_env.own_parts import LOADED
+    from warehouse_env.plugins import LOADED
 
     path = list(sys.path)
     with mock.patch.dict(LAYOUTS), mock.patch.dict(PLANNERS), mock.patch.dict(POLICIES), mock.patch.dict(LOADED):

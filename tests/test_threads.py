@@ -14,7 +14,6 @@ from pathlib import Path
 
 import pytest
 
-from warehouse_env import threads
 from warehouse_env.errors import ConfigError
 from warehouse_env.threads import get_num_threads, set_num_threads, side_by_side
 
@@ -46,12 +45,6 @@ def test_every_part_is_done_once() -> None:
 def test_parts_run_at_the_same_time() -> None:
     meet = threading.Barrier(3, timeout=60)  # broken unless three threads are in it at once
     assert len(set(side_by_side(lambda _: meet.wait() and threading.get_ident(), [(k,) for k in range(3)]))) == 3
-
-
-def test_one_thread_is_the_callers_own() -> None:
-    set_num_threads(1)
-    here = threading.get_ident()
-    assert side_by_side(lambda _: threading.get_ident(), [(k,) for k in range(5)]) == [here] * 5
 
 
 def test_an_error_comes_when_all_parts_are_over() -> None:
@@ -91,18 +84,6 @@ def test_an_interrupt_waits_for_the_parts_under_way() -> None:
     assert sorted(over) == [0, 1]
 
 
-def test_helpers_that_get_no_core_hold_nobody_up() -> None:
-    side_by_side(time.sleep, [(0.01,)] * 2)
-    release = threading.Event()
-    try:
-        for _ in threads._helpers:
-            threads._jobs.put(lambda: release.wait(60) and None)
-        here = threading.get_ident()
-        assert side_by_side(lambda _: threading.get_ident(), [(k,) for k in range(9)]) == [here] * 9
-    finally:
-        release.set()
-
-
 def test_each_thread_has_its_own_number() -> None:
     with ThreadPoolExecutor(1, initializer=set_num_threads, initargs=(7,)) as other:
         assert other.submit(get_num_threads).result() == 7
@@ -110,26 +91,6 @@ def test_each_thread_has_its_own_number() -> None:
     for wrong in (0, -1, 1.5, True, "2", None):
         with pytest.raises(ConfigError, match="threads="):
             set_num_threads(wrong)  # type: ignore[arg-type]
-
-
-TORCH_ALONE = """
-import torch
-torch.set_num_threads(1)
-from warehouse_env import Simulator, EnvConfig
-simulator = Simulator(EnvConfig(num_agents=4, layout="open", planner="astar"), 64)
-simulator.reset(0)
-assert simulator._many()
-simulator.step([[0] * 4] * 64)
-print(torch.get_num_threads())
-"""
-
-
-def test_torch_keeps_its_number_of_threads() -> None:
-    done = subprocess.run(
-        [sys.executable, "-W", "ignore", "-c", TORCH_ALONE],
-        cwd=ROOT, capture_output=True, text=True, check=False, timeout=300,
-    )  # fmt: skip
-    assert done.stdout.strip() == "1", done.stderr
 
 
 FORKED = """

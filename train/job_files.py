@@ -13,7 +13,7 @@ from train.own import taken_in
 from warehouse_env.files import MOST, STAGED, companion, complete_file, read_bytes, whereabouts
 from warehouse_env.maps import discs, one_way
 from warehouse_env.maps.halls.hall import files_of, is_hall
-from warehouse_env.own_parts import loaded_files, split
+from warehouse_env.plugins import loaded_files, split
 
 JobFiles = dict[str, dict[str, bytes]]
 """Name as typed -> its files by their names within a folder; the first is the named file or in the named folder."""

@@ -8,8 +8,8 @@ from agents import POLICIES, add_policy
 from agents.weights_folder import WEIGHTS
 from warehouse_env.files import file_digest, whereabouts
 from warehouse_env.maps.layouts import add_layout
-from warehouse_env.own_parts import LOADED, digests
 from warehouse_env.planning import add_planner
+from warehouse_env.plugins import LOADED, digests
 
 Typed = tuple[str, str]
 """A kind of part, and its name as typed."""

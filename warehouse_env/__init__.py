@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from warehouse_env.errors import ActionError, ConfigError, MapError, PlanError, WarehouseError, WeightsError
     from warehouse_env.maps.grid_map import GridMap
     from warehouse_env.maps.layouts import LAYOUTS, make_layout
-    from warehouse_env.maps.movingai import read_map, read_scen, write_map, write_scen
+    from warehouse_env.maps.movingai import read_map, read_scen, write_map
     from warehouse_env.observation import observation_layout
     from warehouse_env.planning import PLANNERS, BasePlanner, make_planner
     from warehouse_env.planning.plan import Plan, Planner
@@ -65,7 +65,6 @@ _HOME = {
     "read_map": "maps.movingai",
     "read_scen": "maps.movingai",
     "write_map": "maps.movingai",
-    "write_scen": "maps.movingai",
     "observation_layout": "observation",
     "PLANNERS": "planning",
     "BasePlanner": "planning",
@@ -125,7 +124,6 @@ __all__ = [
     "single_env",
     "vec_env",
     "write_map",
-    "write_scen",
 ]
 
 

@@ -1,7 +1,7 @@
-"""Dataclasses that refuse wrong values: every field is held against its annotation, in one place.
+"""Dataclasses that check their values: every field must fit its annotation.
 
-Own code, for no library does just this: pydantic and msgspec convert "3" to 3 or refuse NumPy's numbers, beartype and
-typeguard take True for a number, convert nothing and explain themselves in paragraphs; all would be new in the core.
+Own code, because no library does this: pydantic and msgspec convert "3" to 3 or refuse NumPy's numbers; beartype and
+typeguard accept True as a number, convert nothing and report errors in paragraphs.
 """
 
 from __future__ import annotations
@@ -29,22 +29,22 @@ class _WrongError(Exception):
 
 
 class Checked:
-    """Base of a frozen dataclass whose values become plain Python of their annotations, or ConfigError says why not.
+    """Base of a frozen dataclass whose values are converted to plain Python of their annotations, or ConfigError.
 
-    bool, str, None, Literal and dataclasses are taken as they are, but a path is a str as well and a str a Path; int
-    and float take NumPy's numbers too, float any finite one, neither a bool; a tuple takes lists and arrays. So
-    instances stay hashable, and JSON-able where their annotations are.
+    bool, None, Literal and dataclasses are accepted as they are; str and Path accept each other. int and float also
+    accept NumPy's numbers, float only finite ones, neither a bool. A tuple accepts lists and arrays. So instances stay
+    hashable, and JSON-able where their annotations are.
     """
 
-    retired: ClassVar[dict[str, Any]] = {}  # fields that are gone, which files still name -> what alone they may say
+    retired: ClassVar[dict[str, Any]] = {}  # removed fields that old files still name -> the only value they may have
 
     @classmethod
     def upgraded(cls, data: dict[str, Any]) -> dict[str, Any]:
-        """Return stored fields by today's names; a subclass says which were renamed."""
+        """Return stored fields under today's names; a subclass overrides this for renamed fields."""
         return data
 
     def __post_init__(self) -> None:
-        """Check all fields; a subclass calls this first, and then checks ranges."""
+        """Check all fields; a subclass calls this first and then checks ranges."""
         for name, kind in _kinds_of(type(self)).items():
             try:
                 object.__setattr__(self, name, _fitted(getattr(self, name), kind))
@@ -52,11 +52,11 @@ class Checked:
                 self._require(False, name, _rule(kind))
 
     def _called(self, name: str) -> str:
-        """Return what errors call a field."""
+        """Return the name of a field in errors."""
         return name
 
     def _between(self, low: float, high: float, *names: str) -> None:
-        """Raise ConfigError unless the fields, and each entry of those that are tuples, lie within low..high."""
+        """Raise ConfigError unless each field, or each entry of a tuple, lies within low..high."""
         for name in names:
             value = getattr(self, name)
             entries = value if isinstance(value, tuple) else (value,)
@@ -64,30 +64,30 @@ class Checked:
                 self._require(False, name, within(low, high, each=isinstance(value, tuple)))
 
     def _require(self, condition: bool, name: str, rule: str) -> None:
-        """Raise ConfigError, saying the rule that a field must follow, unless the condition holds."""
+        """Raise ConfigError with the rule of a field unless the condition holds."""
         if not condition:
             raise ConfigError(f"{self._called(name)}={shown(getattr(self, name))} must be {rule}")
 
 
 class CheckedPart(Checked):
-    """Options that are a part of others, whose fields may have the same names."""
+    """Options inside other options; errors name the class, because fields may have the same names."""
 
     def _called(self, name: str) -> str:
-        """Return what errors call a field, as in TrafficSpec.margin."""
+        """Return the name of a field in errors, such as TrafficSpec.margin."""
         return f"{type(self).__name__}.{name}"
 
 
 def within(low: float, high: float, each: bool = False) -> str:
-    """Say in a few words what lies within low..high; whole numbers where both are; `each` of several."""
+    """Describe the range low..high: whole numbers if both ends are; `each`: of the entries of a tuple."""
     whole = isinstance(low, int) and isinstance(high, int)
     kind = f"{'' if each else 'a '}{'whole ' if whole else ''}number{'s' if each else ''}"
     return f"{kind} from {low:,} to {high:,}" if whole else f"{kind} from {low:g} to {high:g}"
 
 
 def from_plain(cls: type[T], data: Any) -> T:
-    """Build a dataclass from JSON types, inner dataclasses too; fields that are `retired` are passed over.
+    """Build a dataclass, and those inside it, from JSON types; `retired` fields are skipped.
 
-    ConfigError for what is no object, for an unknown or a missing name, and for a wrong value.
+    ConfigError for anything but an object, an unknown or missing name, and a wrong value.
     """
     if isinstance(data, dict) and issubclass(cls, Checked):
         data = cls.upgraded(data)
@@ -107,19 +107,19 @@ def from_plain(cls: type[T], data: Any) -> T:
 
 
 def _built(part: Any, kind: Any, value: Any) -> Any:
-    """Build a dataclass from JSON types, or a tuple of them from a list where the annotation is that of a tuple."""
+    """Build a dataclass from JSON types, or a tuple of them from a list."""
     if get_origin(kind) is not tuple:
         return from_plain(part, value) if kind is part or isinstance(value, dict) else value
     return tuple(from_plain(part, one) for one in value) if isinstance(value, (list, tuple)) else value
 
 
 def _dataclass_of(kind: Any) -> Any:
-    """Return the dataclass that an annotation is or may be, as `Part | None`; None if there is none."""
+    """Return the dataclass in an annotation such as `Part | None`; None if there is none."""
     return next((one for one in (kind, *get_args(kind)) if dataclasses.is_dataclass(one)), None)
 
 
 def _fits(value: Any, kind: Any) -> bool:
-    """Whether a value is what an annotation of a dataclass asks for already."""
+    """Whether a value fits an annotation already."""
     try:
         _fitted(value, kind)
     except _WrongError:
@@ -128,15 +128,15 @@ def _fits(value: Any, kind: Any) -> bool:
 
 
 def _without_retired(cls: type, data: Any) -> Any:
-    """Return JSON types without what is no parameter any more; ConfigError where that has another value than now."""
+    """Return JSON types without retired parameters; ConfigError where one had another value than the fixed one."""
     retired: dict[str, Any] = getattr(cls, "retired", {})
     if not isinstance(data, dict) or retired.keys().isdisjoint(data):
         return data
     for name, value in retired.items():
         if data.get(name, value) != value:
             raise ConfigError(
-                f"{cls.__name__} parameter {name!r} is no option any more: it is {shown(value)} for all, and what was "
-                f"made with {shown(data[name])} cannot be run as it was"
+                f"{cls.__name__} parameter {name!r} is no option any more: it is {shown(value)} for all, so what was "
+                f"made with {shown(data[name])} cannot run as it did"
             )
     return {name: value for name, value in data.items() if name not in retired}
 
@@ -152,9 +152,9 @@ def check_names(what: str, given: Any, owner: Any) -> None:
 
 
 def parse_named(text: Any, kind: str, example: str) -> tuple[Any, dict[str, Any]]:
-    """Read "NAME:KEY=VALUE,KEY=VALUE" as a name and its parameters; what is no text is returned with none.
+    """Read "NAME:KEY=VALUE,KEY=VALUE" as a name and its parameters; anything but a text is returned as it is.
 
-    Values are JSON, words need no quotes. ConfigError, which names the `kind` and an example, where it cannot be read.
+    Values are JSON; words need no quotes. ConfigError names the `kind` and an example.
     """
     if not isinstance(text, str):
         return text, {}
@@ -235,7 +235,7 @@ _RULES = {
 
 
 def _rule(kind: Any) -> str:
-    """Say in a few words what fits a type."""
+    """Describe the values that fit a type."""
     origin, inner = get_origin(kind), get_args(kind)
     if origin in (Union, UnionType):
         return " or ".join(map(_rule, inner))

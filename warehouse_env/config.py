@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar, Literal, TypedDict, Unpack
 
 from warehouse_env.checked import Checked, CheckedPart, check_names, from_plain
-from warehouse_env.field_notes import documented
 from warehouse_env.old_names import by_todays_names
 from warehouse_env.traffic_spec import TRAFFIC, TrafficSpec, UncertaintySpec, preset_or_spec
 from warehouse_env.work import BatterySpec, OrderSpec, ServiceSpec
@@ -23,7 +22,6 @@ _LEAST, _MOST = 1e-3, 1e4  # [m], [s], [m/s] ...
 _COMMANDS = 4096  # of discrete actions: speed levels x lateral offsets
 
 
-@documented
 @dataclass(frozen=True)
 class RobotSpec(Checked):
     """Four wheels, rear steer, rear drive; the pose is the centre of the fixed front axle (paper 000, eq. 2).
@@ -87,7 +85,6 @@ class RobotSpec(Checked):
         return self.front_overhang > self.rear_reach
 
 
-@documented
 @dataclass(frozen=True)
 class FleetPart(CheckedPart):
     """Robots of one kind, of a fleet that has several."""
@@ -100,7 +97,6 @@ class FleetPart(CheckedPart):
         self._between(1, 100_000, "count")
 
 
-@documented
 @dataclass(frozen=True)
 class SensorSpec(Checked):
     """What a robot perceives: lidar, its nearest robots, and the route ahead."""
@@ -118,7 +114,6 @@ class SensorSpec(Checked):
         self._between(_LEAST, _MOST, "lidar_range", "route_spacing")
 
 
-@documented
 @dataclass(frozen=True)
 class RewardWeights(CheckedPart):
     """Weights of the named reward terms (see simulation/senses/rewards.py); a term is per robot and step."""
@@ -139,7 +134,6 @@ class RewardWeights(CheckedPart):
         self._between(-1e12, 1e12, *(f.name for f in dataclasses.fields(self)))
 
 
-@documented
 @dataclass(frozen=True)
 class EnvConfig(Checked):
     """One warehouse with its robots: all that defines an episode but the seed."""

@@ -1,4 +1,4 @@
-"""What can be wrong with what a user gives: one ValueError subclass a kind, one clear sentence each."""
+"""Errors of bad input: one subclass of ValueError for each kind, each with a message of one clear sentence."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class MapError(WarehouseError):
 
 
 class MapWarning(UserWarning):
-    """What a map says that its floor does not hold."""
+    """A map feature that its floor does not represent."""
 
 
 class PlanError(WarehouseError):
@@ -38,18 +38,18 @@ class WeightsError(WarehouseError):
 
 
 class LostError(WarehouseError):
-    """Jobs were lost with the processes that did them, or a broker went away and did not come back.
+    """Jobs were lost with their processes, or a broker went away for good.
 
-    All other jobs, and what the broker had sent, are kept. The command line exits with code 3.
+    All other jobs, and all that the broker had sent, are kept. The command line exits with code 3.
     """
 
 
 class UnsafeError(RuntimeError):
-    """A robot cannot stop without touching anything, though the protective field is on: no bad input, but a fault."""
+    """A robot cannot stop without contact although the shield is on: a fault of the program, not bad input."""
 
 
 def shown(value: Any) -> str:
-    """Return a wrong value for an error's sentence: on one line, cut where it is long."""
+    """Return a wrong value as text for an error message: on one line, cut if long."""
     try:
         text = " ".join(repr(value).split())
     except Exception:  # whatever the value's own code raises; Python itself where a number has thousands of digits
@@ -58,7 +58,7 @@ def shown(value: Any) -> str:
 
 
 def unknown_name(kind: str, name: Any, known: Iterable[str]) -> ConfigError:
-    """Return (not raise) the error for a name that a registry does not hold, with its nearest matches."""
+    """Return (not raise) the error for a name that is not in a registry, with its nearest matches."""
     names = sorted(known)
     near = difflib.get_close_matches(name[:_SHOWN], names, n=3, cutoff=0.5) if isinstance(name, str) else []
     hint = f"did you mean {' or '.join(near)}?" if near else f"known: {', '.join(names)}"

@@ -1,4 +1,4 @@
-"""The doors for files: inputs must be regular files of limited size; outputs are complete or absent."""
+"""All reading and writing of users' files: inputs are regular files of limited size, outputs complete or absent."""
 
 from __future__ import annotations
 
@@ -34,16 +34,16 @@ _MARKS = {  # of UTF-32 first: UTF-16's begins as that one does
 _DECIMAL_COMMA = re.compile(r"^([+-]?\d+),(\d+)$", re.ASCII)
 
 STAGED: dict[str, Path] = {}
-"""Name as it was typed -> the file or folder that came with a job and stands in for it in this process."""
+"""Name as typed -> the file or folder that came with a job and replaces it in this process."""
 
 
 def whereabouts(name: str) -> Path:
-    """Return the path of the file or folder that a typed name stands for; ~ is the home directory."""
+    """Return the path of a file or folder by its typed name; ~ is the home directory."""
     return STAGED[name] if name in STAGED else Path(os.path.expanduser(name))
 
 
 def path_of(given: object, error: type[WarehouseError] = WarehouseError) -> Path:
-    """Return a user's file name as a Path, where the file lies in this process; raises `error` for anything else."""
+    """Return a user's file name as a Path in this process; raises `error` for anything else."""
     try:
         path = whereabouts(os.fspath(given))  # type: ignore[call-overload]
         encoded = os.fsencode(path)
@@ -74,7 +74,7 @@ def open_regular(given: object, kind: str, most: int, error: type[WarehouseError
             yield file
     except FileNotFoundError:
         raise error(f"{kind} {path} does not exist") from None
-    except IsADirectoryError:  # as Python says before its kind can be asked for
+    except IsADirectoryError:  # raised by open() itself
         raise error(f"{kind} {path} must be a regular file, not a folder") from None
     except OSError as failed:
         raise error(f"{kind} {path} cannot be read: {failed.strerror or failed}") from None
@@ -83,7 +83,7 @@ def open_regular(given: object, kind: str, most: int, error: type[WarehouseError
 def read_bytes(given: object, kind: str, most: int, error: type[WarehouseError] = MapError) -> bytes:
     """Return the content of a regular file of at most `most` bytes; raises `error` as `open_regular` does."""
     with open_regular(given, kind, most, error) as file:
-        chunks = iter(functools.partial(file.read, _CHUNK), b"")  # to read `most` at once would reserve it
+        chunks = iter(functools.partial(file.read, _CHUNK), b"")  # reading `most` at once would reserve that much
         content = b"".join(itertools.islice(chunks, most // _CHUNK + 1))
     if len(content) > most:  # it grew, or reports no size, as files in /proc do
         raise error(f"{kind} {given} has more than the {most:,} bytes that are read")
@@ -91,7 +91,7 @@ def read_bytes(given: object, kind: str, most: int, error: type[WarehouseError] 
 
 
 def decoded(content: bytes, what: str, error: type[WarehouseError] = MapError) -> str:
-    """Return text with \\n at the end of lines: UTF-8, or as its byte order mark says; raises `error` otherwise."""
+    """Return text with \\n line ends, decoded as UTF-8 or by its byte order mark; raises `error` otherwise."""
     mark = _mark(content)
     body = content[len(mark) :]
     try:
@@ -106,7 +106,7 @@ def decoded(content: bytes, what: str, error: type[WarehouseError] = MapError) -
 
 
 def _mark(content: bytes) -> bytes:
-    """Return the byte order mark that a text begins with."""
+    """Return the byte order mark at the beginning of a text, if any."""
     return next((mark for mark in _MARKS if content.startswith(mark)), b"")
 
 
@@ -118,7 +118,7 @@ def read_text(given: object, kind: str, most: int, error: type[WarehouseError] =
 def text_lines(
     given: object, kind: str, most: int, longest: int, error: type[WarehouseError] = MapError
 ) -> Iterator[tuple[int, str]]:
-    """Yield the lines of a text that need not fit into memory, with their numbers from 1 on.
+    """Yield (number from 1, line) of a text that need not fit into memory.
 
     Bytes that are not UTF-8 come as half characters (surrogateescape). Raises `error` as `open_regular` does, and for
     a line of more than `longest` characters.
@@ -140,7 +140,7 @@ def text_lines(
 
 
 def parsed_json(text: str, what: str, error: type[WarehouseError] = MapError, first: int = 1) -> Any:
-    """Return the value of a JSON text whose first line is so many of `what`; raises `error`, naming the line."""
+    """Return the value of a JSON text; raises `error`, naming the line. first: number of the text's first line."""
     try:
         return json.loads(text)
     except json.JSONDecodeError as failed:
@@ -157,8 +157,8 @@ def read_json(given: object, kind: str, most: int, error: type[WarehouseError] =
 def table_rows(text: str, what: str, error: type[WarehouseError] = MapError) -> list[tuple[int, list[str]]]:
     """Return (line number, cells) of a CSV text as spreadsheets write it; raises `error`, naming the line.
 
-    Commas, semicolons or tabs separate cells, whichever the first line holds most; but for commas, 0,5 is read as 0.5.
-    Blanks around cells, empty lines and empty cells at the right are left out.
+    The separator is whichever of comma, semicolon and tab occurs most in the first line; with the other two, 0,5 is
+    read as 0.5. Blanks around cells, empty lines and empty cells at the right are dropped.
     """
     head = text.lstrip("\n").partition("\n")[0]
     delimiter = max(",;\t", key=head.count)
@@ -197,7 +197,7 @@ def named_rows(
 
 
 def as_number(value: Any) -> float:
-    """Return a value of a JSON, YAML or CSV file as a number, also where it stands there as text; NaN for others."""
+    """Return a value of a JSON, YAML or CSV file as a number, also if written as text; NaN for anything else."""
     try:
         return math.nan if isinstance(value, bool) or not isinstance(value, (int, float, str)) else float(value)
     except (ValueError, OverflowError):
@@ -205,7 +205,7 @@ def as_number(value: Any) -> float:
 
 
 def zip_member(archive: zipfile.ZipFile, name: str, most: int) -> bytes:
-    """Return what a member of a zip file holds; WarehouseError for more than `most` bytes, unpacked."""
+    """Return the content of a member of a zip file; WarehouseError if it unpacks to more than `most` bytes."""
     with archive.open(name) as file:
         content = file.read(most + 1)
     if len(content) > most:
@@ -214,7 +214,7 @@ def zip_member(archive: zipfile.ZipFile, name: str, most: int) -> bytes:
 
 
 def companion(path: Path, suffix: str) -> Path:
-    """Return where NAME.suffix lies beside a file NAME.*, with its suffix in large letters if only that is there."""
+    """Return the path of NAME.suffix beside a file NAME.*; with an upper-case suffix if only that exists."""
     usual, large = path.with_suffix(suffix), path.with_suffix(suffix.upper())
     return large if large.exists() and not usual.exists() else usual
 
@@ -238,7 +238,7 @@ _guard = _Guard((), is_on=False)
 
 @contextlib.contextmanager
 def guarded(inputs: Iterable[Path]) -> Iterator[None]:
-    """Within, refuse to write over any of these files, under whatever name, or over a file of rows."""
+    """Inside this context, refuse to overwrite any of these files, under any name, or a file of rows."""
     global _guard
     before, _guard = _guard, _Guard(inputs)
     try:
@@ -248,9 +248,9 @@ def guarded(inputs: Iterable[Path]) -> Iterator[None]:
 
 
 def check_writable(given: object, rows: bool = False) -> Path:
-    """Return where an output goes, links followed; WarehouseError if it cannot or must not be written.
+    """Return the path of an output, links followed; WarehouseError if it cannot or must not be written.
 
-    Commands ask before they work for hours. rows: the file is filled row by row, so no other output may replace it.
+    Commands check this before they work for hours. rows: the file is filled row by row; no other output may replace it.
     """
     path = path_of(given)
     target = _followed(path)
@@ -282,8 +282,8 @@ def _identity(path: Path) -> tuple[int, int] | None:
 def part_file(path: Path, rows: bool = False) -> Path:
     """Create an empty file with the suffix of `path`, to be written and then handed to `put_in_place`.
 
-    It lies beside the output, with missing folders made; what a killed process left of an earlier attempt is removed.
-    Raises WarehouseError where `path` cannot be written. rows: see `check_writable`.
+    It is created beside the output, in folders made if missing. Leftovers of killed processes are removed. Raises
+    WarehouseError if `path` cannot be written. rows: see `check_writable`.
     """
     target = check_writable(path, rows)
     try:
@@ -293,7 +293,7 @@ def part_file(path: Path, rows: bool = False) -> Path:
         handle, name = tempfile.mkstemp(prefix=f".{target.stem}-{os.getpid()}-", suffix=path.suffix, dir=folder)
     except OSError as error:
         raise WarehouseError(f"cannot write {path}: {error.strerror or error}") from error
-    # mkstemp makes the file private; an output gets the permissions of any other new file.
+    # mkstemp makes the file private; outputs get the permissions of any other new file
     mask = os.umask(0)
     os.umask(mask)
     os.fchmod(handle, 0o666 & ~mask)
@@ -302,7 +302,7 @@ def part_file(path: Path, rows: bool = False) -> Path:
 
 
 def put_in_place(part: Path, path: Path) -> None:
-    """Make a finished part the output: bytes into a device or pipe, else a file with the old one's permissions."""
+    """Turn a finished part into the output: bytes into a device or pipe, or a file with the old one's permissions."""
     target = _followed(path)
     if is_special(target):
         with part.open("rb") as source, target.open("wb") as sink:
@@ -323,7 +323,7 @@ def is_special(target: Path) -> bool:
 
 
 def _sweep(folder: Path, stem: str, suffix: str) -> None:
-    """Remove the parts of an output whose writers are gone."""
+    """Remove parts of an output whose writing processes are gone."""
     before = f".{stem}-"
     for part in folder.glob(f"{glob.escape(before)}*-*{glob.escape(suffix)}"):
         writer = part.name.removeprefix(before).partition("-")[0]
@@ -343,9 +343,9 @@ def _lives(process: int) -> bool:
 
 @contextlib.contextmanager
 def complete_file(given: object, rows: bool = False) -> Iterator[Path]:
-    """Yield a part of an output to write; at the end it becomes the output, or on an error it vanishes.
+    """Yield a part of an output to write; it becomes the output at the end, or is removed on an error.
 
-    Raises WarehouseError where the output cannot be written, a full disk included.
+    Raises WarehouseError if the output cannot be written, for example on a full disk.
     """
     path = path_of(given)
     part = part_file(path, rows)
@@ -367,5 +367,5 @@ def write_text(path: object, text: str, rows: bool = False) -> None:
 
 
 def file_digest(path: Path) -> str:
-    """Return a digest of a file's content, to tell versions apart."""
+    """Return a digest of a file's content, which tells versions apart."""
     return hashlib.blake2b(read_bytes(path, "file", MOST, WarehouseError), digest_size=8).hexdigest()

@@ -1,4 +1,4 @@
-"""Versions of files and messages, as other makers' programs write them."""
+"""Versions of files and messages as other programs write them."""
 
 from __future__ import annotations
 

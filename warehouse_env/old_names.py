@@ -1,4 +1,4 @@
-"""Options that stored configurations name as they were called before, by today's names."""
+"""Options of older versions in stored configurations, translated to today's names."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _NEW = {**dict.fromkeys((*_TRAFFIC, "reroute_spec"), "traffic"), **dict.fromkeys
 
 
 def by_todays_names(data: dict[str, Any]) -> dict[str, Any]:
-    """Return an EnvConfig's stored fields by today's names; ConfigError where they hold both old and new ones."""
+    """Return an EnvConfig's stored fields under today's names; ConfigError if old and new names are mixed."""
     given = {name: value for name, value in data.items() if name not in _NEW and name != "map_file"}
     for name in data:
         if _NEW.get(name) in given:

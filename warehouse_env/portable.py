@@ -1,4 +1,4 @@
-"""Objects that can be pickled and deep-copied at any moment, and go on elsewhere as if nothing had happened."""
+"""Objects that can be pickled and deep-copied at any moment and continue from there."""
 
 from __future__ import annotations
 
@@ -6,16 +6,16 @@ from typing import Any, ClassVar
 
 
 class Portable:
-    """Leaves behind what belongs to one object in one process: views of arrays, caches, connections, windows.
+    """Base of objects whose copies leave out what belongs to one process: views of arrays, caches, windows.
 
-    A subclass makes such attributes in `_bind` alone, which its constructor calls and every copy calls again, and
-    names them in `bound`. All else goes along as it is.
+    A subclass creates such attributes only in `_bind`, which its constructor and every copy call, and names them in
+    `bound`. All other attributes are copied.
     """
 
     bound: ClassVar[tuple[str, ...]]
 
     def _bind(self) -> None:
-        """Make the attributes named in `bound` from all others."""
+        """Create the attributes named in `bound` from the others."""
         raise NotImplementedError
 
     def __getstate__(self) -> dict[str, Any]:
@@ -23,6 +23,6 @@ class Portable:
         return {name: value for name, value in vars(self).items() if name not in self.bound}
 
     def __setstate__(self, attributes: dict[str, Any]) -> None:
-        """Take the attributes of another and make the bound ones anew."""
+        """Take the attributes of the original and create the bound ones again."""
         vars(self).update(attributes)
         self._bind()

@@ -1,10 +1,10 @@
-"""How many threads we use, and those that step many worlds: they sleep until there is a part to do.
+"""The number of threads, and the helper threads that step many worlds; helpers sleep until there is work.
 
-OpenMP's and a BLAS's threads spin for milliseconds after each piece of work, in case another one follows. Where two
-libraries' threads share the cores, or a machine has other work, each then waits for what the other one's spinning
-keeps from a core. So the step enters no parallel region of Numba's; any thread may do any part, and the calling
-thread does all that no other has taken up, so that it never waits for one that did not get a core. Nor do we ask
-Numba for its number of threads: that alone starts them, and sets torch's number anew where both use one OpenMP.
+Threads of OpenMP and of a BLAS spin for milliseconds after each piece of work. If two libraries share the cores, or the
+machine has other work, each waits for cores that the other one's spinning keeps. So the step enters no parallel region
+of Numba. Any thread may do any part, and the calling thread does all parts that no helper has taken, so it never waits
+for a helper without a core. We do not ask Numba for its number of threads either: that alone starts them, and resets
+torch's number where both use one OpenMP.
 """
 
 from __future__ import annotations
@@ -32,22 +32,22 @@ _allowed = local()
 
 
 def set_num_threads(threads: int) -> None:
-    """Use so many threads for what the calling thread asks for: steps of many worlds, and plans. First: all cores."""
+    """Set how many threads the calling thread uses for steps of many worlds and for plans; all cores by default."""
     if isinstance(threads, bool) or not isinstance(threads, (int, np.integer)) or threads < 1:
         raise ConfigError(f"threads={shown(threads)} must be a whole number of at least 1")
     _allowed.threads = int(threads)
 
 
 def get_num_threads() -> int:
-    """Return how many threads may be used for what the calling thread asks for."""
+    """Return how many threads the calling thread may use."""
     return getattr(_allowed, "threads", MOST_THREADS)
 
 
 def side_by_side(call: Callable[..., T], parts: Sequence[Sequence[Any]]) -> list[T]:
-    """Return `call(*part)` for all parts, in any order, done on as many threads as may be used.
+    """Return `call(*part)` for all parts, in any order, on as many threads as allowed.
 
-    `call` must let go of the interpreter's lock (a kernel does). The first exception of a part is raised again, after
-    all parts are over; at an interrupt no further part is begun, and it is raised once none is under way.
+    `call` must release the interpreter's lock (a kernel does). The first exception of a part is raised after all parts
+    have ended. An interrupt starts no further part and is raised once no part is running.
     """
     if len(parts) == 1:
         return [call(*parts[0])]
@@ -80,7 +80,7 @@ def side_by_side(call: Callable[..., T], parts: Sequence[Sequence[Any]]) -> list
             _jobs.put(help_out)
         work()
         results = [done.get() for _ in parts]
-    except BaseException:  # an interrupt: the caller must not get its arrays back while helpers still write to them
+    except BaseException:  # an interrupt: helpers must not write to the caller's arrays after this returns
         waiting.clear()
         while inside:
             time.sleep(0.001)
@@ -92,7 +92,7 @@ def side_by_side(call: Callable[..., T], parts: Sequence[Sequence[Any]]) -> list
 
 
 def _wake(helpers: int) -> None:
-    """Have at least so many helpers; they live as long as the process."""
+    """Start helpers until there are at least so many; they live as long as the process."""
     while len(_helpers) < helpers:
         with _lock:
             if len(_helpers) < helpers:
@@ -106,7 +106,7 @@ def _help() -> None:
 
 
 def _forget() -> None:
-    """In a forked process: it has none of its parent's threads, nor their work."""
+    """Reset a forked process, which has none of its parent's threads."""
     global _jobs, _lock
     _jobs, _lock = SimpleQueue(), Lock()
     _helpers.clear()

@@ -7,12 +7,10 @@ from typing import Any, ClassVar, Literal
 
 from warehouse_env.checked import CheckedPart, from_plain, parse_named
 from warehouse_env.errors import unknown_name
-from warehouse_env.field_notes import documented
 
 OWN = "own"  # in a text: the traffic that a policy needs
 
 
-@documented
 @dataclass(frozen=True)
 class TrafficSpec(CheckedPart):
     """The single switches behind `EnvConfig.traffic` (docs/traffic.md)."""
@@ -85,7 +83,6 @@ def driven_with(base: TrafficSpec, needed: TrafficSpec) -> TrafficSpec:
     )  # fmt: skip
 
 
-@documented
 @dataclass(frozen=True)
 class ErrorBounds(CheckedPart):
     """Bounds of how late messages are heard, and of how far robots are off their plans."""
@@ -107,7 +104,6 @@ class ErrorBounds(CheckedPart):
         return any((self.pose_error, self.heading_error, self.actuation_error))
 
 
-@documented
 @dataclass(frozen=True)
 class UncertaintySpec(ErrorBounds):
     """What is lost, late or off; the shield keeps its promise within the declared bounds (docs/traffic.md)."""

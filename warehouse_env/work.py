@@ -1,23 +1,21 @@
-"""What robots work at, as parts of EnvConfig: how long they are served, who orders what, what drives them."""
+"""The robots' work, as parts of EnvConfig: service times, orders, batteries."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 from warehouse_env.checked import CheckedPart
-from warehouse_env.field_notes import documented
 
 _DAY = 86_400.0  # [s]
 
 
-@documented
 @dataclass(frozen=True)
 class ServiceSpec(CheckedPart):
-    """How long a robot stands at a place to be loaded or unloaded, and what it carries where nobody orders anything."""
+    """How long a robot stands to be loaded or unloaded, and what it carries if there are no orders."""
 
     pick: float = 30.0  # [s] at a pick face, in the mean
     station: float = 30.0  # [s] at a station, in the mean
-    variation: float = 0.0  # standard deviation of these over their mean, of a gamma distribution; 0: always as long
+    variation: float = 0.0  # standard deviation over mean of a gamma distribution; 0: constant
     load: float = 0.0  # [kg] from a pick face to a station; with orders, theirs
 
     def __post_init__(self) -> None:
@@ -27,20 +25,19 @@ class ServiceSpec(CheckedPart):
         self._between(0.0, 1e9, "load")
 
 
-@documented
 @dataclass(frozen=True)
 class OrderSpec(CheckedPart):
-    """Where orders come from, a file or chance, and who gets them (simulation/tasks/orders.py, demand.py)."""
+    """Where orders come from (a file or random draws), and who gets them (simulation/tasks/orders.py, demand.py)."""
 
-    file: str | None = None  # orders as CSV or JSON lines; None: they are drawn as the next fields say
-    per_hour: float = 240.0  # in the mean, at random moments (Poisson)
-    # shares of the orders that want something of class A, B, C, ..., and of the pick faces that are of that class
+    file: str | None = None  # orders as CSV or JSON lines; None: drawn by the next fields
+    per_hour: float = 240.0  # mean rate of a Poisson process
+    # shares of classes A, B, C, ... among the orders, and among the pick faces
     demand: tuple[float, ...] = (0.8, 0.15, 0.05)
     faces: tuple[float, ...] = (0.2, 0.3, 0.5)
-    picks: int = 1  # pick faces that an order visits, from 1 to this many
-    weight: float = 250.0  # [kg] of an order in the mean, evenly from 0 to twice this, RobotSpec.payload at most
+    picks: int = 1  # an order visits 1 to this many pick faces
+    weight: float = 250.0  # [kg] mean of an order, uniform from 0 to twice this, at most RobotSpec.payload
     due: float = 900.0  # [s] after its release
-    wave: float = 0.0  # [s] from one release of all that has come to the next; 0: each as it comes
+    wave: float = 0.0  # [s] between releases of all orders that have come; 0: each at once
     allocation: str = "nearest"  # who gets which: a name of ALLOCATORS (simulation/tasks/allocation.py)
 
     def __post_init__(self) -> None:
@@ -53,23 +50,22 @@ class OrderSpec(CheckedPart):
         for name in ("demand", "faces"):
             self._between(0.0, 1.0, name)
             whole = abs(sum(getattr(self, name)) - 1.0) < 1e-6
-            self._require(whole and len(self.demand) == len(self.faces), name, "shares that make 1, one a class")
+            self._require(whole and len(self.demand) == len(self.faces), name, "shares that make 1, one for each class")
         sold = all(wanted == 0 or there > 0 for wanted, there in zip(self.demand, self.faces, strict=True))
-        self._require(sold, "faces", "above 0 for every class that is in demand")
+        self._require(sold, "faces", "above 0 for every class in demand")
 
 
-@documented
 @dataclass(frozen=True)
 class BatterySpec(CheckedPart):
-    """What robots use up and where they charge (simulation/tasks/battery.py)."""
+    """Energy use and charging (simulation/tasks/battery.py)."""
 
     capacity: float = 1000.0  # [Wh]
-    resistance: float = 0.03  # force to drive over weight of robot and load: rolling, with what the drive loses
-    standing: float = 50.0  # [W] that computer, scanners and radio take at all times
-    chargers: int = 4  # places to charge, each for one robot
+    resistance: float = 0.03  # driving force over weight of robot and load: rolling and drive losses
+    standing: float = 50.0  # [W] of computer, scanners and radio at all times
+    chargers: int = 4  # charging places, each for one robot
     power: float = 1000.0  # [W] of a charger
-    low: float = 0.3  # share of the capacity below which a robot charges before it takes on anything else
-    full: float = 0.9  # share up to which it does
+    low: float = 0.3  # share of the capacity below which a robot charges next
+    full: float = 0.9  # share up to which it charges
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -80,4 +76,4 @@ class BatterySpec(CheckedPart):
         self._between(1e-3, 1e9, "power")
         self._between(0.0, 1.0, "low", "full")
         self._require(self.low < self.full, "low", "less than full")
-        self._require(self.power > self.standing, "power", "more than a robot takes standing")
+        self._require(self.power > self.standing, "power", "more than a standing robot uses")

@@ -16,11 +16,11 @@ from docutils import nodes
 from sphinx import addnodes
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
+from tyro import _docstrings
 
 from train.cli import COMMANDS, main
 from train.evaluation.fixed_set import SHIPPED, benchmark_tables
 from train.reporting.rows import read_rows
-from warehouse_env.field_notes import default_of, field_notes
 
 COLUMNS = "88"  # characters of a line of help, which fit a window of 1024 pixels
 # Types as Sphinx spells them out -> as the source has them.
@@ -36,6 +36,23 @@ def looked_up(path: str) -> Any:
     """Return what a path such as `warehouse_env.config.RobotSpec` names."""
     module, _, name = path.rpartition(".")
     return getattr(importlib.import_module(module), name)
+
+
+def field_notes(options: type) -> dict[str, str]:
+    """Return what the source says about each field of a dataclass, as the commands' help has it."""
+    notes = {one.name: _docstrings.get_field_docstring(options, one.name, ()) for one in dataclasses.fields(options)}
+    return {name: " ".join((note or "").split()) for name, note in notes.items()}
+
+
+def default_of(field: dataclasses.Field[Any]) -> str:
+    """Return a field's default as one would write it; "" where it must be given."""
+    if field.default_factory is not dataclasses.MISSING:
+        made = field.default_factory()
+        return f"{type(made).__name__}()" if dataclasses.is_dataclass(made) else f"{made!r}, on this machine"
+    value = field.default
+    if value is dataclasses.MISSING:
+        return ""
+    return f"{value:.6g}" if isinstance(value, float) else str(value) if hasattr(value, "parts") else repr(value)
 
 
 def table(header: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:

@@ -33,11 +33,3 @@ def test_both_vector_envs_give_the_same(small: dict[str, Any], start: str) -> No
     assert ends == 2
     sync.close()
     others.close()
-
-
-def test_make_vec(small: dict[str, Any]) -> None:
-    envs = gymnasium.make_vec(ID, num_envs=2, vectorization_mode="async", **small)
-    observation, _ = envs.reset(seed=1)
-    assert observation.shape == envs.observation_space.shape
-    envs.step(envs.action_space.sample())
-    envs.close()

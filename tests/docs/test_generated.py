@@ -58,6 +58,7 @@ def test_tables_have_defaults_as_one_would_write_them(generated: Any) -> None:
     assert "on this machine" in generated.options_table(PPOConfig)
 
 
+@pytest.mark.nightly
 def test_it_builds_without_a_warning_and_fetches_nothing(html: Path) -> None:
     pages = {path.relative_to(html).as_posix(): path.read_text(encoding="utf-8") for path in html.rglob("*.html")}
     fetched = re.compile(r"<(script|link|img)[^>]*(src|href)=\"https?:")
@@ -79,6 +80,7 @@ def entry(html: Path, name: str) -> str:
     return " ".join(unescape(re.sub(r"<[^>]*>", "", found[0])).split())
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("name", "said"),
     [
@@ -94,8 +96,3 @@ def entry(html: Path, name: str) -> str:
 def test_the_reference_has_types_and_whole_sentences(name: str, said: str, html: Path) -> None:
     assert said in entry(html, name)
     assert "ndarray[" not in (html / "reference" / "python.html").read_text(encoding="utf-8")
-
-
-def test_blocks_of_code_have_a_button_to_copy_them(html: Path) -> None:
-    pages = [path.read_text(encoding="utf-8") for path in html.rglob("*.html") if "_static" not in path.parts]
-    assert all("copybutton.js" in page for page in pages)

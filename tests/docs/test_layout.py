@@ -28,6 +28,7 @@ OUTSIDE = """() => {
 }"""
 
 
+@pytest.mark.nightly
 @needs_chromium
 def test_pages_fit_their_window(html: Path) -> None:
     api = pytest.importorskip("playwright.sync_api")
@@ -47,6 +48,7 @@ def test_pages_fit_their_window(html: Path) -> None:
     assert not faults, "\n".join(faults)
 
 
+@pytest.mark.nightly
 @needs_chromium
 def test_on_a_phone_options_say_what_they_mean(html: Path) -> None:
     api = pytest.importorskip("playwright.sync_api")

@@ -17,6 +17,7 @@ ANSWERS = {
 }
 
 
+@pytest.mark.nightly
 @needs_chromium
 def test_the_first_result_is_the_page_that_answers(html: Path) -> None:
     api = pytest.importorskip("playwright.sync_api")

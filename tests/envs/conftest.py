@@ -11,7 +11,10 @@ from warehouse_env.config import ActionType, EnvConfig, TaskMode
 from warehouse_env.maps.layouts import LAYOUTS
 from warehouse_env.work import BatterySpec, OrderSpec, ServiceSpec
 
-CASES = list(itertools.product(sorted(LAYOUTS), get_args(ActionType), get_args(TaskMode)))
+CASES = [
+    *itertools.product(("open",), get_args(ActionType), get_args(TaskMode)),
+    *itertools.product(sorted({*LAYOUTS} - {"open", "blocks"}), ("discrete",), ("lifelong",)),
+]
 
 WORKING = ("open", "orders", "batteries")
 

@@ -6,16 +6,13 @@ import csv
 from pathlib import Path
 from typing import Any
 
-import gymnasium
 import numpy as np
 import pytest
-from gymnasium.wrappers import RecordEpisodeStatistics
-from stable_baselines3 import DQN, PPO
+from stable_baselines3 import PPO
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.logger import configure
-from stable_baselines3.common.vec_env import DummyVecEnv
 
-from warehouse_env import EnvConfig, MetricsCallback, aec_env, parallel_env, single_env, vec_env
+from warehouse_env import EnvConfig, MetricsCallback, parallel_env, single_env, vec_env
 
 Info = dict[str, Any]
 
@@ -114,61 +111,6 @@ def test_the_metrics_are_the_sums_of_the_infos(mode: EnvConfig) -> None:
     assert (seen["collisions_person"] > 0) == (mode.people > 0)
 
 
-def test_arrivals_stand_in_the_rows_of_their_robots(tiny: EnvConfig) -> None:
-    """Several worlds and blocks; the rows by the Simulators' own events, the lengths by their totals."""
-    env = vec_env(2, configs=[tiny, tiny.replace(num_agents=2)], max_steps=10**6)
-    env.seed(0)
-    env.reset()
-    cruise = np.stack([env.get_attr("cruise_action")[0]] * env.num_envs)
-    total = 0
-    for _ in range(200):
-        before = np.concatenate([block.simulator.robots.ravel() for block in env.blocks])
-        infos = env.step(cruise)[3]
-        robots = np.concatenate([block.simulator.robots.ravel() for block in env.blocks])
-        for info, was, robot in zip(infos, before, robots, strict=True):
-            assert bool(info) == bool(robot["events"]["arrived"])
-            if info:
-                assert info["path_length_m"] == pytest.approx(
-                    robot["totals"]["driven_to_goals"] - was["totals"]["driven_to_goals"]
-                )
-                assert info["planned_length_m"] == pytest.approx(robot["totals"]["planned"] - was["totals"]["planned"])
-        total += int(robots["events"]["arrived"].sum())
-    assert total > 3
-
-
-def test_the_distance_is_the_front_axles_way() -> None:
-    """Any direction, curves and backing too: from the poses, with one motion a step, so that no chord cuts short."""
-    env = parallel_env(num_agents=4, layout="open", planner="astar", substeps=1, action_type="raw", max_steps=300)
-    env.reset(seed=3)
-    rng = np.random.default_rng(0)
-    backed = False
-    while env.agents:
-        before = env.simulator.state.pose[0, :, :2].copy()
-        backed |= bool((env.simulator.state.speed < 0).any())
-        infos = env.step({agent: rng.uniform(-1, 1, 2) for agent in env.agents})[4]
-        way = np.hypot(*(env.simulator.state.pose[0, :, :2] - before).T)
-        np.testing.assert_allclose([info["distance_m"] for info in infos.values()], way, atol=1e-6)
-    assert backed
-
-
-def test_the_last_infos_pass_through_wrappers(tiny: EnvConfig) -> None:
-    """The turn-based PettingZoo env, and Gymnasium's statistics, which use keys of their own."""
-    turns = aec_env(tiny)
-    turns.reset(seed=1)
-    last = {}
-    for agent in turns.agent_iter():
-        over = turns.terminations[agent] or turns.truncations[agent]
-        last[agent] = dict(turns.infos[agent])
-        turns.step(None if over else turns.action_space(agent).sample())
-    assert [info["episode_metrics"]["seconds"] for info in last.values()] == [pytest.approx(1.2)] * 3
-    env = RecordEpisodeStatistics(gymnasium.make("Warehouse-v0", config=tiny))
-    env.reset(seed=1)
-    for _ in range(12):
-        info = env.step(env.action_space.sample())[4]
-    assert info["episode"]["l"] == 12
-    assert info["episode_metrics"]["seconds"] == pytest.approx(1.2)
-
-
 def logged(model: BaseAlgorithm, folder: Path) -> list[dict[str, float]]:
     """The rows of stable-baselines3's progress.csv, without empty cells; its logger is closed."""
     model.logger.close()
@@ -205,15 +147,3 @@ def test_the_callback_logs_what_the_infos_say(tiny: EnvConfig, tmp_path: Path) -
             assert row[f"robot/{name}"] == pytest.approx(mean, rel=1e-6, abs=1e-9)
         assert board.Scalars("robot/distance_m")[k].value == pytest.approx(row["robot/distance_m"], rel=1e-5)
         assert row["world/robot_km"] > 0
-
-
-def test_the_callback_serves_other_algorithms_and_envs(tiny: EnvConfig, tmp_path: Path) -> None:
-    """Off-policy, on single envs: no world's metrics there, and the logger writes within a rollout."""
-    env = DummyVecEnv([lambda: gymnasium.make("Warehouse-v0", config=tiny)])
-    model = DQN("MlpPolicy", env, learning_starts=10, buffer_size=200, seed=0, device="cpu")
-    model.set_logger(configure(str(tmp_path), ["csv"]))
-    model.learn(120, callback=MetricsCallback(), log_interval=5)
-    rows = logged(model, tmp_path)
-    assert len(rows) == 2  # after five and ten episodes
-    assert rows[0]["robot/seconds"] == pytest.approx(1.2)
-    assert not any(name.startswith("world/") for name in rows[0])

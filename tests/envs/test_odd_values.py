@@ -7,68 +7,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
-from tests.odd import works_or_says
-from warehouse_env.config import EnvConfig, RobotSpec, SensorSpec
+from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.envs.parallel import parallel_env
 from warehouse_env.envs.single import single_env
 from warehouse_env.envs.vector import vec_env
 from warehouse_env.errors import ConfigError
-from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.simulation.simulator import Simulator
 
 BASE: dict[str, Any] = {"num_agents": 2, "planner": "astar", "layout": "open", "max_steps": 6}
-
-
-def ends(low: float, high: float) -> st.SearchStrategy[float]:
-    return st.one_of(st.sampled_from([low, high]), st.floats(low, high))
-
-
-wild_robots = st.fixed_dictionaries(
-    {},
-    optional={
-        **{name: ends(1e-3, 1e4) for name in ("length", "width", "wheelbase", "max_speed", "max_acceleration")},
-        "max_steering_rate": ends(1e-3, 1e4), "min_speed": ends(-1e4, 0.0), "max_steering": ends(1e-3, 1.57),
-    },
-)  # fmt: skip
-wild_sensors = st.fixed_dictionaries(
-    {},
-    optional={
-        **{name: st.sampled_from([1, 7, 4096]) for name in ("rays", "neighbours", "route_points")},
-        "lidar_range": ends(1e-3, 1e4), "route_spacing": ends(1e-3, 1e4), "predictions": st.booleans(),
-    },
-)  # fmt: skip
-wild_worlds = st.fixed_dictionaries(
-    {},
-    optional={
-        "substeps": st.sampled_from([1, 1000]), "time_step": ends(1e-3, 10.0), "arrival_radius": ends(1e-3, 1e4),
-        "near_miss_gap": ends(1e-3, 1e4), "keep_right": ends(0.0, 100.0), "num_agents": st.sampled_from([1, 5, 40]),
-        "speed_levels": st.lists(ends(-1e4, 1e4), min_size=1, max_size=3),
-        "lateral_offsets": st.lists(ends(-1e4, 1e4), min_size=1, max_size=3),
-    },
-)  # fmt: skip
-FLOORS = [None, *(GridMap(np.zeros((r, c)), cell_size=s) for r, c, s in ((3, 40, 1.0), (6, 6, 0.01), (9, 9, 30.0)))]
-
-
-@settings(max_examples=50)
-@given(wild_robots, wild_sensors, wild_worlds, st.sampled_from(FLOORS), st.sampled_from(["discrete", "raw"]))
-def test_extreme_worlds_run_with_finite_numbers(
-    robot: dict[str, Any], sensor: dict[str, Any], world: dict[str, Any], grid: GridMap | None, action_type: Any
-) -> None:
-    def run() -> None:
-        changes = {**BASE, **world, "action_type": action_type}
-        config = EnvConfig(robot=RobotSpec(**robot), sensor=SensorSpec(**sensor), **changes)
-        simulator = Simulator(config, grid=grid)
-        simulator.reset(3)
-        simulator.action_space.seed(1)
-        for _ in range(3):
-            drawn = [[simulator.action_space.sample() for _ in range(config.num_agents)]]
-            assert np.isfinite(simulator.step(np.array(drawn))).all()
-            assert np.isfinite(simulator.reward).all()
-
-    works_or_says(run)
 
 
 def test_a_robot_that_could_leap_over_the_rim_is_refused() -> None:
@@ -100,15 +47,6 @@ def test_what_was_found(make: Callable[[], Any], sentence: str) -> None:
     """Each ended in another error, or in an endless allocation, once."""
     with pytest.raises(ConfigError, match=sentence):
         make()
-
-
-def test_numbers_of_numpy_will_do() -> None:
-    assert vec_env(np.int64(2), **BASE).num_envs == 4  # type: ignore[arg-type]
-    assert vec_env(np.array([2, 1]), configs=[EnvConfig(**BASE)] * 2).num_envs == 6  # type: ignore[arg-type]
-    simulator = Simulator(EnvConfig(**BASE), 2)
-    first = simulator.reset(np.array([3, 4])).copy()  # type: ignore[arg-type]
-    assert np.array_equal(first, simulator.reset((3, np.int8(4))))
-    assert np.array_equal(parallel_env(**BASE).reset(seed=2**70)[0]["robot_0"].shape, first[0, 0].shape)
 
 
 def test_large_real_valued_actions_are_clipped_in_a_vec_env_too() -> None:

@@ -5,9 +5,7 @@ from __future__ import annotations
 import copy
 import json
 import math
-import operator
 import pickle
-import warnings
 from collections.abc import Callable
 from typing import Any
 
@@ -79,44 +77,15 @@ def test_every_value_is_the_simulators(tiny: EnvConfig) -> None:
     assert env.state() in env.state_space
 
 
-def test_what_is_given_away_stays_as_it_was(tiny: EnvConfig) -> None:
-    env = parallel_env(tiny)
-    kept, _ = env.reset(seed=1)
-    copies = {agent: row.copy() for agent, row in kept.items()}
-    first_infos = env.step(samples(env))[4]
-    texts = {agent: str(info) for agent, info in first_infos.items()}
-    for _ in range(5):
-        env.step(samples(env))
-    for agent in kept:
-        np.testing.assert_array_equal(kept[agent], copies[agent])
-        assert str(first_infos[agent]) == texts[agent]
-
-
 READINGS: dict[str, Callable[[Any], Any]] = {
     "[]": lambda infos: infos["robot_1"],
-    "missing": lambda infos: infos.get("robot_9"),
     "iter": list,
-    "reversed": lambda infos: list(reversed(infos)),
-    "len": len,
-    "in": lambda infos: "robot_1" in infos,
-    "keys": lambda infos: list(infos.keys()),
     "values": lambda infos: list(infos.values()),
-    "items": lambda infos: list(infos.items()),
-    "repr": repr,
     "dict": dict,
     "**": lambda infos: {**infos},
-    "update": lambda infos: {}.update(infos),
     "|": lambda infos: infos | {"all": 1},
     "| from the right": lambda infos: {"all": 1} | infos,
-    "|=": lambda infos: operator.ior(infos, {"all": 1}),
-    "pop": lambda infos: (infos.pop("robot_1"), dict(infos)),
-    "popitem": lambda infos: (infos.popitem(), dict(infos)),
-    "set": lambda infos: (operator.setitem(infos, "robot_1", {}), dict(infos)),
-    "del": lambda infos: (operator.delitem(infos, "robot_1"), dict(infos)),
-    "setdefault": lambda infos: (infos.setdefault("robot_1", {}), dict(infos)),
-    "clear": lambda infos: (infos.clear(), dict(infos)),
-    "copy": lambda infos: infos.copy(),
-    "copy.copy": copy.copy,
+    "pop": lambda infos: (infos.pop("robot_0"), dict(infos)),
     "deepcopy": copy.deepcopy,
     "pickle": lambda infos: pickle.loads(pickle.dumps(infos)),
     "json": json.dumps,
@@ -134,26 +103,6 @@ def test_infos_that_nobody_has_read_yet_are_a_dict(tiny: EnvConfig, name: str) -
     assert read(infos) == read(plain)
     assert infos == plain
     assert kept != plain
-
-
-def test_wrappers_draw_by_the_seed(tiny: EnvConfig) -> None:
-    env = parallel_env(tiny)
-    draws = []
-    for seed in (3, 3, np.int64(3), 4):
-        env.reset(seed=seed)
-        draws.append(env.np_random.integers(1000, size=4).tolist())
-    assert draws[0] == draws[1] == draws[2] != draws[3]
-
-
-def test_spaces_are_one_instance_a_robot(tiny: EnvConfig) -> None:
-    env = parallel_env(tiny)
-    assert env.action_space("robot_0") is env.action_space("robot_0")
-    assert env.action_space("robot_0") is not env.action_space("robot_1")
-    env.action_space("robot_0").seed(3)
-    alone = [env.action_space("robot_0").sample() for _ in range(5)]
-    env.action_space("robot_0").seed(3)
-    mixed = [(env.action_space("robot_1").sample(), env.action_space("robot_0").sample())[1] for _ in range(5)]
-    assert alone == mixed
 
 
 def cruise(env: WarehouseParallelEnv) -> dict[str, Any]:
@@ -191,19 +140,12 @@ def test_after_the_end_only_reset_helps(tiny: EnvConfig) -> None:
     [
         ("discrete", -1),
         ("discrete", 20),
-        ("discrete", 1.5),
-        ("discrete", math.nan),
         ("discrete", None),
         ("discrete", "go"),
-        ("discrete", [1, 2]),
         ("continuous", [math.nan, 0.0]),
         ("continuous", [0.0, math.inf]),
-        ("continuous", 0.5),
         ("continuous", [0.1, 0.2, 0.3]),
-        ("continuous", ["a", "b"]),
-        ("continuous", None),
         ("raw", [[0.0, 0.0]]),
-        ("raw", [0.0, -math.inf]),
     ],
 )
 def test_a_bad_action_is_named(tiny: EnvConfig, action_type: str, bad: object) -> None:
@@ -248,15 +190,3 @@ def test_unknown_options_are_named(tiny: EnvConfig) -> None:
         parallel_env(tiny, num_agent=3)
     with pytest.raises(ConfigError, match="rgb_array"):
         parallel_env(tiny, render_mode="rgb_aray")
-
-
-def test_render_rate_is_real_time() -> None:
-    env = parallel_env(layout="open", num_agents=2, planner="astar", time_step=0.1, action_repeat=5)
-    assert env.metadata["render_fps"] == pytest.approx(2.0)
-
-
-def test_the_constructors_do_not_warn(tiny: EnvConfig) -> None:
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        parallel_env(tiny)
-        aec_env(tiny)

@@ -30,17 +30,6 @@ def test_gymnasium_and_sb3_check(every_config: EnvConfig) -> None:
     sb3_check(made.unwrapped, skip_render_check=True)
 
 
-def test_gymnasium_check_with_rendering(tiny: EnvConfig) -> None:
-    pytest.importorskip("pygame")
-    env = gymnasium.make("Warehouse-v0", config=tiny, render_mode="rgb_array").unwrapped
-    gymnasium_check(env)
-    env.reset(seed=0)
-    frame = env.render()
-    assert isinstance(frame, np.ndarray)
-    assert frame.dtype == np.uint8
-    assert frame.ndim == 3
-
-
 def test_registered_by_the_import_alone() -> None:
     code = (
         "import gymnasium\n"
@@ -94,14 +83,3 @@ def test_bad_others_are_named(tiny: EnvConfig) -> None:
     env.reset(seed=0)
     with pytest.raises(ActionError, match="others"):
         env.step(0)
-
-
-def test_step_before_reset(tiny: EnvConfig) -> None:
-    with pytest.raises(gymnasium.error.ResetNeeded):
-        single_env(tiny).step(0)
-
-
-def test_one_robot_alone(tiny: EnvConfig) -> None:
-    env = single_env(tiny, num_agents=1)
-    env.reset(seed=0)
-    assert env.step(0)[0].shape == env.observation_space.shape

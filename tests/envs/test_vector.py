@@ -51,24 +51,6 @@ def test_rows_are_worlds_times_robots(every_config: EnvConfig) -> None:
                 assert info == ({"padding": True} if padding[row] else {})
 
 
-def test_episode_infos_sum_up(tiny: EnvConfig) -> None:
-    env = vec_env(2, tiny)
-    env.seed(0)
-    env.reset()
-    rng = np.random.default_rng(0)
-    total = np.zeros(6)
-    for _ in range(12):
-        _, reward, dones, infos = env.step(random_actions(env, rng))
-        total += reward
-    assert dones.all()
-    for row, info in enumerate(infos):
-        assert info["episode"]["l"] == 12
-        assert info["episode"]["r"] == pytest.approx(total[row])
-        assert info["episode"]["t"] >= 0
-        assert ("world_metrics" in info) == (row % 3 == 0)
-    assert not env.step(random_actions(env, rng))[2].any()
-
-
 class Cruise:
     """Drives along the route at full speed, as evaluate_policy of stable-baselines3 asks."""
 
@@ -109,71 +91,6 @@ def test_a_robot_that_parks_ends_once(tiny: EnvConfig, wrapped: bool) -> None:
         assert sorted(found[1]) == sorted(lengths)
 
 
-def test_notes_in_an_info_stay_in_that_step(tiny: EnvConfig) -> None:
-    env = vec_env(2, tiny)
-    rng = np.random.default_rng(0)
-    env.reset()
-    for step in range(30):
-        for part in (infos := env.step(random_actions(env, rng))[3]):
-            assert "note" not in part
-            part["note"] = step
-    assert [part["note"] for part in infos] == [29] * 6
-    env.reset()
-    assert env.step(random_actions(env, rng))[3] == [{}] * 6
-    assert [part["note"] for part in infos] == [29] * 6
-
-
-def test_what_is_given_away_stays_as_it_was(tiny: EnvConfig) -> None:
-    env = vec_env(2, tiny)
-    rng = np.random.default_rng(0)
-    first = env.reset()
-    given = env.step(random_actions(env, rng))
-    parts = (first, *given[:3])
-    copies = [np.array(part) for part in parts]
-    for _ in range(14):
-        env.step(random_actions(env, rng))
-    env.reset()
-    for part, copy in zip(parts, copies, strict=True):
-        np.testing.assert_array_equal(part, copy)
-    assert given[3] == [{}] * 6
-
-
-def test_mixed_configs(tiny: EnvConfig) -> None:
-    """Each config's rows are those of its own Simulator, whatever stands beside it."""
-    other = tiny.replace(layout="narrow", num_agents=2, max_steps=7)
-    env = vec_env([1, 2], configs=[tiny, other])
-    assert env.num_envs == 3 + 2 * 2
-    env.seed(9)
-    observation = env.reset()
-    first = Simulator(tiny, 1)
-    np.testing.assert_array_equal(observation[:3], first.reset(9)[0])
-    rng = np.random.default_rng(0)
-    ends = []
-    for _ in range(14):
-        actions = random_actions(env, rng)
-        observation, _, dones, _ = env.step(actions)
-        ends.append(dones.tolist())
-        if not dones[0]:
-            np.testing.assert_array_equal(observation[:3], first.step(actions[None, :3])[0])
-        else:
-            break
-    assert ends[6] == [False] * 3 + [True] * 4
-    assert ends[11] == [True] * 3 + [False] * 4
-
-
-def test_same_seed_same_rows(tiny: EnvConfig) -> None:
-    def run() -> list[np.ndarray]:
-        env = vec_env(2, configs=[tiny, tiny])
-        env.seed(11)
-        rng = np.random.default_rng(0)
-        return [env.reset(), *(env.step(random_actions(env, rng))[0] for _ in range(15))]
-
-    for one, two in zip(run(), run(), strict=True):
-        np.testing.assert_array_equal(one, two)
-    start = run()[0]
-    assert not np.array_equal(start[:6], start[6:]), "two blocks must not repeat each other"
-
-
 def test_routes_are_planned_once_for_equal_maps(tiny: EnvConfig) -> None:
     configs = [tiny, tiny.replace(num_agents=2), tiny.replace(layout="narrow"), tiny.replace(planner="dijkstra")]
     books = [block.simulator.route_book for block in vec_env(configs=configs).blocks]
@@ -209,22 +126,10 @@ def test_each_row_is_told_of_its_own_world(tiny: EnvConfig) -> None:
     for row, view in enumerate(expected):
         np.testing.assert_array_equal(state[row], np.pad(view, (0, 24 - len(view))))
         np.testing.assert_array_equal(env.env_method("global_state")[row], view)
-        np.testing.assert_array_equal(env.get_attr("global_state", row)[0](), view)
         np.testing.assert_array_equal(env.env_method("state", indices=row)[0], state[row])
     assert env.env_method("seconds") == env.env_method("seconds", indices=range(8)) == [0.1] * 5 + [0.0] * 3
     assert env.env_method("seconds", 0) == [0.1] * 8
     assert [row["seconds"] for row in env.env_method("episode_metrics")] == env.env_method("seconds")
-
-
-def test_pictures_are_one_a_world(tiny: EnvConfig) -> None:
-    pytest.importorskip("pygame")
-    env = vec_env(2, tiny, render_mode="rgb_array")
-    env.reset()
-    assert len(env.get_images()) == 2
-    picture = env.render()
-    assert picture is not None
-    assert picture.dtype == np.uint8
-    env.close()
 
 
 @pytest.mark.parametrize(

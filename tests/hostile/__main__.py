@@ -1,23 +1,21 @@
-"""Try hostile inputs on all readers and constructors, by the million, and go on where it stopped.
+"""Try hostile inputs on all readers and constructors.
 
-    python -m tests.hostile --inputs 10000000 --keep results/hostile       # what `make hostile` does
+    python -m tests.hostile --inputs 10000000 --seed 3                     # what `make hostile` does
     python -m tests.hostile --only episode --input 812 --seed 0            # that input again, with its traceback
 
 Input K of a target is made from (seed, target, K) alone. Each works, or raises one of our errors with one sentence,
-within LONGEST; else it is a failure, whose input and traceback are kept, the first SHOWN of a kind.
+within LONGEST; otherwise it is a failure. The first SHOWN of a kind are printed, with the command that tries it again.
 """
 
 from __future__ import annotations
 
 import faulthandler
-import json
 import os
 import resource
 import shutil
 import signal
 import sys
 import tempfile
-import time
 import traceback
 from collections import Counter
 from collections.abc import Iterator
@@ -25,21 +23,15 @@ from contextlib import contextmanager
 from pathlib import Path
 from random import Random
 
-for _name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
-    os.environ[_name] = "1"
+import tyro
 
-import tyro  # noqa: E402
-
-from tests.hostile.targets import TARGETS, warm  # noqa: E402
-from tests.odd import works_or_says  # noqa: E402
-from train.learning.progress import LINE_SECONDS  # noqa: E402
-from train.reporting.report import make_progress, tell  # noqa: E402
-from train.reporting.rows import write_text  # noqa: E402
+from tests.hostile.targets import TARGETS, warm
+from tests.odd import works_or_says
+from train.reporting.report import make_progress
 
 LONGEST = 10.0  # [s] for an input
 COMPILING = 300.0  # [s] for one that may compile a kernel first
 LARGEST = 2e9  # [bytes] of address space beyond what is used at first
-GROWTH = 300.0  # [MB] that the most memory ever used may be above that after the first round
 SHOWN = 3
 
 
@@ -85,38 +77,6 @@ def _kind(name: str, trace: str) -> str:
     return f"{name}: {lines[-1].split(':')[0]} at {ours[-1] if ours else '?'}"
 
 
-class Hunt:
-    """What was tried, and what failed, kept in a folder."""
-
-    def __init__(self, keep: Path, seed: int, only: tuple[str, ...]) -> None:
-        self._keep, self._seed, self._names = keep, seed, only
-        self._path = keep / f"state-{seed}.json"
-        kept = json.loads(self._path.read_text()) if self._path.exists() else {}
-        self.done: Counter[str] = Counter(kept.get("done", {}))
-        self.failures: Counter[str] = Counter(kept.get("failures", {}))
-
-    def round(self, folder: Path, most: int) -> None:
-        """Try a share of each target's inputs, `most` in all."""
-        for name in self._names:
-            each = min(TARGETS[name].each, most)
-            most -= each
-            for number in range(self.done[name], self.done[name] + each):
-                trace = attempt(name, self._seed, number, folder)
-                if trace is not None:
-                    self._failed(name, number, trace)
-            self.done[name] += each
-        write_text(self._path, json.dumps({"done": self.done, "failures": self.failures}, indent=2) + "\n")
-
-    def _failed(self, name: str, number: int, trace: str) -> None:
-        kind = _kind(name, trace)
-        self.failures[kind] += 1
-        if self.failures[kind] <= SHOWN:
-            again = f'python -m tests.hostile --only "{name}" --input {number} --seed {self._seed}'
-            given = TARGETS[name].make(Random(f"{self._seed} {name} {number}"))
-            text = f"{again}\n\n{trace}\n{given!r}\n".encode(errors="backslashreplace").decode()
-            write_text(self._keep / f"failure-{name.replace(' ', '-')}-{number}.txt", text)
-
-
 @contextmanager
 def guarded() -> Iterator[Path]:
     """Lend a folder in memory; what hangs is stopped, and no input gets more than LARGEST of memory."""
@@ -139,23 +99,34 @@ def guarded() -> Iterator[Path]:
         signal.signal(signal.SIGALRM, former)
 
 
-def _peak() -> float:
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
+def hunt(names: tuple[str, ...], seed: int, inputs: int, folder: Path) -> Counter[str]:
+    """Try so many inputs in all, in rounds over the targets; return how many failed, by kind."""
+    done, failures = Counter[str](), Counter[str]()
+    with make_progress() as progress:
+        bar = progress.add_task("hostile inputs", total=inputs)
+        while done.total() < inputs:
+            for name in names:
+                each = min(TARGETS[name].each, inputs - done.total())
+                for number in range(done[name], done[name] + each):
+                    trace = attempt(name, seed, number, folder)
+                    if trace is None:
+                        continue
+                    failures[kind := _kind(name, trace)] += 1
+                    if failures[kind] <= SHOWN:
+                        print(f'{trace}\npython -m tests.hostile --only "{name}" --input {number} --seed {seed}\n')
+                done[name] += each
+            progress.update(bar, completed=done.total())
+    return failures
 
 
 def main(
-    inputs: int = 10_000_000,
-    seed: int = 0,
-    keep: Path = Path("results/hostile"),
-    only: tuple[str, ...] = tuple(TARGETS),
-    input: int | None = None,
+    inputs: int = 10_000_000, seed: int = 0, only: tuple[str, ...] = tuple(TARGETS), input: int | None = None
 ) -> None:
-    """Try hostile inputs, and say how many and what failed.
+    """Try hostile inputs, and say how many failed, and how.
 
     Args:
-        inputs: how many in all, those of earlier calls with the same seed and folder counted.
+        inputs: how many in all.
         seed: of the inputs.
-        keep: folder of what was done, and of failures.
         only: targets to try.
         input: number of the one input to try, of the one target.
     """
@@ -166,36 +137,13 @@ def main(
             if input is not None:
                 print(attempt(only[0], seed, input, folder) or "it works, or one of our errors says what is wrong")
                 return
-            failures = _hunt(Hunt(keep, seed, only), inputs, folder)
+            failures = hunt(only, seed, inputs, folder)
     finally:
         shutil.rmtree(os.environ["WAREHOUSE_CACHE_DIR"])
-    if failures:
-        sys.exit(1)
-
-
-def _hunt(hunt: Hunt, inputs: int, folder: Path) -> int:
-    """Go on until so many inputs are tried; return how many kinds of failures there are."""
-    begin, told, before = time.monotonic(), time.monotonic(), hunt.done.total()
-    usual: float | None = None
-    with make_progress() as progress:
-        bar = progress.add_task("hostile inputs", total=inputs, completed=before)
-        while (left := inputs - hunt.done.total()) > 0:
-            hunt.round(folder, left)
-            usual = usual or _peak()
-            if _peak() > usual + GROWTH:
-                sys.exit(f"memory has grown from {usual:.0f} to {_peak():.0f} MB; the last round is to blame")
-            progress.update(bar, completed=hunt.done.total())
-            if progress.disable and time.monotonic() - told > LINE_SECONDS:
-                tell(f"{hunt.done.total():,} of {inputs:,} inputs, {len(hunt.failures)} kinds of failures")
-                told = time.monotonic()
-    rate = (hunt.done.total() - before) / max(time.monotonic() - begin, 1e-9)
-    for name, count in hunt.done.items():
-        print(f"{name}: {count:,}")
-    print(f"{hunt.done.total():,} inputs, {rate:,.0f} a second, at most {_peak():.0f} MB")
-    for kind, count in hunt.failures.items():
+    for kind, count in failures.items():
         print(f"{count} times {kind}")
-    print(f"{len(hunt.failures) or 'no'} kinds of failures")
-    return len(hunt.failures)
+    print(f"{inputs:,} inputs, {len(failures) or 'no'} kinds of failures")
+    sys.exit(bool(failures))
 
 
 if __name__ == "__main__":

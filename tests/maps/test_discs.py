@@ -12,7 +12,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from warehouse_env.errors import ConfigError, MapError
-from warehouse_env.maps.disc_report import lost
 from warehouse_env.maps.discs import read_discs, write_discs
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.halls.hall import read_hall
@@ -29,17 +28,6 @@ def floor(**more: object) -> GridMap:
     occupied = FREE.copy()
     occupied[0, 0] = True
     return GridMap(occupied, discs=PILLARS, **more)  # type: ignore[arg-type]
-
-
-def test_the_cells_that_discs_reach_into_are_closed_and_no_shelves() -> None:
-    grid = floor()
-    assert np.argwhere(grid.occupied).tolist() == [[0, 0], [2, 2], [3, 3], [3, 4], [4, 3], [4, 4]]
-    assert np.argwhere(grid.walls).tolist() == [[0, 0]]
-    beside = GridMap(FREE, discs=[(2.5, 2.5, 0.5)])  # touches its neighbours and reaches into none
-    assert np.argwhere(beside.occupied).tolist() == [[2, 2]]
-    area = 5 - np.pi * (0.4**2 + 0.2**2)
-    assert f"close 5 cells to planners and goals, among them about {area:.1f} of 5.0 m²" in lost(grid)
-    assert lost(GridMap(FREE)) == ""
 
 
 @given(st.lists(st.tuples(st.floats(0, 6), st.floats(0, 5), st.floats(0.01, 1.2)), max_size=4), st.integers(0, 10**6))
@@ -79,13 +67,6 @@ def test_copies_keep_what_is_a_shelf_and_what_a_disc() -> None:
     assert GridMap(on_disc, discs=PILLARS).walls[2, 2]
 
 
-def test_who_stands_beside_a_disc_in_its_cell_plans_from_the_nearest_free_one() -> None:
-    grid = floor()  # rows count from the north: y 4..5 is row 0
-    points = [(2.05, 2.5), (2.95, 2.4), (0.5, 4.4), (5.5, 0.5), (-3.0, 9.0), (6.0, -0.1)]
-    assert grid.standing(points).tolist() == [[2, 1], [2, 3], [1, 0], [4, 5], [0, 1], [4, 5]]
-    assert GridMap(FREE).standing((2.05, 2.5)).tolist() == [2, 2]
-
-
 @pytest.mark.parametrize(
     ("discs", "says"),
     [
@@ -122,7 +103,6 @@ def test_a_hall_reads_its_discs_and_pixels_within_are_theirs(tmp_path: Path) -> 
     assert (hall.grid.walls == grid.walls).all()
     assert (hall.grid.occupied == grid.occupied).all()
     np.testing.assert_allclose(hall.grid.discs, grid.discs, atol=1e-6)
-    assert any("discs: 2, which close 5 cells" in line for line in hall.report)
     # a scanner drew the pillar too: as discs it is round, without them a cell of shelf
     picture = (tmp_path / "hall.pgm").read_bytes()
     head, body = picture[: -100 * 120], np.frombuffer(picture[-100 * 120 :], np.uint8).reshape(100, 120).copy()

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import itertools
 import math
-import re
 from typing import Any
 
 import numpy as np
 import pytest
 
 from warehouse_env.errors import ConfigError
-from warehouse_env.maps.generators import blocks
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import LAYOUTS, NAMED_TASKS, make_layout
 
@@ -48,17 +46,6 @@ def test_stations_do_not_crowd(layout: GridMap) -> None:
     assert not near(layout.stations, layout.stations, 3)
 
 
-def test_drawing_shows_every_cell(layout: GridMap) -> None:
-    rows, columns = layout.shape
-    text = layout.text()
-    assert [len(line) for line in text] == [columns] * rows
-    drawn = "".join(text)
-    assert drawn.count("#") == layout.occupied.sum()
-    assert drawn.count("p") == len(layout.picks)
-    assert drawn.count("s") == len(layout.stations)
-    assert set(drawn) <= set("#ps~.")
-
-
 @pytest.mark.parametrize("name", sorted(LAYOUTS))
 def test_names_agree_and_floors_are_reproducible(name: str) -> None:
     first, second = make_layout(name), make_layout(name)
@@ -74,32 +61,6 @@ def test_no_pick_is_next_to_a_station(name: str) -> None:
     assert not near(grid.picks, grid.stations, 2)
 
 
-def test_layouts_are_told_apart() -> None:
-    assert len({make_layout(name).key for name in LAYOUTS}) == len(LAYOUTS)
-
-
-def test_a_name_may_carry_parameters() -> None:
-    assert make_layout("aisles:seed=7,rows=40").key == make_layout("aisles", seed=7, rows=40).key
-    assert make_layout("aisles:seed=7", seed=8).key == make_layout("aisles", seed=8).key  # given ones come first
-    fewer, usual = make_layout("blocks:corridor_stations=false").stations, make_layout("blocks").stations
-    assert len(fewer) < len(usual)
-
-
-@pytest.mark.parametrize(
-    ("name", "sentence"),
-    [
-        ("aisles:seed", "layout aisles: 'seed' must be PARAMETER=VALUE, as in aisles:seed=7,rows=40"),
-        ("aisles:sed=7", "did you mean seed"),
-        ("aisle:seed=7", "did you mean aisles"),
-        ("aisles:seed=x", "seed='x' must be a whole number"),
-        ("paper46:rows=3", "unknown parameter of layout 'paper46'"),
-    ],
-)
-def test_a_wrong_parameter_in_a_name_is_one_sentence(name: str, sentence: str) -> None:
-    with pytest.raises(ConfigError, match=re.escape(sentence)):
-        make_layout(name)
-
-
 # ---- named tasks
 
 
@@ -109,51 +70,6 @@ def test_named_tasks_have_their_length(name: str, task: str) -> None:
     grid = make_layout(name)
     assert grid.distance_to(goal)[start] == pytest.approx(length, abs=1e-12)
     assert grid.distance_to(start)[goal] == pytest.approx(length, abs=1e-12)
-
-
-def test_paper46_holds_the_best_lengths_of_tables_1_and_2() -> None:
-    tasks = NAMED_TASKS["paper46"]
-    printed = {"in_zone_1": 26.3848, "in_zone_2": 26.9706, "in_zone_3": 27.5563}
-    printed |= {"cross_zone_1": 59.4264, "cross_zone_2": 62.5980}
-    exact = [8 + 13 * S2, 10 + 12 * S2, 12 + 11 * S2, 17 + 30 * S2, 23 + 28 * S2]
-    assert [tasks[name].optimal_length for name in printed] == pytest.approx(exact, abs=1e-12)
-    for name, length in printed.items():
-        assert tasks[name].optimal_length == pytest.approx(length, abs=1e-4)
-
-
-def test_paper46_tasks_stay_in_a_zone_or_cross_zones() -> None:
-    for name, task in NAMED_TASKS["paper46"].items():
-        zones = [(row >= 23, column >= 23) for row, column in (task.start, task.goal)]
-        assert (zones[0] == zones[1]) == name.startswith("in_zone")
-
-
-def shortest_turns(grid: GridMap, start: tuple[int, int], goal: tuple[int, int]) -> int:
-    """Fewest direction changes among the shortest paths, by dynamic programming over cells and directions."""
-    to_goal = grid.distance_to(goal)
-    steps = [step for step in itertools.product((-1, 0, 1), repeat=2) if step != (0, 0)]
-    best = {(start, step): 0 for step in steps}
-    for cell in sorted(map(tuple, grid.free_cells.tolist()), key=lambda c: -to_goal[c]):
-        for d_row, d_column in steps:
-            other = (cell[0] + d_row, cell[1] + d_column)
-            if not (0 <= other[0] < grid.shape[0] and 0 <= other[1] < grid.shape[1]) or grid.occupied[other]:
-                continue
-            if abs(to_goal[other] + math.hypot(d_row, d_column) - to_goal[cell]) > 1e-9:
-                continue
-            if grid.occupied[cell[0], other[1]] or grid.occupied[other[0], cell[1]]:
-                continue
-            turned = [best[cell, s] + (s != (d_row, d_column)) * (cell != start) for s in steps if (cell, s) in best]
-            if turned:
-                key = (other, (d_row, d_column))
-                best[key] = min(turned)
-    return min(turns for (cell, _), turns in best.items() if cell == goal)
-
-
-@pytest.mark.parametrize(
-    ("task", "most"), [(f"in_zone_{k}", 7) for k in (1, 2, 3)] + [("cross_zone_1", 15), ("cross_zone_2", 14)]
-)
-def test_paper46_tasks_need_few_turns(task: str, most: int) -> None:
-    start, goal, _ = NAMED_TASKS["paper46"][task]
-    assert shortest_turns(make_layout("paper46"), start, goal) <= most
 
 
 @pytest.mark.parametrize("task", sorted(NAMED_TASKS["paper46_rough"]))
@@ -184,65 +100,6 @@ def test_paper46_has_four_zones_wide_corridors_and_aisles_of_at_least_two() -> N
 def free_gaps(occupied: np.ndarray) -> list[int]:
     """The lengths of all runs of free cells along the rows."""
     return [len(run) for row in occupied for run in "".join("#" if o else "." for o in row).split("#") if run]
-
-
-def test_paper46_rough_differs_from_paper46_by_its_heights_alone() -> None:
-    smooth, rough = make_layout("paper46"), make_layout("paper46_rough")
-    assert np.array_equal(smooth.occupied, rough.occupied)
-    assert rough.height.min() == 0
-    assert 0.1 < rough.height.max() <= 0.2 + 1e-6
-    assert not rough.height[rough.occupied].any()
-
-
-def test_narrow_is_dense() -> None:
-    grid = make_layout("narrow")
-    assert grid.shape == (46, 46)
-    assert grid.occupied.sum() == 11 * 4 * 2 * 9
-    assert set(free_gaps(grid.occupied)) | set(free_gaps(grid.occupied.T)) == {2, 46}
-
-
-def test_single_lane_has_lanes_of_one_cell_with_a_passing_place_in_each() -> None:
-    grid = make_layout("single_lane")
-    assert grid.shape == (46, 46)
-    assert min(free_gaps(grid.occupied.T)) == 1
-    lanes = sorted({row for row, _ in grid.picks.tolist()})
-    assert len(lanes) == 2 * 5
-    for row in lanes:
-        for left in (4, 26):
-            lane = slice(left, left + 16)
-            assert not grid.occupied[row, lane].any()
-            assert grid.occupied[row + 1, lane].all()
-            assert (~grid.occupied[row - 1, lane]).sum() == 4  # the bay
-            assert not grid.occupied[row - 1, left + 6 : left + 10].any()
-    for corridor in (np.s_[:4], np.s_[-4:], np.s_[21:25], np.s_[:, :4], np.s_[:, -4:], np.s_[:, 20:26]):
-        assert not grid.occupied[corridor].any()
-
-
-def test_open_has_no_shelf() -> None:
-    assert not make_layout("open", rows=20, columns=30).occupied.any()
-
-
-def test_random_follows_its_seed_and_share() -> None:
-    one = make_layout("random", seed=1)
-    assert one.key != make_layout("random", seed=2).key
-    dense = make_layout("random", rows=50, columns=40, share=0.35, seed=3)
-    assert dense.shape == (50, 40)
-    assert dense.occupied.mean() >= 0.35
-    assert len(dense.free_cells) == (~dense.occupied).sum()
-
-
-@pytest.mark.parametrize("size", [46, 92, 130])
-def test_blocks_keep_their_density_at_any_size(size: int) -> None:
-    grid = make_layout("blocks", rows=size, columns=size)
-    assert grid.occupied.mean() == pytest.approx(make_layout("paper46").occupied.mean(), abs=0.03)
-    assert len(grid.stations) >= (size / 46) ** 2 * 32
-    assert not near(grid.stations, grid.stations, 3)
-
-
-def test_blocks_centre_what_is_left_over() -> None:
-    shelves = blocks(48, 50, corridor_stations=False).occupied
-    assert np.array_equal(shelves[1:47, 2:48], make_layout("paper46").occupied)
-    assert shelves.sum() == make_layout("paper46").occupied.sum()
 
 
 # ---- bad input

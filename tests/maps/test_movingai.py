@@ -12,9 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from warehouse_env.errors import MapError, WarehouseError
+from warehouse_env.errors import MapError
 from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.maps.layouts import LAYOUTS, make_layout
 from warehouse_env.maps.movingai import (
     EXAMPLE_MAP,
     EXAMPLE_SCEN,
@@ -22,7 +21,6 @@ from warehouse_env.maps.movingai import (
     read_map,
     read_scen,
     write_map,
-    write_scen,
 )
 
 BENCHMARKS = Path(__file__).parents[2].parent / "shared" / "maps"
@@ -46,22 +44,6 @@ def test_reading_a_map(tmp_path: Path) -> None:
     assert np.array_equal(read_map(str(path)).occupied, grid.occupied)
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        GOOD.replace("\n", " \n"),
-        GOOD.replace("type octile", "Type Octile").replace("height", "HEIGHT"),
-        GOOD.replace("height 2\nwidth 3", "width 3\nheight 2"),
-        GOOD.replace("type octile\n", ""),
-    ],
-    ids=["blanks at the end of lines", "capitals", "width first", "no type"],
-)
-def test_harmless_differences_are_read(tmp_path: Path, text: str) -> None:
-    path = tmp_path / "m.map"
-    path.write_bytes(text.encode())
-    assert read_map(path).occupied.tolist() == [[False, True, False], [False, False, False]]
-
-
 @given(hnp.arrays(np.bool_, st.tuples(st.integers(1, 12), st.integers(1, 12))))
 def test_maps_round_trip(occupied: np.ndarray) -> None:
     occupied[0, 0] = False
@@ -72,30 +54,16 @@ def test_maps_round_trip(occupied: np.ndarray) -> None:
         assert os.listdir(folder) == ["any.map"]
 
 
-@pytest.mark.parametrize("name", sorted(LAYOUTS))
-def test_layouts_round_trip(tmp_path: Path, name: str) -> None:
-    grid = make_layout(name)
-    write_map(grid, tmp_path / "layout.map")
-    assert np.array_equal(read_map(tmp_path / "layout.map").occupied, grid.occupied)
-
-
 @pytest.mark.parametrize(
     ("text", "line", "words"),
     [
         (GOOD.replace("...\n", "....\n"), 6, "4 cells.*width of 3"),
-        (GOOD.replace("...\n", "..\n"), 6, "2 cells.*width of 3"),
         (GOOD.replace(".@.", ".x."), 5, "unknown cell 'x' in column 2"),
-        (GOOD.replace(".@.", ". ."), 5, "unknown cell ' ' in column 2"),
         (GOOD.removesuffix("...\n"), 5, "2 rows but the file holds 1"),
         (GOOD + "...\n", 7, "2 rows but the file holds 3"),
         (GOOD.replace("height 2", "height two"), 2, "height 'two'"),
-        (GOOD.replace("height 2", "height -2"), 2, "height '-2'"),
-        (GOOD.replace("height 2", "height 0"), 2, "height '0'"),
         (GOOD.replace("width 3", "width 1_0"), 3, "width '1_0'"),
-        (GOOD.replace("width 3", "width 3 4"), 3, "begins with"),
         (GOOD.replace("height 2\n", ""), 3, "no line 'height N'"),
-        (GOOD.replace("map\n", ""), 4, "begins with"),
-        ("type octile\n", 1, "begins with"),
         ("height 999999999\nwidth 999999999\nmap\n.\n", 4, "999999999 rows"),
         ("", 1, "begins with"),
     ],
@@ -109,22 +77,6 @@ def test_broken_maps_name_file_and_line(tmp_path: Path, text: str, line: int, wo
     assert "\n" not in str(raised.value)
 
 
-def test_a_map_without_floor_is_named(tmp_path: Path) -> None:
-    (tmp_path / "full.map").write_text(GOOD.replace(".", "@"))
-    with pytest.raises(MapError, match=r"full\.map: .*no free cell"):
-        read_map(tmp_path / "full.map")
-
-
-def test_failed_writing_leaves_nothing(tmp_path: Path) -> None:
-    grid = make_layout("open")
-    (tmp_path / "folder.map").mkdir()
-    (tmp_path / "file").write_text("kept")
-    for path in (tmp_path / "folder.map", tmp_path / "file" / "x.map"):
-        with pytest.raises(WarehouseError, match=r"is (a|no) folder"):
-            write_map(grid, path)
-    assert sorted(os.listdir(tmp_path)) == ["file", "folder.map"]
-
-
 # ---- scenarios
 
 
@@ -133,26 +85,6 @@ def test_reading_scenarios_turns_x_and_y_into_row_and_column(tmp_path: Path) -> 
     path.write_text("version 1\n3\tmy map.map\t32\t31\t11\t6\t7\t18\t13.65685425\n\n")
     read = [Scenario(3, "my map.map", 32, 31, (6, 11), (18, 7), 13.65685425)]
     assert read_scen(path) == read
-    path.write_text("VERSION 1\n3;my map.map;32;31; 11;6;7;18;13,65685425;\n")  # of a spreadsheet
-    assert read_scen(path) == read
-
-
-@st.composite
-def scenarios(draw: st.DrawFn) -> Scenario:
-    width, height = draw(st.integers(1, 500)), draw(st.integers(1, 500))
-    start, goal = ((draw(st.integers(0, height - 1)), draw(st.integers(0, width - 1))) for _ in range(2))
-    name = draw(st.text("aZ09 .-_é", min_size=1, max_size=12)) + ".map"
-    length = draw(st.floats(0, 1e4).map(lambda value: round(value, 8)))
-    return Scenario(draw(st.integers(0, 99)), name, width, height, start, goal, length)
-
-
-@given(st.lists(scenarios(), max_size=8))
-def test_scenarios_round_trip(written: list[Scenario]) -> None:
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder, "any.scen")
-        write_scen(written, path)
-        assert read_scen(path) == written
-        assert os.listdir(folder) == ["any.scen"]
 
 
 LINE = "3\tm.map\t32\t31\t11\t6\t7\t18\t13.65"
@@ -162,16 +94,11 @@ LINE = "3\tm.map\t32\t31\t11\t6\t7\t18\t13.65"
     ("text", "line", "words"),
     [
         (LINE, 1, "version 1"),
-        ("version 2\n" + LINE, 1, "version 1"),
         ("version 1\n" + LINE + "\n3\tm.map\t32", 3, "3 fields instead of 9"),
-        ("version 1\n" + LINE + "\t7", 2, "10 fields"),
         ("version 1\n" + LINE.replace("\t11\t", "\t32\t"), 2, "start x 32 is outside"),
         ("version 1\n" + LINE.replace("\t18\t", "\t31\t"), 2, "goal y 31 is outside"),
         ("version 1\n" + LINE.replace("\t6\t", "\t-6\t"), 2, "start y '-6'"),
-        ("version 1\n" + LINE.replace("\t6\t", "\t6.0\t"), 2, "start y '6.0'"),
         ("version 1\n" + LINE.replace("13.65", "nan"), 2, "length 'nan'"),
-        ("version 1\n" + LINE.replace("13.65", "far"), 2, "length 'far'"),
-        ("version 1\n" + LINE.replace("13.65", "-1"), 2, "length '-1'"),
         ("version 1\n" + LINE.replace("3\tm", "x\tm"), 2, "bucket 'x'"),
     ],
 )
@@ -181,21 +108,6 @@ def test_broken_scenarios_name_file_and_line(tmp_path: Path, text: str, line: in
     with pytest.raises(MapError, match=words) as raised:
         read_scen(path)
     assert str(raised.value).startswith(f"{path}, line {line}: ")
-
-
-@pytest.mark.parametrize(
-    "bad",
-    [
-        Scenario(0, "a\tb.map", 3, 3, (0, 0), (1, 1), 1.4),
-        Scenario(0, "", 3, 3, (0, 0), (1, 1), 1.4),
-        Scenario(0, "a.map", 3, 3, (0, 3), (1, 1), 1.4),
-        Scenario(0, "a.map", 3, 3, (0, 0), (1, 1), float("nan")),
-    ],
-)
-def test_what_could_not_be_read_back_is_not_written(tmp_path: Path, bad: Scenario) -> None:
-    with pytest.raises(MapError):
-        write_scen([bad], tmp_path / "bad.scen")
-    assert os.listdir(tmp_path) == []
 
 
 # ---- our shortest path against printed lengths
@@ -217,11 +129,3 @@ def test_every_length_of_a_public_benchmark_is_reproduced() -> None:
     listed = read_scen(BENCHMARKS / "random-32-32-10-random-1.scen")
     assert len(listed) == 461
     assert longest_error(read_map(BENCHMARKS / "random-32-32-10.map"), listed) < 1e-7
-
-
-@pytest.mark.skipif(not BENCHMARKS.is_dir(), reason="the benchmarks are not here")
-def test_public_maps_are_read_and_have_endpoints_for_16_robots() -> None:
-    for path in sorted(BENCHMARKS.glob("*.map")):
-        grid = read_map(path)
-        assert len(grid.picks) >= 64
-        assert len(grid.stations) >= 16

@@ -7,15 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from train.commands.layouts import Layouts
-from warehouse_env.config import EnvConfig
 from warehouse_env.errors import MapError
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import make_layout
 from warehouse_env.maps.movingai import read_map, write_map
 from warehouse_env.maps.one_way import against, parse, text
 from warehouse_env.routes.lanes import drivable_line
-from warehouse_env.simulation.record.recording import Episode
 
 AISLE = [".........", ".>>>>>>>.", ".>>>>>>>.", "........."]
 
@@ -62,27 +59,6 @@ def test_directions_stand_beside_a_map_file(tmp_path: Path) -> None:
     assert make_layout(str(tmp_path / "AISLE.MAP")).one_way.tolist() == grid.one_way.tolist()
     write_map(GridMap(grid.occupied), path)
     assert not read_map(path).one_way.any()
-
-
-def test_they_are_drawn_and_checked(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = tmp_path / "aisle.map"
-    write_map(aisle(), path)
-    Layouts(draw=str(path)).run()
-    drawn = capsys.readouterr().out
-    assert ">>>>>>>" in drawn
-    assert "one way" in drawn
-    with pytest.raises(MapError, match="cut endpoints off"):
-        Layouts(check=path).run()  # nobody comes back from the east
-    (tmp_path / "aisle.oneway").write_text("\n".join([*AISLE[:2], ".<<<<<<<.", AISLE[3]]))
-    Layouts(check=path).run()
-    assert "is good" in capsys.readouterr().out
-
-
-def test_an_episode_keeps_them(tmp_path: Path) -> None:
-    grid = aisle()
-    pose = np.zeros((1, 1, 1, 3), np.float32)
-    Episode(EnvConfig(num_agents=1), grid, (1,), np.zeros((0, 1, 1), int), pose).save(tmp_path / "e.npz")
-    assert Episode.load(tmp_path / "e.npz").grid.key == grid.key
 
 
 def test_a_lane_runs_in_the_middle_of_a_one_way_aisle() -> None:

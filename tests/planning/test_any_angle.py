@@ -6,15 +6,12 @@ import itertools
 import math
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from warehouse_env.maps.grid_map import Cell, GridMap
-from warehouse_env.maps.layouts import make_layout
-from warehouse_env.planning import path_length, turns, validate
+from warehouse_env.planning import validate
 from warehouse_env.planning.any_angle import ThetaStar, line_of_sight
-from warehouse_env.planning.graph_search import AStar
 from warehouse_env.planning.plan import Plan, validate_line
 
 RNG = np.random.default_rng(0)
@@ -26,29 +23,6 @@ def drawn(*rows: str) -> GridMap:
 
 def plan(grid: GridMap, start: Cell, goal: Cell) -> Plan:
     return ThetaStar().plan(grid, start, goal, RNG)
-
-
-@pytest.mark.parametrize(
-    ("rows", "goal", "sees"),
-    [
-        (("...", "..."), (1, 2), True),
-        (("..#", "..."), (1, 2), True),  # passes (0, 1) and (1, 1), between them the middle of their side
-        ((".#.", "..."), (1, 2), False),
-        (("...", ".#."), (1, 2), False),
-        ((".#", ".."), (1, 1), False),  # past one corner
-        (("..", "#."), (1, 1), False),
-        ((".#", "#."), (1, 1), False),  # between two
-        (("..", ".."), (1, 1), True),
-        ((".....", ".....", "#...."), (2, 4), True),
-        (("...#.", ".....", "....."), (2, 4), True),
-        (("..#..", ".....", "....."), (2, 4), True),  # runs by (0, 1), (1, 1): the shelf is one side away
-        ((".....", "..#..", "....."), (2, 4), False),
-    ],
-)
-def test_sight_by_hand(rows: tuple[str, ...], goal: Cell, sees: bool) -> None:
-    occupied = drawn(*rows).occupied
-    assert line_of_sight(occupied, np.zeros(occupied.shape, np.uint8), 0, 0, *goal) == sees
-    assert line_of_sight(occupied, np.zeros(occupied.shape, np.uint8), *goal, 0, 0) == sees
 
 
 def touches(a: Cell, b: Cell, square: Cell) -> bool:
@@ -74,43 +48,6 @@ def test_sight_equals_exact_geometry(data: st.DataObject) -> None:
     assert line_of_sight(occupied, np.zeros(occupied.shape, np.uint8), *a, *b) == (
         not any(touches(a, b, shelf) for shelf in shelves)
     )
-
-
-def test_open_floor_is_one_line() -> None:
-    found = plan(GridMap(np.zeros((6, 9), dtype=bool)), (5, 0), (1, 8))
-    assert found.line is not None
-    assert found.line.tolist() == [[5, 0], [1, 8]]
-    assert found.line_length == math.hypot(4, 8)
-    assert path_length(found.cells) == 4 + 4 * math.sqrt(2)
-    assert turns(found.cells) == 1
-
-
-def test_around_a_wall_by_hand() -> None:
-    grid = drawn(
-        "..#..",
-        "..#..",
-        ".....",
-    )
-    found = plan(grid, (0, 0), (0, 4))
-    # The straight lines to (2, 2) touch the wall's corners; so (2, 1) and (2, 3) are the vertices.
-    assert found.line is not None
-    assert found.line.tolist() == [[0, 0], [2, 1], [2, 3], [0, 4]]
-    assert found.line_length == pytest.approx(2 + 2 * math.sqrt(5))
-    validate(grid, found.cells, (0, 0), (0, 4))
-    assert path_length(found.cells) == pytest.approx(4 + 2 * math.sqrt(2))
-
-
-def test_cells_go_straight_where_a_diagonal_would_cut_a_corner() -> None:
-    grid = drawn(
-        "..#..",
-        ".....",
-        "#....",
-    )
-    found = plan(grid, (0, 0), (2, 3))
-    # The line by way of (0, 1), (1, 1), (1, 2), (2, 2) touches no shelf. The diagonals (0, 1)-(1, 2) and (1, 0)-(2, 1)
-    # would; two diagonals and a straight step, with one turn, are left.
-    assert found.line_length == math.hypot(2, 3)
-    assert found.cells.tolist() == [[0, 0], [1, 1], [2, 2], [2, 3]]
 
 
 def visibility_length(grid: GridMap, start: Cell, goal: Cell) -> float:
@@ -152,22 +89,6 @@ def test_lines_on_random_maps_lie_between_the_shortest_line_and_the_lattice() ->
         saved.append(lattice / shortest - 1)
     assert len(excess) > 30
     assert np.mean(excess) < 0.5 * np.mean(saved)  # most of what a line at any angle can save
-
-
-@pytest.mark.parametrize("layout", ["paper46", "narrow", "single_lane"])
-def test_cells_follow_the_line(layout: str) -> None:
-    grid = make_layout(layout)
-    rng = np.random.default_rng(6)
-    for _ in range(10):
-        a, b = grid.free_cells[rng.choice(len(grid.free_cells), 2, replace=False)].tolist()
-        found = plan(grid, tuple(a), tuple(b))
-        validate(grid, found.cells, tuple(a), tuple(b))
-        assert found.line is not None
-        for cell in found.cells:
-            assert min(distance(cell, p, q) for p, q in itertools.pairwise(found.line)) < 2
-        lattice = AStar().plan(grid, tuple(a), tuple(b), rng)
-        assert path_length(lattice.cells) - 1e-9 <= path_length(found.cells) < 1.05 * path_length(lattice.cells)
-        assert found.line_length <= path_length(found.cells) + 1e-9
 
 
 def distance(point: np.ndarray, p: np.ndarray, q: np.ndarray) -> float:

@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from tests.simulation.worlds import drawn
 from warehouse_env.maps.grid_map import MOVES, GridMap
 from warehouse_env.maps.layouts import make_layout
 from warehouse_env.planning import cost_to_go
-from warehouse_env.planning.cost_to_go import DIAGONAL, UNIT, UNREACHABLE, Box, CostToGo, cost_field, octile
+from warehouse_env.planning.cost_to_go import UNIT, UNREACHABLE, Box, CostToGo, cost_field
 
 
 def relaxed(steps: np.ndarray, goal: tuple[int, int]) -> np.ndarray:
@@ -45,13 +44,6 @@ def test_fields_are_exact_whatever_moves_are_legal_and_cost(seed: int, rows: int
     np.testing.assert_array_equal(as_costs(field), relaxed(steps, goal))
 
 
-def test_costs_of_a_small_floor_by_hand() -> None:
-    floor = CostToGo(drawn(["...", ".#.", "..."]))
-    field = floor.field((0, 0), floor.whole())
-    assert field.tolist() == [[0, 1000, 2000], [1000, UNREACHABLE, 3000], [2000, 3000, 4000]]
-    assert octile(2, -3) == 2 * DIAGONAL + UNIT
-
-
 def test_a_box_knows_only_what_is_in_it_and_is_never_cheaper_than_the_floor() -> None:
     floor = CostToGo(make_layout("aisles:seed=3"))
     goal = tuple(floor.grid.stations[0].tolist())
@@ -61,15 +53,6 @@ def test_a_box_knows_only_what_is_in_it_and_is_never_cheaper_than_the_floor() ->
     part = floor.field(goal, box)
     assert part.shape == (box.bottom - box.top, box.right - box.left)
     np.testing.assert_array_less(whole[box.top : box.bottom, box.left : box.right], part.astype(np.int64) + 1)
-
-
-def test_boxes_hold_start_and_goal_and_are_the_same_for_starts_near_each_other() -> None:
-    floor = CostToGo(make_layout("paper46"))
-    assert floor.box((0, 0), (45, 45)) == floor.whole()
-    wide = CostToGo(GridMap(np.zeros((300, 400), bool), picks=[(0, 0)], stations=[(0, 1)]))
-    box = wide.box((100, 100), (120, 110))
-    assert box == Box(0, 0, 192, 192)
-    assert wide.box((101, 102), (120, 110)) == box
 
 
 def test_around_a_cell_is_the_whole_floor_where_its_way_leads_out_of_the_box() -> None:

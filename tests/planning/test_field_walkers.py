@@ -8,7 +8,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from warehouse_env.maps.grid_map import Cell, GridMap
-from warehouse_env.maps.layouts import make_layout
 from warehouse_env.planning import Plan, path_length, validate
 from warehouse_env.planning.field_walkers import Apf, ApfImproved
 
@@ -56,41 +55,6 @@ def test_the_intermediate_point_leads_round_the_shelf() -> None:
         assert (2, 6) in map(tuple, plan.cells) or (2, 0) in map(tuple, plan.cells)
 
 
-def test_a_shelf_behind_the_goal_keeps_the_classical_walker_away() -> None:
-    # Beside the goal the pull is 1 and the shelf, 2 away, pushes back with 20 (1/2 - 1/4) / 4 = 1.25. With the
-    # relative distance d^n, d = 1, the pull grows by n/2 * 20 (1/2 - 1/4)^2 = 0.3125: just enough.
-    grid = drawn(".......", ".......", "......#", ".......", ".......")
-    field = {"repulsion_gain": 20.0, "repulsion_reach": 4.0}
-    assert not walk(Apf(**field), grid, (2, 0), (2, 5)).found
-    assert not walk(ApfImproved(relative_distance=False, intermediate_point=False, **field), grid, (2, 0), (2, 5)).found
-    repaired = walk(ApfImproved(intermediate_point=False, **field), grid, (2, 0), (2, 5))
-    assert repaired.cells.tolist() == [[2, col] for col in range(6)]
-
-
-def test_without_repairs_the_improved_walker_is_the_classical_one() -> None:
-    grid = make_layout("random")
-    bare = ApfImproved(relative_distance=False, intermediate_point=False)
-    pairs = np.random.default_rng(2).integers(0, len(grid.free_cells), (20, 2))
-    for a, b in pairs:
-        start, goal = tuple(grid.free_cells[a].tolist()), tuple(grid.free_cells[b].tolist())
-        np.testing.assert_array_equal(walk(bare, grid, start, goal).cells, walk(Apf(), grid, start, goal).cells)
-
-
-def test_the_number_of_intermediate_points_is_bounded() -> None:
-    # In the bottom of a sack all points on the perpendicular lie beyond its sides.
-    sack = drawn(
-        ".........",
-        ".#######.",
-        ".#.....#.",
-        ".#.....#.",
-        ".#.....#.",
-        ".........",
-    )
-    assert not walk(ApfImproved(points=1), sack, (3, 4), (0, 4)).found
-    walled = drawn("....#.", "....##", "......")
-    assert not walk(ApfImproved(points=1000), walled, (2, 0), (0, 5)).found
-
-
 @given(
     st.integers(0, 2**32 - 1),
     st.tuples(st.integers(1, 12), st.integers(1, 12)),
@@ -113,12 +77,3 @@ def test_every_walk_ends_on_a_valid_path_or_with_none(
         assert not classical.found
         assert not improved.found
     assert len(np.unique(classical.cells, axis=0)) == len(classical.cells)
-
-
-def test_in_narrow_aisles_the_intermediate_point_saves_four_walks_in_ten() -> None:
-    grid = make_layout("narrow")
-    pairs = np.random.default_rng(1).integers(0, len(grid.free_cells), (60, 2))
-    tasks = [tuple(tuple(grid.free_cells[cell].tolist()) for cell in pair) for pair in pairs]
-    found = {p.key: sum(walk(p, grid, *task).found for task in tasks) for p in (Apf(), ApfImproved())}
-    assert found[Apf().key] < 45
-    assert found[ApfImproved().key] == 60

@@ -9,9 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from warehouse_env.errors import PlanError
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
-from warehouse_env.maps.layouts import NAMED_TASKS, make_layout
 from warehouse_env.planning import make_planner, min_turns, path_length, turns, validate
 
 EXACT = ("dijkstra", "astar", "astar_turns")
@@ -20,38 +18,6 @@ RNG = np.random.default_rng(0)
 
 def drawn(*rows: str) -> GridMap:
     return GridMap(np.array([[c == "#" for c in row] for row in rows]))
-
-
-@pytest.mark.parametrize("name", EXACT)
-def test_a_wall_with_one_gap_by_hand(name: str) -> None:
-    grid = drawn(
-        ".....",
-        "###.#",
-        ".....",
-    )
-    plan = make_planner(name).plan(grid, (0, 0), (2, 0), RNG)
-    # No diagonal at the gap: three east, two south, three west.
-    validate(grid, plan.cells, (0, 0), (2, 0))
-    assert path_length(plan.cells) == 8
-    assert turns(plan.cells) == min_turns(grid, (0, 0), (2, 0)) == 2
-
-
-def test_turns_decide_among_equally_short_paths() -> None:
-    # 3 diagonal and 4 straight steps: one turn is enough, and no shortest path has none.
-    grid = drawn(*["........"] * 4)
-    plan = make_planner("astar_turns").plan(grid, (0, 0), (3, 7), RNG)
-    assert path_length(plan.cells) == 4 + 3 * math.sqrt(2)
-    assert turns(plan.cells) == 1
-
-
-def test_named_tasks_have_the_lengths_they_claim() -> None:
-    for layout, tasks in NAMED_TASKS.items():
-        grid = make_layout(layout)
-        for task in tasks.values():
-            for name in EXACT:
-                plan = make_planner(name).plan(grid, task.start, task.goal, RNG)
-                validate(grid, plan.cells, task.start, task.goal)
-                assert path_length(plan.cells) == task.optimal_length
 
 
 def test_lengths_equal_the_distance_field_on_random_maps() -> None:
@@ -96,35 +62,6 @@ def test_min_turns_equals_an_exhaustive_search() -> None:
         tried += 1
 
 
-def test_min_turns_without_a_path_is_refused() -> None:
-    with pytest.raises(PlanError, match="no path"):
-        min_turns(drawn(".#.", ".#."), (0, 0), (0, 2))
-
-
-@pytest.mark.parametrize("name", EXACT)
-def test_a_toll_is_paid_or_driven_around_whichever_is_cheaper(name: str) -> None:
-    grid = drawn(*["....."] * 3)
-    cost = np.zeros((3, 5))
-    cost[1, 2] = 0.8  # the way around, two diagonals, costs 2 (sqrt 2 - 1) = 0.83
-    plan = make_planner(name).plan(grid, (1, 0), (1, 4), RNG, cost)
-    assert path_length(plan.cells) == 4
-    cost[1, 2] = 0.9
-    plan = make_planner(name).plan(grid, (1, 0), (1, 4), RNG, cost)
-    assert path_length(plan.cells) == 2 + 2 * math.sqrt(2)
-    assert [1, 2] not in plan.cells.tolist()
-
-
-@pytest.mark.parametrize("name", EXACT)
-def test_a_cost_a_move_can_make_a_street_one_way(name: str) -> None:
-    grid = drawn("....", ".##.", "....")
-    cost = np.zeros((3, 4, 8))
-    cost[0, :, 0] = 5.0  # eastwards along the north
-    there = make_planner(name).plan(grid, (0, 0), (0, 3), RNG, cost)
-    back = make_planner(name).plan(grid, (0, 3), (0, 0), RNG, cost)
-    assert path_length(there.cells) == 7
-    assert path_length(back.cells) == 3
-
-
 def cheapest(grid: GridMap, cost: NDArray[np.float64], start: Cell, goal: Cell) -> float:
     """A plain Dijkstra in floats; cost float64[H, W, 8]."""
     best, heap = {start: 0.0}, [(0.0, start)]
@@ -162,15 +99,6 @@ def test_random_cost_maps_are_searched_exactly() -> None:
             assert priced(plan.cells, cost) == pytest.approx(expected, abs=1e-4)  # tolls are whole millionths
 
 
-@pytest.mark.parametrize(("hairpin", "back"), [(0.0, True), (0.5, True), (0.7, False)])
-def test_turning_back_sharply_is_priced(hairpin: float, back: bool) -> None:
-    grid = drawn("....", "....")
-    cost = np.zeros((2, 4, 8))
-    cost[1, 2, [2, 3, 4]] = 2.5  # straight to the goal; by (1, 3) and back it is 1 + sqrt 2, round by (0, 3) it is 3
-    cells = make_planner(f"astar_turns:hairpin={hairpin}").plan(grid, (1, 2), (0, 2), RNG, cost).cells.tolist()
-    assert cells == ([[1, 2], [1, 3], [0, 2]] if back else [[1, 2], [1, 3], [0, 3], [0, 2]])
-
-
 def test_equal_costs_tie_whatever_the_order_of_their_tolls() -> None:
     # Where the diagonal is driven does not matter for the cost, but sums of these floats differ in the last bit with
     # the order of adding, so a search that adds floats may pay a second turn for nothing.
@@ -180,18 +108,6 @@ def test_equal_costs_tie_whatever_the_order_of_their_tolls() -> None:
     cells = make_planner("astar_turns").plan(grid, (0, 0), (1, 5), RNG, cost).cells
     assert path_length(cells) == 4 + math.sqrt(2)
     assert turns(cells) == 1
-
-
-def test_equal_tolls_everywhere_do_not_change_the_fewest_turns() -> None:
-    grid = make_layout("narrow")
-    rng = np.random.default_rng(5)
-    for a, b in rng.integers(0, len(grid.free_cells), (10, 2)):
-        start, goal = tuple(grid.free_cells[a].tolist()), tuple(grid.free_cells[b].tolist())
-        cost = np.full((*grid.shape, 8), 0.1)
-        cost[..., 1::2] = 0.1 * math.sqrt(2)  # a tenth of every step: the shortest paths stay the cheapest
-        plan = make_planner("astar_turns").plan(grid, start, goal, RNG, cost)
-        assert path_length(plan.cells) == pytest.approx(float(grid.distance_to(goal)[start]))
-        assert turns(plan.cells) == min_turns(grid, start, goal)
 
 
 def test_a_detour_that_saves_enough_climbing_by_hand() -> None:

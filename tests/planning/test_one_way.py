@@ -89,16 +89,6 @@ def test_every_planner_keeps_one_way_cells(mode: str) -> None:
     assert found or any(word in mode for word in MAY_FAIL)
 
 
-@pytest.mark.parametrize("mode", MODES)
-def test_a_goal_that_no_arrow_leads_to_has_no_path(mode: str) -> None:
-    arrows = [list(row) for row in ARROWS]
-    arrows[2][1], arrows[2][2], arrows[2][3] = "<", ".", ">"  # both ways out, none in
-    grid = floor(["".join(row) for row in arrows])
-    assert not search(mode, grid, (0, 0), (2, 2)).found
-    assert not grid.return_region((0, 0))[2, 2]
-    assert grid.return_region((0, 0))[4, 4]
-
-
 def test_the_validator_refuses_what_drives_against_an_arrow() -> None:
     grid = floor()
     with pytest.raises(PlanError, match="against"):
@@ -108,11 +98,3 @@ def test_the_validator_refuses_what_drives_against_an_arrow() -> None:
     with pytest.raises(PlanError, match="against"):
         validate_line(grid, np.array([(2.0, 8.0), (2.0, 0.0)]), (2, 8), (2, 0))
     validate(grid, [(2, 0), (2, 1)], (2, 0), (2, 1))
-
-
-def test_exact_searches_find_the_shortest_way_that_keeps_the_arrows() -> None:
-    grid = floor()
-    for mode in ("dijkstra", "astar", "astar_turns"):
-        for start, goal in (((2, 8), (2, 0)), ((4, 3), (4, 5)), ((2, 5), (4, 5))):
-            plan = search(mode, grid, start, goal)
-            assert path_length(plan.cells) == pytest.approx(grid.distance_to(goal)[start])

@@ -12,16 +12,12 @@ from hypothesis import strategies as st
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning.potential_field import (
     alignment,
-    attraction,
     descent_length,
     force_at,
-    improved_force,
     improved_potential,
     intermediate_point,
     repulsion,
-    repulsion_parts,
     repulsive_potential,
-    resultant,
 )
 
 GAIN, REACH = 0.02, 1.5
@@ -31,14 +27,6 @@ def one_shelf() -> np.ndarray:
     occupied = np.zeros((5, 5), dtype=bool)
     occupied[2, 2] = True
     return occupied
-
-
-def test_attraction_is_a_unit_vector_to_the_goal() -> None:
-    pull = attraction((5, 6), (1, 1))
-    assert pull[1, 5] == pytest.approx((0, -1))
-    assert pull[4, 1] == pytest.approx((-1, 0))
-    assert pull[4, 5] == pytest.approx((-3 / 5, -4 / 5))
-    assert pull[1, 1] == pytest.approx((0, 0))
 
 
 def test_repulsion_points_away_with_the_strength_of_the_formula() -> None:
@@ -51,19 +39,6 @@ def test_repulsion_points_away_with_the_strength_of_the_formula() -> None:
     assert push[3, 3] == pytest.approx((corner / math.sqrt(2), corner / math.sqrt(2)))
     assert push[0, 2] == pytest.approx((0, 0))  # two cells away, out of reach
     assert push[0, 0] == pytest.approx((0, 0))
-
-
-def test_between_two_shelves_the_pushes_cancel() -> None:
-    occupied = np.zeros((3, 3), dtype=bool)
-    occupied[0, 1] = occupied[2, 1] = True
-    assert repulsion(occupied, GAIN, REACH)[1, 1] == pytest.approx((0, 0))
-
-
-def test_without_force_the_attraction_decides() -> None:
-    # Beside a shelf of gain 3 the push of 3 * (1 - 1/1.5) = 1 exactly balances the unit pull through it.
-    force = resultant(one_shelf(), (2, 0), 3.0, REACH)
-    assert force[2, 3] == pytest.approx((0, -1))
-    assert resultant(one_shelf(), (2, 0), 0.0, REACH)[4, 4] == pytest.approx((-2 / math.sqrt(20), -4 / math.sqrt(20)))
 
 
 def test_alignment_is_the_cosine_to_each_move() -> None:
@@ -107,31 +82,6 @@ def test_the_improved_force_is_the_gradient_of_its_potential(
     assert force[1] == pytest.approx((potential(row, col - h) - potential(row, col + h)) / (2 * h), abs=1e-5, rel=1e-5)
 
 
-def test_with_exponent_0_the_improved_field_is_the_classical_one() -> None:
-    push, energy = repulsion_parts(one_shelf(), 1.0, 2.0)
-    force = improved_force(push, energy, (0, 4), 0.5, 0.0)
-    assert force[2, 1] == pytest.approx((0.5 * -2, 0.5 * 3 - 0.5))  # the shelf pushes west with (1 - 1/2) / 1
-    assert force[0, 4] == pytest.approx((0, 0))
-    assert improved_potential(energy, (0, 4), 0.5, 0.0)[2, 1] == pytest.approx(0.25 * 13 + 0.125)
-
-
-def test_the_goal_is_the_lowest_cell_of_the_improved_potential_only() -> None:
-    energy = repulsive_potential(one_shelf(), 50.0, 3.0)
-    for exponent, is_lowest in ((0.0, False), (0.5, True)):
-        potential = improved_potential(energy, (2, 3), 1.0, exponent)
-        assert (potential[2, 3] == potential.min()) is np.bool_(is_lowest)
-    assert improved_potential(energy, (2, 3), 1.0, 0.5)[2, 1] == pytest.approx(
-        0.5 * 4 + 25 * (1 - 1 / 3) ** 2 * math.sqrt(2)
-    )
-
-
-def test_descent_on_an_empty_floor_is_the_octile_distance() -> None:
-    grid = GridMap(np.zeros((6, 7), dtype=bool))
-    potential = improved_potential(np.zeros((6, 7)), (1, 2), 1.0, 0.5)
-    length = descent_length(potential, grid.legal_moves, (1, 2), 4.0)
-    np.testing.assert_allclose(length, grid.distance_to((1, 2)))
-
-
 def test_descent_into_a_local_minimum_pays_the_penalty() -> None:
     occupied = np.zeros((3, 6), dtype=bool)
     occupied[:, 3] = True  # a wall; from the west all ways down end before it
@@ -156,17 +106,3 @@ def test_intermediate_point_of_paper_002_by_hand() -> None:
     assert intermediate_point(occupied, (3, 3), (0, 3), tried) in ((2, 6), (2, 0))
     tried[2] = True
     assert intermediate_point(occupied, (3, 3), (0, 3), tried) == (-1, -1)
-
-
-def test_intermediate_point_where_no_shelf_bars_the_line() -> None:
-    occupied = np.zeros((5, 7), dtype=bool)
-    assert intermediate_point(occupied, (2, 1), (2, 5), occupied) == (-1, -1)
-    occupied[1, 3] = True  # beside the line: the perpendicular through it is column 3
-    assert intermediate_point(occupied, (2, 1), (2, 5), np.zeros_like(occupied)) in ((0, 3), (2, 3))
-
-
-def test_a_diagonal_between_two_shelves_is_barred() -> None:
-    occupied = np.zeros((4, 4), dtype=bool)
-    occupied[1, 2] = True  # closes the corner of the diagonal from (1, 1) to (2, 2)
-    point = intermediate_point(occupied, (1, 1), (3, 3), np.zeros_like(occupied))
-    assert point in ((0, 3), (2, 1))  # the other diagonal through (1, 2)

@@ -5,19 +5,16 @@ from __future__ import annotations
 import math
 import subprocess
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from warehouse_env.config import RobotSpec
-from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.render.colours import CONTACT, DEADLOCK, ORANGE, WAITING, name_colours, robot_colour
-from warehouse_env.render.floor import floor_image, scale_for
-from warehouse_env.render.frame import CAPTION_HEIGHT, Scene, draw, route_ahead, scene_of
-from warehouse_env.render.sprites import paint_robot
+from warehouse_env.render.floor import floor_image
+from warehouse_env.render.frame import Scene, draw, scene_of
 
 SCALE = 40
 
@@ -38,15 +35,6 @@ def changed(frame: NDArray[np.uint8], scene: Scene, scale: float = SCALE) -> NDA
 def without_goals(scene: Scene) -> Scene:
     """Goals under the robots are hidden by them; here they lie in the corner, out of the way."""
     return scene._replace(goal=np.tile(np.array([[0, 13]]), (len(scene.pose), 1)))
-
-
-def test_shape_and_type(make_scene: Callable[..., Scene]) -> None:
-    for scale in (16, 7.5, 40):
-        frame = draw(make_scene((7.0, 3.0, 0.0)), scale)
-        assert frame.shape == (round(10 * scale) + CAPTION_HEIGHT, round(14 * scale), 3)
-        assert frame.dtype == np.uint8
-        assert frame.flags.c_contiguous
-        assert frame.flags.writeable
 
 
 def test_north_is_at_the_top(grid: GridMap) -> None:
@@ -73,15 +61,6 @@ def test_body_covers_its_rectangle(make_scene: Callable[..., Scene], heading: fl
     near = np.hypot(east, north) < 1.5
     assert mask[(outside < -0.06) & near].mean() > 0.99  # the white mark's soft edge may equal the floor
     assert not mask[(outside > 0.12) & near].any()  # but for a soft shadow
-
-
-def test_front_mark_is_ahead(make_scene: Callable[..., Scene]) -> None:
-    for heading in (0.3, 1.9, -2.2):
-        frame = draw(without_goals(make_scene((8.0, 4.0, heading))), SCALE)
-        front = at(frame, 8.0, 4.0)
-        back = at(frame, 8.0 - 0.5 * math.cos(heading), 4.0 - 0.5 * math.sin(heading))
-        assert front.min() > 240
-        assert back.min() < 200
 
 
 def test_contact_is_red(make_scene: Callable[..., Scene]) -> None:
@@ -121,14 +100,6 @@ def test_people_wear_a_vest_across_their_way(make_scene: Callable[..., Scene]) -
         assert (across > along) == (heading > 1)
 
 
-def test_parked_robot_is_grey_and_has_no_goal(make_scene: Callable[..., Scene]) -> None:
-    parked = make_scene((8.0, 4.0, 0.0), alive=np.array([False]))
-    frame = draw(parked, SCALE)
-    body = at(frame, 8.0 - 0.35, 4.0 + 0.24)
-    assert np.ptp(body) < 12
-    assert not changed(frame, parked)[-SCALE:, -SCALE:].any()
-
-
 def test_goal_and_route_have_the_robots_colour(make_scene: Callable[..., Scene]) -> None:
     routes = [np.array([(8.0, 4.0), (8.0, 8.0)], dtype=np.float32), np.zeros((0, 2), dtype=np.float32)]
     scene = make_scene((8.0, 4.0, 0.0), (4.0, 4.0, 0.0), goal=np.array([[9, 13], [7, 2]]), routes=routes)
@@ -138,35 +109,6 @@ def test_goal_and_route_have_the_robots_colour(make_scene: Callable[..., Scene])
     along = at(frame, 8.0, 6.5)
     assert along[2] > along[0] + 60  # robot 0 is blue
     assert changed(frame, scene)[int(3.5 * SCALE), int(7.7 * SCALE)] == 0
-
-
-def test_a_goal_with_a_heading_has_a_nose_on_that_side(make_scene: Callable[..., Scene]) -> None:
-    pose = (2.0, 2.0, 0.0)
-    plain = draw(make_scene(pose, goal_pose=np.array([(8.0, 5.0, np.nan)], np.float32)), 32).astype(int)
-    east = draw(make_scene(pose, goal_pose=np.array([(8.0, 5.0, 0.0)], np.float32)), 32).astype(int)
-    changed = np.argwhere(np.abs(east - plain).sum(axis=-1) > 60)
-    assert len(changed) > 20
-    assert changed[:, 1].min() > 8.0 * 32
-
-
-def test_caption_shows_text_and_time(make_scene: Callable[..., Scene]) -> None:
-    scene = make_scene((8.0, 4.0, 0.0))
-    strip = draw(scene, SCALE)[-CAPTION_HEIGHT:]
-    assert (strip[:, :80].max(axis=-1) > 200).any()
-    assert (strip[:, -60:].max(axis=-1) > 120).any()
-    assert (draw(scene._replace(time=99.0), SCALE)[-CAPTION_HEIGHT:] != strip).any()
-    assert np.array_equal(
-        draw(scene._replace(time=99.0), SCALE)[:-CAPTION_HEIGHT], draw(scene, SCALE)[:-CAPTION_HEIGHT]
-    )
-    assert draw(scene._replace(text="long " * 60), 16).shape == draw(scene, 16).shape
-
-
-def test_robots_beyond_the_floor_are_clipped(make_scene: Callable[..., Scene]) -> None:
-    routes = [np.array([(-5.0, -5.0), (30.0, 40.0)], dtype=np.float32)]
-    scene = make_scene((-0.2, 0.1, 2.0), routes=routes)
-    frame = draw(scene, SCALE)
-    assert np.array_equal(frame[-CAPTION_HEIGHT:], draw(make_scene((8.0, 4.0, 0.0)), SCALE)[-CAPTION_HEIGHT:])
-    assert draw(make_scene((-50.0, 90.0, 2.0))).shape == draw(scene).shape
 
 
 def test_floor_heights_are_tinted_and_flat_floors_are_not(grid: GridMap) -> None:
@@ -179,27 +121,6 @@ def test_floor_heights_are_tinted_and_flat_floors_are_not(grid: GridMap) -> None
     bump = rough[7 * 16 + 6, 9 * 16 + 6]
     assert bump[0] - bump[2] > 30
     assert np.array_equal(rough[:, :100], flat[:, :100])
-
-
-def test_scale_for_large_floors() -> None:
-    long = GridMap(occupied=np.zeros((20, 400), dtype=np.bool_))
-    assert scale_for(long, longest=1000) == pytest.approx(2.5)
-    assert floor_image(long, scale_for(long, longest=1000)).shape == (50, 1000, 3)
-    assert scale_for(GridMap(occupied=np.zeros((10, 10), dtype=np.bool_))) == 16.0
-
-
-@pytest.mark.parametrize("scale", [0, -3, math.nan, math.inf])
-def test_bad_scale(make_scene: Callable[..., Scene], scale: float) -> None:
-    with pytest.raises(ConfigError, match="pixels_per_metre"):
-        draw(make_scene((8.0, 4.0, 0.0)), scale)
-
-
-def test_route_ahead_starts_where_the_robot_is() -> None:
-    route = np.array([(0, 0), (1, 0), (1, 2)], dtype=np.float32)
-    assert np.allclose(route_ahead(route, 0.25), [(0.25, 0), (1, 0), (1, 2)])
-    assert np.allclose(route_ahead(route, 2.0), [(1, 1), (1, 2)])
-    assert np.allclose(route_ahead(route, 99.0), [(1, 2)])
-    assert route_ahead(np.zeros((0, 2), dtype=np.float32), 1.0).shape == (0, 2)
 
 
 def test_scene_of_a_simulator_is_a_copy() -> None:
@@ -247,32 +168,3 @@ except ValueError as error:
 """
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert result.stdout == "pictures need the package 'pygame'; pip install \"warehouse-env[render]\"\n"
-
-
-class Sheet:
-    """Keeps the polygons that are painted on it."""
-
-    scale = 100.0
-
-    def __init__(self) -> None:
-        self.shapes: list[NDArray[np.float64]] = []
-
-    def polygons(self, points: NDArray[np.float64], shapes: Iterable[tuple[int, int, object, int]]) -> None:
-        self.shapes += [points[begin:end] for begin, end, _, _ in shapes]
-
-
-@pytest.mark.parametrize(("front", "axle", "turned"), [(0.15, -0.6, 0.5), (0.75, 0.6, -0.5)])
-def test_the_steered_wheels_stand_on_their_axle(front: float, axle: float, turned: float) -> None:
-    sheet = Sheet()
-    pose = np.zeros(3, np.float32)
-    paint_robot(sheet, pose, 0.5, RobotSpec(front_overhang=front), (200, 0, 0), None, True)  # type: ignore[arg-type]
-    wheels = [shape for shape in sheet.shapes if np.ptp(shape, axis=0).max() < 0.25]
-    assert sorted(round(float(wheel.mean(axis=0)[0]), 6) for wheel in wheels) == sorted([0.0, 0.0, axle, axle])
-    for wheel in wheels:
-        x, _ = (wheel - wheel.mean(axis=0)).T
-        way = wheel[np.abs(x).argmax()] - wheel.mean(axis=0)
-        steered = abs(wheel.mean(axis=0)[0]) > 0.1
-        angle = math.atan2(*(way * np.sign(way[0]))[::-1])
-        assert angle == pytest.approx(turned if steered else 0.0, abs=0.45)
-        assert not steered or angle * turned > 0
-    assert all((np.abs(shape[:, 0] - (2 * front - 0.9) / 2) <= 0.55).all() for shape in sheet.shapes)  # on the body

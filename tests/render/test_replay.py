@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.render.episodes import driven
-from warehouse_env.errors import ConfigError, WarehouseError
+from warehouse_env.errors import WarehouseError
 from warehouse_env.render.lines import simplified
 from warehouse_env.render.replay import FLAGS, REWARD_TERMS, Replay, replay_of
 from warehouse_env.render.replay_codec import packed, position_unit
@@ -80,28 +80,11 @@ def test_a_replay_has_what_the_simulator_had() -> None:
     assert replay.totals[-1].tolist() == [metrics["goals"], collisions, metrics["near_misses"]]
 
 
-def test_a_world_that_is_not_there() -> None:
-    with pytest.raises(ConfigError, match="world=2 must be one of the episode's 2"):
-        replay_of(driven(), "follow", world=2)
-
-
 def test_an_episode_that_runs_another_way_is_refused() -> None:
     episode = driven(20)
     other = dataclasses.replace(episode, actions=np.zeros_like(episode.actions))
     with pytest.raises(WarehouseError, match="cannot be run again to the bit"):
         replay_of(other, "follow")
-
-
-def test_a_line_keeps_what_it_needs() -> None:
-    corner = np.array([(k, 0.0) for k in range(9)] + [(8.0, k) for k in range(1, 7)], dtype=np.float32)
-    np.testing.assert_array_equal(simplified(corner, 0.001), [(0, 0), (8, 0), (8, 6)])
-    angles = np.linspace(0, np.pi / 2, 20)
-    arc = np.stack([np.cos(angles), np.sin(angles)], axis=1).astype(np.float32)
-    np.testing.assert_array_equal(simplified(arc, 0.0001), arc)
-    bounds = np.where(angles < np.pi / 4, 0.0001, 1.0)
-    np.testing.assert_array_equal(simplified(arc, bounds), [*arc[:10], arc[-1]])
-    for short in (arc[:0], arc[:1], arc[:2]):
-        np.testing.assert_array_equal(simplified(short, 0.5), short)
 
 
 @given(st.integers(0, 2**32 - 1), st.floats(0.01, 2.0))

@@ -12,10 +12,9 @@ import pytest
 from tests.render.browser import Opener, needs_chromium, until
 from tests.render.episodes import CONFIG, driven
 from tests.render.test_replay import shares
-from warehouse_env.errors import ConfigError
 from warehouse_env.render import live_page, replay_page
 from warehouse_env.render.page_text import PAGE, SHARED
-from warehouse_env.render.replay import FLAGS, Replay, replay_of
+from warehouse_env.render.replay import Replay, replay_of
 from warehouse_env.render.replay_page import write_replay_page
 from warehouse_env.render.thinning import thinned
 
@@ -46,17 +45,6 @@ def shown(page: Any, panel: int = 0) -> np.ndarray:
     return np.array([(r["x"], r["y"], r["heading"]) for r in page.evaluate(f"replay.robots({panel})")])
 
 
-def where(page: Any, robot: int) -> dict[str, float]:
-    """Return the middle of a robot on the first canvas [CSS px]."""
-    x, y = page.evaluate(
-        "(robot) => { const { app } = replay, [x, y] = app.replays[0].centre(robot), c = app.canvases[0];"
-        " return [c.clientWidth / 2 + (x - app.view.x) * app.view.scale,"
-        " c.clientHeight / 2 - (y - app.view.y) * app.view.scale]; }",
-        robot,
-    )
-    return {"x": x, "y": y}
-
-
 def assert_at(page: Any, replay: Replay, frame: int, panel: int = 0) -> None:
     walking = np.array([(o["x"], o["y"], o["heading"]) for o in page.evaluate(f"replay.people({panel})")])
     for apart in (shown(page, panel) - replay.pose[frame], walking - replay.people[frame]):
@@ -78,24 +66,6 @@ def test_nothing_is_fetched(one: Path) -> None:
     assert one.stat().st_size < 300_000
 
 
-def test_three_are_too_many(replay: Replay, tmp_path: Path) -> None:
-    for replays in ([], [replay] * 3):
-        with pytest.raises(ConfigError, match="one replay, or two side by side"):
-            write_replay_page(tmp_path / "page.html", replays, "none")
-    assert list(tmp_path.iterdir()) == []
-
-
-@needs_chromium
-def test_it_loads_and_says_what_it_shows(one: Path, open_page: Opener) -> None:
-    page = open_page(one)
-    assert page.title() == "A </script> & more"
-    assert page.inner_text("h1") == "A </script> & more"
-    assert page.inner_text("figcaption b") == "follow <b>&"
-    assert "hall, 7 robots, seed 4" in page.inner_text("figcaption")
-    assert page.evaluate("replay.frames()") == 151
-    assert not page.evaluate("replay.playing()")
-
-
 @needs_chromium
 def test_it_shows_the_arrays(one: Path, replay: Replay, open_page: Opener) -> None:
     page = open_page(one)
@@ -108,14 +78,7 @@ def test_it_shows_the_arrays(one: Path, replay: Replay, open_page: Opener) -> No
     assert page.evaluate("replay.frame()") == 150
 
 
-@needs_chromium
-def test_between_two_moments_robots_are_between(one: Path, replay: Replay, open_page: Opener) -> None:
-    page = open_page(one)
-    page.evaluate("replay.seek(20.5)")
-    middle = (replay.pose[20, :, :2] + replay.pose[21, :, :2]) / 2
-    np.testing.assert_allclose(shown(page)[:, :2], middle, atol=0.01)
-
-
+@pytest.mark.nightly
 @needs_chromium
 def test_between_moments_far_apart_robots_are_where_they_were(
     replay: Replay, open_page: Opener, tmp_path: Path
@@ -133,6 +96,7 @@ def test_between_moments_far_apart_robots_are_where_they_were(
     assert np.percentile(off, 95) < 0.5 * np.percentile(chord_off, 95)
 
 
+@pytest.mark.nightly
 @needs_chromium
 def test_the_lidar_is_the_robots_own(one: Path, open_page: Opener) -> None:
     """What the page works out from the poses is what the robots observed."""
@@ -152,106 +116,6 @@ def test_the_lidar_is_the_robots_own(one: Path, open_page: Opener) -> None:
 
 
 @needs_chromium
-def test_it_plays_to_the_end_and_no_further(one: Path, open_page: Opener) -> None:
-    page = open_page(one)
-    page.evaluate("replay.app.speed = 16")
-    page.click("#play")
-    until(page, "replay.frame() > 5")
-    until(page, "!replay.playing()")
-    assert page.evaluate("replay.frame()") == 150
-    page.click("#play")
-    until(page, "replay.frame() < 100")
-
-
-@needs_chromium
-def test_the_keyboard_works(one: Path, open_page: Opener) -> None:
-    page = open_page(one)
-
-    def press(key: str, what: str) -> Any:
-        page.keyboard.press(key)
-        return page.evaluate(what)
-
-    assert press("ArrowRight", "replay.frame()") == 1
-    assert press("ArrowRight", "replay.frame()") == 2
-    assert press("ArrowLeft", "replay.frame()") == 1
-    assert press("Shift+ArrowRight", "replay.frame()") == 26
-    assert press("End", "replay.frame()") == 150
-    assert press("Home", "replay.frame()") == 0
-    assert press("Space", "replay.playing()")
-    assert not press("Space", "replay.playing()")
-    assert press(".", "replay.app.robot") == 0
-    assert press("f", "replay.app.following")
-    assert press("Escape", "replay.app.robot") == -1
-    scale = page.evaluate("replay.app.view.scale")
-    assert press("+", "replay.app.view.scale") > scale
-    assert press("0", "replay.app.view.scale") == scale
-    assert not press("r", "replay.app.layers.routes")
-    dark = page.evaluate("document.documentElement.dataset.theme")
-    assert press("d", "document.documentElement.dataset.theme") != dark
-    press("?", "0")
-    assert page.is_visible("#keys")
-    frame = page.evaluate("replay.frame()")
-    assert press("ArrowRight", "replay.frame()") == frame  # the help is open
-
-
-@needs_chromium
-def test_events_are_those_of_the_arrays(one: Path, replay: Replay, open_page: Opener) -> None:
-    page = open_page(one)
-    events = page.evaluate("replay.events()")
-    hits = np.any(
-        [replay.flags >> FLAGS.index(f"hit_{what}") & 1 for what in ("robot", "shelf", "person")], axis=(0, 2)
-    )
-    assert {"a person"} <= {event.get("what") for event in events}
-    found = {event["frame"] for event in events if event["kind"] == "collision"}
-    assert found == set(np.flatnonzero(hits).tolist())
-    page.keyboard.press("]")
-    assert page.evaluate("replay.frame()") == min(event["frame"] for event in events if event["frame"] > 0)
-
-
-@needs_chromium
-def test_the_time_line_is_scrubbed(one: Path, open_page: Opener) -> None:
-    page = open_page(one)
-    box = page.locator("#timeline").bounding_box()
-    page.mouse.move(box["x"] + 5, box["y"] + 8)
-    page.mouse.down()
-    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + 8)
-    page.mouse.up()
-    assert abs(page.evaluate("replay.frame()") - 75) <= 1
-
-
-@needs_chromium
-def test_a_click_chooses_a_robot_and_its_numbers_are_shown(one: Path, replay: Replay, open_page: Opener) -> None:
-    page = open_page(one)
-    page.evaluate("replay.seek(40)")
-    shown(page)  # so that they are there now
-    page.click(".floor canvas", position=where(page, 3))
-    assert page.inner_text("#robot-name") == "Robot 3"
-    until(page, "document.querySelector('.chart output').textContent !== ''")
-    said = page.inner_text(".chart output").replace("−", "-")
-    assert float(said.split()[0]) == pytest.approx(float(replay.speed[40, 3]), abs=0.02)
-    percents = page.locator("#commands td").all_inner_texts()
-    assert replay.liked is not None
-    assert max(int(text) for text in percents if text) == pytest.approx(100 * replay.liked[40, 3].max(), abs=1)
-
-
-@needs_chromium
-def test_a_robot_is_found_by_its_number_and_followed(one: Path, open_page: Opener) -> None:
-    page = open_page(one)
-    page.keyboard.press("/")
-    page.keyboard.type("5")
-    page.keyboard.press("Enter")
-    assert page.inner_text("#robot-name") == "Robot 5"
-    assert page.evaluate("replay.app.following")
-    assert page.evaluate("[replay.app.view.x, replay.app.view.y]") == page.evaluate("replay.app.replays[0].centre(5)")
-    assert page.input_value("#find") == ""
-    for wrong in ("7", "-1", "x"):  # there are seven
-        page.fill("#find", wrong)
-        page.keyboard.press("Enter")
-        assert not page.evaluate("document.querySelector('#find').checkValidity()")
-        assert page.inner_text("#robot-name") == "Robot 5"
-
-
-@needs_chromium
 def test_two_episodes_are_in_step(two: Path, replay: Replay, open_page: Opener) -> None:
     page = open_page(two)
     other = replay_of(driven(60, True), "front-steered")
@@ -263,35 +127,3 @@ def test_two_episodes_are_in_step(two: Path, replay: Replay, open_page: Opener) 
     assert_at(page, replay, 100, 0)
     assert_at(page, other, 60, 1)
     assert page.locator("#totals thead th").all_inner_texts()[1:] == ["follow <b>&", "front-steered"]
-
-
-@needs_chromium
-def test_an_address_says_where_to_begin(one: Path, open_page: Opener) -> None:
-    page = open_page(one, "#t=6&robot=4")
-    assert page.evaluate("[replay.frame(), replay.app.robot]") == [30, 4]
-
-
-@needs_chromium
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_it_fits_a_phone(two: Path, scheme: str, open_page: Opener) -> None:
-    page = open_page(two, "", 390, 844, color_scheme=scheme, has_touch=True, device_scale_factor=2)
-    assert page.evaluate("document.documentElement.dataset.theme") == scheme
-    assert page.evaluate("document.documentElement.scrollWidth") == 390
-    for canvas in page.locator(".floor canvas").all():
-        box = canvas.bounding_box()
-        assert box["width"] > 350
-        assert box["height"] > 150
-    page.tap("#play")
-    assert page.evaluate("replay.playing()")
-
-
-@needs_chromium
-def test_on_a_phone_a_tapped_robots_charts_are_right_under_the_floor(one: Path, open_page: Opener) -> None:
-    page = open_page(one, "", 390, 844, has_touch=True, device_scale_factor=2)
-    page.tap(".floor canvas", position=where(page, 3))
-    assert page.inner_text("#robot-name") == "Robot 3"
-    floor, card, chart, footer = (
-        page.locator(what).first.bounding_box() for what in ("#stage", "#robot", "#charts canvas", "footer")
-    )
-    assert 0 <= card["y"] - floor["y"] - floor["height"] <= 20
-    assert chart["y"] + chart["height"] < footer["y"]  # in view, without scrolling

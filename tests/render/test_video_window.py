@@ -26,20 +26,6 @@ def frames(count: int = 12, height: int = 61, width: int = 83) -> Iterator[np.nd
 
 
 @pytest.mark.parametrize("suffix", [".mp4", ".gif"])
-def test_video_has_all_frames_at_their_pace(tmp_path: Path, suffix: str) -> None:
-    path = tmp_path / "new" / f"clip{suffix}"
-    with VideoWriter(path, fps=10) as video:
-        for frame in frames():
-            video.add(frame)
-        assert not path.exists()
-    assert video.frames == 12
-    count, seconds = imageio_ffmpeg.count_frames_and_secs(str(path))
-    assert count == 12
-    assert seconds == pytest.approx(1.2, abs=0.11)
-    assert [file.name for file in path.parent.iterdir()] == [path.name]
-
-
-@pytest.mark.parametrize("suffix", [".mp4", ".gif"])
 def test_video_shows_what_was_drawn(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"clip{suffix}"
     with VideoWriter(path, fps=10) as video:
@@ -56,30 +42,6 @@ def test_video_shows_what_was_drawn(tmp_path: Path, suffix: str) -> None:
     for k in (0, 6, 11):
         assert np.abs(pictures[k][40, 40].astype(int) - robot_colour(k)).max() < 20
         assert pictures[k][4, 4].min() > 230
-
-
-def test_no_file_after_an_error(tmp_path: Path) -> None:
-    path = tmp_path / "clip.mp4"
-
-    def fail() -> None:
-        with VideoWriter(path, fps=10) as video:
-            video.add(next(frames()))
-            raise RuntimeError("meanwhile")
-
-    with pytest.raises(RuntimeError, match="meanwhile"):
-        fail()
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_an_older_file_survives_an_error(tmp_path: Path) -> None:
-    path = tmp_path / "clip.mp4"
-    path.write_bytes(b"older")
-    video = VideoWriter(path)
-    video.add(next(frames()))
-    video.discard()
-    video.close()
-    assert path.read_bytes() == b"older"
-    assert list(tmp_path.iterdir()) == [path]
 
 
 @pytest.mark.parametrize("suffix", [".mp4", ".gif"])
@@ -107,11 +69,6 @@ def video_part(folder: Path) -> Path:
     """The one file under way in a folder."""
     (part,) = folder.iterdir()
     return part
-
-
-def test_no_file_without_frames(tmp_path: Path) -> None:
-    VideoWriter(tmp_path / "clip.mp4").close()
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_bad_input_is_named(tmp_path: Path) -> None:
@@ -161,16 +118,6 @@ def test_window_closed_by_the_user_stays_closed(event: tuple[int, dict[str, int]
         pygame.event.post(pygame.event.Event(*event))
         assert not window.show(next(frames()))
         assert window.closed
-
-
-@pytest.mark.usefixtures("headless")
-def test_window_keeps_the_pace() -> None:
-    with Window(fps=20) as window:
-        window.show(next(frames()))
-        start = pygame.time.get_ticks()
-        for frame in frames(4):
-            window.show(frame)
-        assert pygame.time.get_ticks() - start >= 150
 
 
 def test_no_display_gives_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-import sqlite3
 import sys
-from concurrent.futures import ThreadPoolExecutor, wait
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,6 +17,7 @@ from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.maps.layouts import LAYOUTS, make_layout
 from warehouse_env.planning import Plan, make_planner
 from warehouse_env.routes import book as route_book
+from warehouse_env.routes import plan_store
 from warehouse_env.routes.book import RouteBook
 from warehouse_env.routes.lanes import resample
 from warehouse_env.threads import set_num_threads
@@ -80,16 +80,6 @@ def test_routes_join_the_cells_centres_evenly_and_off_the_shelves(name: str) -> 
         assert 0.85 * planned - 0.5 < steps.sum() < 1.1 * planned + 2.0
 
 
-def test_start_and_goal_in_one_cell_are_one_point() -> None:
-    route = book(drawn("....", "....")).route((1, 2), (1, 2)).line
-    assert route.tolist() == [[2.5, 0.5]]
-
-
-def test_neighbouring_cells() -> None:
-    route = book(drawn("....", "....")).route((1, 1), (1, 2)).line
-    np.testing.assert_allclose(route, [[1.5, 0.5], [2.0, 0.5], [2.5, 0.5]], atol=0.1)
-
-
 def aisle(width: int, length: int = 30) -> GridMap:
     return drawn("#" * length, *["." * length] * width, "#" * length)
 
@@ -112,31 +102,6 @@ def test_opposite_routes_keep_to_their_own_right(width: int, from_wall: float, u
     # east has south to its right; upright, `near` is at the north end, and south has west to its right
     np.testing.assert_allclose(first, low + from_wall, atol=0.06)
     np.testing.assert_allclose(second, high - from_wall, atol=0.06)
-
-
-def test_without_lanes_both_ways_keep_to_the_middle() -> None:
-    known = book(aisle(3), keep_right=0.0)
-    for ends in (((2, 1), (2, 28)), ((2, 28), (2, 1))):
-        np.testing.assert_allclose(known.route(*ends).line[:, 1], 2.5, atol=0.02)
-
-
-def test_on_open_floor_routes_move_right_by_keep_right() -> None:
-    grid = drawn(*["." * 30] * 13)
-    route = book(grid, keep_right=0.4).route((6, 2), (6, 27)).line.astype(np.float64)
-    middle = route[(route[:, 0] > 8) & (route[:, 0] < 22)]
-    np.testing.assert_allclose(middle[:, 1], 6.5 - 0.4, atol=0.02)
-
-
-def test_single_lanes_are_entered_gently_and_down_the_middle() -> None:
-    side, lane = "." * 12, "#" * 16
-    grid = drawn("#" * 40, side + lane + side, side + "." * 16 + side, side + lane + side, "#" * 40)
-    route = book(grid).route((2, 1), (2, 38)).line.astype(np.float64)
-    inside = route[(route[:, 0] > 12) & (route[:, 0] < 28)]
-    np.testing.assert_allclose(inside[:, 1], 2.5, atol=0.06)
-    before = route[(route[:, 0] > 4) & (route[:, 0] < 8)]
-    assert before[:, 1].min() < 2.3  # in its lane on the right
-    slope = np.abs(np.diff(route[:, 1]) / np.diff(route[:, 0]))[(route[:-1, 0] > 5) & (route[:-1, 0] < 35)]
-    assert slope.max() < 0.3  # 0.15 m a metre are asked for, and smoothing bends them
 
 
 def test_no_way_is_a_plan_error_that_names_it() -> None:
@@ -168,17 +133,6 @@ def test_in_a_dead_end_it_backs_out() -> None:
     known = book(DEAD_END)
     route = known.route((1, 5), (1, 1), EAST).line
     np.testing.assert_array_equal(route, known.route((1, 5), (1, 1)).line)
-
-
-def test_the_cell_right_behind_may_be_the_goal() -> None:
-    known = book(LOOP)
-    np.testing.assert_array_equal(known.route((0, 6), (0, 5), EAST).line, known.route((0, 6), (0, 5)).line)
-
-
-def test_where_there_is_room_to_turn_the_heading_does_not_matter() -> None:
-    known = book(LOOP)
-    for heading in (EAST, NORTH, WEST, SOUTH):
-        np.testing.assert_array_equal(known.route((3, 6), (3, 2), heading).line, known.route((3, 6), (3, 2)).line)
 
 
 @pytest.mark.parametrize(
@@ -235,44 +189,6 @@ def test_plans_are_kept_in_memory_and_on_disk(own_cache: Path) -> None:
     assert plans_made(planner, other) == 3
 
 
-def test_quick_plans_are_not_worth_the_disk() -> None:
-    assert plans_made(Counting(seconds=1e-4)) == 3
-    assert plans_made(Counting(seconds=1e-4)) == 3
-
-
-def test_a_book_that_goes_away_writes_what_is_pending() -> None:
-    planner = Counting()
-    known = RouteBook(LOOP, planner)
-    known.route(*TASKS[0])
-    del known
-    again = RouteBook(LOOP, planner)
-    again.route(*TASKS[0])
-    assert planner.plans == 1
-
-
-def test_a_book_that_goes_away_closes_its_connection() -> None:
-    known = RouteBook(LOOP, Counting())
-    known.route(*TASKS[0])
-    with known._store._database.connection() as connection:
-        assert connection is not None
-        assert connection.execute("SELECT count(*) FROM plan").fetchone() is not None
-    del known
-    with pytest.raises(sqlite3.ProgrammingError, match="closed"):
-        connection.execute("SELECT count(*) FROM plan")
-
-
-def test_one_thread_at_a_time_has_the_connection() -> None:
-    known = RouteBook(LOOP, Counting())
-    key = known._key(*TASKS[0], None)
-    known._store.put(key, np.array([[3, 4]]))
-    known._store.flush()
-    with ThreadPoolExecutor(1) as pool:
-        with known._store._database.connection():
-            found = pool.submit(known._store.get, key)
-            assert not wait([found], timeout=0.2).done  # a read takes a hundredth of that
-        assert found.result(timeout=60).tolist() == [[3, 4]]  # type: ignore[union-attr]
-
-
 def database(folder: Path) -> Path:
     return next(folder.glob("*.sqlite"))
 
@@ -292,22 +208,6 @@ def test_a_damaged_cache_is_simply_not_used(own_cache: Path, damage: str) -> Non
     assert plans_made(Counting()) == 3
 
 
-def test_a_cache_folder_that_cannot_be_made_is_simply_not_used(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    blocked = tmp_path / "file"
-    blocked.write_text("in the way")
-    monkeypatch.setenv("WAREHOUSE_CACHE_DIR", str(blocked / "cache"))
-    assert plans_made(Counting()) == 3
-    assert blocked.read_text() == "in the way"
-
-
-def test_memory_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(route_book, "MEMORY", 2)
-    known = RouteBook(LOOP, Counting(seconds=0.0))
-    for start, goal in TASKS * 2:
-        known.route(start, goal)
-    assert len(known._routes) == 2
-
-
 def test_threads_may_share_a_book(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(route_book, "MEMORY", 1)  # so that each route drops another
     grid = make_layout("open")
@@ -324,26 +224,6 @@ def test_threads_may_share_a_book(monkeypatch: pytest.MonkeyPatch) -> None:
     for pair, route in zip(10 * pairs, found, strict=True):
         np.testing.assert_array_equal(route.line, alone.route(*pair).line)
     assert len(shared._routes) == 1
-
-
-def test_routes_do_not_depend_on_the_order_they_are_asked_in() -> None:
-    grid = make_layout("random")
-    tasks = some_tasks(grid, 4)
-    forward, backward = book(grid, "pf_aco"), book(grid, "pf_aco")
-    first = [forward.route(*task) for task in tasks]
-    second = [backward.route(*task) for task in reversed(tasks)]
-    for one, other in zip(first, reversed(second), strict=True):
-        np.testing.assert_array_equal(one.line, other.line)
-
-
-def test_resample_keeps_the_ends_and_spaces_evenly() -> None:
-    line = np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 1.2]])
-    points = resample(line, 0.5)
-    np.testing.assert_allclose(points[[0, -1]], line[[0, -1]])
-    assert len(points) == 9  # 4.2 m in 8 pieces
-    np.testing.assert_allclose(points[:5, 0], 0.525 * np.arange(5))
-    np.testing.assert_allclose(points[6:], [[3.0, 0.15], [3.0, 0.675], [3.0, 1.2]])
-    assert resample(line[:1].repeat(2, axis=0), 0.5).tolist() == [[0.0, 0.0]]
 
 
 def test_plans_prepared_side_by_side_are_those_made_one_by_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -392,21 +272,13 @@ def test_a_plan_that_was_damaged_on_disk_is_made_anew(middle: Cell) -> None:
 
 
 def test_a_store_that_grows_too_large_loses_its_oldest_plans(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(route_book, "LARGEST_STORE", 200_000)
-    store, cells, sizes = route_book.PlanStore(tmp_path), np.zeros((100, 2), np.int64), []
-    for number in range(20 * route_book.PENDING):  # a megabyte
+    monkeypatch.setattr(plan_store, "LARGEST_STORE", 200_000)
+    store, cells, sizes = plan_store.PlanStore(tmp_path), np.zeros((100, 2), np.int64), []
+    for number in range(20 * plan_store.PENDING):  # a megabyte
         store.put(f"plan {number}", cells)
-        if number % route_book.PENDING == 0:
+        if number % plan_store.PENDING == 0:
             sizes.append(sum(path.stat().st_size for path in tmp_path.iterdir()))
-    kept = [number for number in range(20 * route_book.PENDING) if store.get(f"plan {number}") is not None]
+    kept = [number for number in range(20 * plan_store.PENDING) if store.get(f"plan {number}") is not None]
     assert 100 < len(kept) < 220
-    assert kept == list(range(kept[0], 20 * route_book.PENDING))
+    assert kept == list(range(kept[0], 20 * plan_store.PENDING))
     assert max(sizes) < 300_000
-
-
-def test_stores_of_earlier_formats_are_removed(tmp_path: Path) -> None:
-    (tmp_path / "plans-1.sqlite").touch()
-    store = route_book.PlanStore(tmp_path)
-    store.put("plan", np.zeros((2, 2), np.int64))
-    store.flush()
-    assert [path.name for path in tmp_path.iterdir()] == [f"plans-{route_book.CACHE_FORMAT}.sqlite"]

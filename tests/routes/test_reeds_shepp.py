@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import heapq
 import math
 
 import pytest
@@ -78,31 +77,3 @@ def test_it_is_a_metric_that_no_mirror_and_no_reversal_changes(
     assert there == pytest.approx(distance(-ahead, left, -turn, radius), abs=1e-5)
     assert there >= math.hypot(ahead, left) - 1e-9
     assert there >= radius * abs(wrapped(turn)) - 1e-6
-
-
-@given(POSE, POSE, POSE)
-def test_no_detour_is_shorter(
-    a: tuple[float, float, float], b: tuple[float, float, float], c: tuple[float, float, float]
-) -> None:
-    direct = distance(*seen_from(*a, *c), 1.0)
-    assert direct <= distance(*seen_from(*a, *b), 1.0) + distance(*seen_from(*b, *c), 1.0) + 1e-5
-
-
-def test_no_way_of_short_arcs_is_shorter() -> None:
-    """Dijkstra's algorithm over arcs of 15 degrees and lines as long, whose ends lie exactly where they lie."""
-    step = math.pi / 12
-    best = {(0, 0, 0): 0.0}
-    queue = [(0.0, (0.0, 0.0, 0.0))]
-    seen = 0
-    while queue and seen < 3000:
-        cost, pose = heapq.heappop(queue)
-        seen += 1
-        assert distance(*pose[:2], wrapped(pose[2]), 1.0) <= cost + 1e-6
-        for length in (step, -step):
-            for bend in (-1.0, 0.0, 1.0):
-                end = rolled(*pose, length, bend)
-                cell = (round(end[0] * 20), round(end[1] * 20), round(end[2] / step) % 24)
-                if cost + step < best.get(cell, math.inf) - 1e-12:
-                    best[cell] = cost + step
-                    heapq.heappush(queue, (cost + step, end))
-    assert seen == 3000

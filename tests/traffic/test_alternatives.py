@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from warehouse_env.errors import ConfigError
-from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import make_layout
 from warehouse_env.planning import make_planner, path_length, validate
 from warehouse_env.traffic.alternatives import differences, penalty_routes, varied
@@ -51,12 +50,3 @@ def test_penalised_search_finds_different_short_routes() -> None:
         assert path_length(path) <= 1.1 * optimum + 1e-9
     apart = differences(found, grid.shape)
     assert apart[~np.eye(6, dtype=bool)].min() > 0.3
-
-
-def test_penalised_search_where_there_is_no_path_or_only_one() -> None:
-    rng, astar = np.random.default_rng(0), make_planner("astar")
-    wall = np.zeros((3, 3), dtype=bool)
-    wall[:, 1] = True
-    assert penalty_routes(astar, GridMap(wall), (0, 0), (0, 2), 3, rng) == []
-    assert len(penalty_routes(astar, GridMap(np.zeros((1, 5), dtype=bool)), (0, 0), (0, 4), 3, rng)) == 1
-    assert len(penalty_routes(astar, GridMap(np.zeros((1, 5), dtype=bool)), (0, 2), (0, 2), 3, rng)) == 1

@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 
 from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
-from warehouse_env.maps.layouts import make_layout
 from warehouse_env.planning import make_planner, path_length, validate
 from warehouse_env.traffic.conflicts import HOLD, Conflicts, Route, conflict_table, conflicts, congestion
 from warehouse_env.traffic.together import choose_together, plan_together
@@ -40,24 +39,11 @@ def test_routes_that_cross() -> None:
     assert conflicts([EAST, SOUTH], SHAPE, "lifelong") == Conflicts(pytest.approx(2 / 6), 0)
 
 
-def test_routes_that_cross_at_other_times() -> None:
-    late = straight((0, 4), (6, 4))  # 3 against 4: apart by the whole window
-    assert conflicts([EAST, late], SHAPE, "start") == Conflicts(0, 0)
-    assert conflicts([EAST, late], SHAPE, "lifelong") == Conflicts(pytest.approx(2 / 6), 0)
-
-
 def test_routes_against_each_other() -> None:
     # The stretch is 6 long: window 7.
     assert conflicts([EAST, WEST], SHAPE, "count") == Conflicts(0, 1)
     assert conflicts([EAST, WEST], SHAPE, "start") == Conflicts(0, 1)
     assert conflicts([EAST, WEST], SHAPE, "lifelong") == Conflicts(0, pytest.approx(7 * 2 / 6))
-
-
-def test_a_robot_that_has_passed_meets_nobody() -> None:
-    first = route((3, 2), (3, 1), (3, 0))
-    later = np.concatenate([straight((6, 5), (6, 0)), route((5, 0), (4, 0)), straight((3, 0), (3, 3))])
-    assert conflicts([first, later], SHAPE, "count") == Conflicts(0, 1)
-    assert conflicts([first, later], SHAPE, "start") == Conflicts(0, 0)  # there at 8, the other arrived at 2
 
 
 def test_driving_behind_each_other_is_one_merging() -> None:
@@ -75,18 +61,6 @@ def test_diagonals_that_change_over_share_no_cell_but_cross() -> None:
     for routes in ([a, b], [b, a], [a[::-1], b]):
         assert conflicts(routes, SHAPE, "start") == Conflicts(1, 0)
     assert conflicts([a, b], SHAPE, "lifelong") == Conflicts(pytest.approx(2 / math.sqrt(2)), 0)
-
-
-def test_parallel_routes_do_not_meet() -> None:
-    assert conflicts([EAST, straight((2, 6), (2, 0))], SHAPE, "count") == Conflicts(0, 0)
-
-
-def test_two_stretches_count_twice() -> None:
-    around = np.concatenate([route((3, 0), (3, 1)), route((2, 2), (2, 3), (2, 4)), route((3, 5), (3, 6))])
-    table = conflict_table([EAST, around, around[::-1]], SHAPE, "count")
-    assert table[0, 1].tolist() == [2, 0]
-    assert table[0, 2].tolist() == [0, 2]
-    assert table[1, 2].tolist() == [0, 1]
 
 
 def test_bad_input_is_refused() -> None:
@@ -139,13 +113,6 @@ def test_the_directed_map_charges_what_is_counted(mine: Route, other: Route) -> 
     assert entered == pytest.approx(expected)
 
 
-def test_the_map_a_cell_charges_every_cell_of_a_route() -> None:
-    cost = congestion([EAST, SOUTH], SHAPE, 3.0)
-    assert cost[3, 0] == pytest.approx(3 * 2 * HOLD / 6)
-    assert cost[3, 3] == pytest.approx(2 * cost[3, 0])
-    assert cost[0, 0] == 0
-
-
 def test_following_is_free_and_opposing_is_dear() -> None:
     cost = congestion([EAST], SHAPE, 1.0, 5.0)
     assert cost[3, 2, 0] == 0
@@ -167,48 +134,3 @@ def test_planned_together_routes_keep_out_of_each_others_way() -> None:
         assert conflicts([plan.cells for plan in plans], grid.shape).opposing == 0
     plans = plan_together(astar, grid, tasks)  # the third can follow the first
     assert conflicts([plan.cells for plan in plans], grid.shape).opposing == 0
-
-
-def test_planning_together_lowers_opposing_conflicts_for_little_length() -> None:
-    grid = make_layout("paper46")
-    rng = np.random.default_rng(0)
-    tasks = [
-        (tuple(p), tuple(s)) if k % 2 else (tuple(s), tuple(p))
-        for k, (p, s) in enumerate(
-            zip(rng.permutation(grid.picks)[:24].tolist(), rng.permutation(grid.stations)[:24].tolist(), strict=True)
-        )
-    ]
-    astar = make_planner("astar")
-    alone = [astar.plan(grid, start, goal, rng).cells for start, goal in tasks]
-    plans = [plan.cells for plan in plan_together(astar, grid, tasks)]
-    assert conflicts(plans, grid.shape).opposing < 0.3 * conflicts(alone, grid.shape).opposing
-    assert sum(map(path_length, plans)) < 1.01 * sum(map(path_length, alone))
-
-
-def test_the_choice_is_one_that_nobody_alone_can_better() -> None:
-    rng = np.random.default_rng(1)
-    grid = make_layout("open")
-    candidates = []
-    for _ in range(6):
-        a, b, *vias = (tuple(grid.free_cells[i].tolist()) for i in rng.integers(0, len(grid.free_cells), 5))
-        candidates.append([_via(a, via, b) for via in (a, *vias)])
-    chosen = choose_together(candidates, grid.shape, 4.0)
-
-    def total(choice: list[int]) -> float:
-        routes = [own[k] for own, k in zip(candidates, choice, strict=True)]
-        return sum(map(path_length, routes)) + 4.0 * conflicts(routes, grid.shape).all
-
-    assert total(chosen) <= total([0] * 6) + 1e-9
-    for robot, own in enumerate(candidates):
-        for other in range(len(own)):
-            assert total([*chosen[:robot], other, *chosen[robot + 1 :]]) >= total(chosen) - 1e-6
-
-
-def _via(start: Cell, via: Cell, goal: Cell) -> Route:
-    """From start to goal by way of a cell, or straight there where that would cross itself."""
-    grid, astar, rng = make_layout("open"), make_planner("astar"), np.random.default_rng(0)
-    ways = [astar.plan(grid, *ends, rng).cells for ends in ((start, via), (via, goal))]
-    joined = np.concatenate([ways[0], ways[1][1:]])
-    if len(np.unique(joined, axis=0)) == len(joined):
-        return joined
-    return astar.plan(grid, start, goal, rng).cells

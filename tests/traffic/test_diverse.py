@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from tests.planning.ants.test_warm import GOAL, SMALL, START, fresh, two_ways
-from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import make_layout
 from warehouse_env.planning import path_length, validate
@@ -30,19 +29,6 @@ def test_routes_are_valid_different_and_near_the_best() -> None:
     assert apart[0].max() > 0.4
 
 
-def test_both_sides_of_a_block_are_found() -> None:
-    found = routes(SMALL, two_ways(), (3, 0), (3, 12), 4, fresh(), slack=0.0)
-    assert len(found) == 2
-    rows = {tuple(np.unique(path[:, 0]).tolist()) for path in found}
-    assert rows == {(0, 1, 2, 3), (3, 4, 5, 6)}
-
-
-def test_the_same_seed_gives_the_same_routes() -> None:
-    grid = make_layout("narrow")
-    first, again = (routes(SMALL, grid, START, GOAL, 4, fresh(3)) for _ in range(2))
-    assert [path.tolist() for path in first] == [path.tolist() for path in again]
-
-
 def test_a_cost_map_bends_the_routes() -> None:
     grid = two_ways()
     cost = np.zeros(grid.shape)
@@ -60,8 +46,3 @@ def test_odd_tasks(system: PfAco | Aco) -> None:
     assert home.tolist() == [[0, 0]]
     (corridor,) = routes(system, GridMap(np.zeros((1, 6), dtype=bool)), (0, 0), (0, 5), 3, fresh())
     assert len(corridor) == 6
-
-
-def test_bad_numbers_are_refused() -> None:
-    with pytest.raises(ConfigError, match="k=0"):
-        routes(SMALL, two_ways(), (3, 0), (3, 12), 0, fresh())

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
-from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import make_layout
 from warehouse_env.planning import make_planner, path_length, validate
-from warehouse_env.routes.book import RouteBook
 from warehouse_env.traffic.expected import WithCost, endpoint_tasks, expected_traffic
 
 RNG = np.random.default_rng(0)
@@ -24,11 +21,6 @@ def test_tasks_go_to_and_fro_between_picks_and_stations() -> None:
         assert (start in picks and goal in stations) if number % 2 else (start in stations and goal in picks)
     assert len({start for start, _ in tasks[1::2]}) == 25  # picks come again only when all have been
     assert tasks == endpoint_tasks(grid, 50, np.random.default_rng(1))
-
-
-def test_a_floor_with_one_endpoint_is_refused() -> None:
-    with pytest.raises(ConfigError, match="single endpoint"):
-        endpoint_tasks(GridMap(np.zeros((1, 1), dtype=bool)), 1, RNG)
 
 
 def test_traffic_grows_with_the_robots_and_makes_one_way_streets() -> None:
@@ -60,11 +52,3 @@ def test_a_planner_with_a_cost_map() -> None:
     assert planner.name == "astar"
     assert planner.key == WithCost(astar, cost.copy()).key != WithCost(astar, 2 * cost).key
     assert planner.key != astar.key
-
-
-def test_a_route_book_plans_with_it() -> None:
-    grid = make_layout("narrow")
-    planner = WithCost(make_planner("astar_turns"), expected_traffic(grid, 16, 4.0))
-    start, goal = tuple(grid.picks[3].tolist()), tuple(grid.stations[20].tolist())
-    cells = RouteBook(grid, planner).cells(start, goal)
-    np.testing.assert_array_equal(cells, planner.plan(grid, start, goal, RNG).cells)

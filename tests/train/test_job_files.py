@@ -49,7 +49,7 @@ def test_a_map_with_its_directions_and_a_policy(tmp_path: Path, monkeypatch: pyt
 @pytest.mark.parametrize("name", ["mine.py:Mine", "mine:Mine"])
 def test_code_of_ones_own(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from agents import POLICIES
-    from warehouse_env.own_parts import LOADED
+    from warehouse_env.plugins import LOADED
 
     monkeypatch.chdir(tmp_path)
     home, _, _ = name.partition(":")

@@ -15,7 +15,6 @@ from train.reporting.report import Table, require_charts
 from train.reporting.rows import Row, RowFile
 from warehouse_env.checked import Checked
 from warehouse_env.errors import ConfigError, MapError
-from warehouse_env.maps.disc_report import lost
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.halls import lif, route_graph
 from warehouse_env.maps.halls.hall import Hall, is_hall, read_hall
@@ -120,8 +119,6 @@ class Layouts(Checked):
         print("\n".join(grid.text()))
         arrows = f"   {' '.join(ARROWS[1:])} one way" if grid.one_way.any() else ""
         print(f"# shelf   p pick   s station   ~ uneven floor   . floor{arrows}")
-        if hall is None and len(grid.discs):
-            print(lost(grid))
         say(hall)
         file = RowFile(self.json)
         file.add([facts(grid)])
@@ -135,8 +132,6 @@ class Layouts(Checked):
     def _check(self, path: Path) -> None:
         hall = self._hall(str(path))
         grid = read_map(path) if hall is None else hall.grid
-        if hall is None and len(grid.discs):
-            print(lost(grid))
         say(hall)
         check_connected(grid)
         row = facts(grid)

@@ -23,7 +23,7 @@ from train.reporting.rows import RowFile
 from warehouse_env.checked import Checked
 from warehouse_env.config import EnvConfig, TaskMode
 from warehouse_env.errors import ConfigError, WarehouseError
-from warehouse_env.own_parts import split
+from warehouse_env.plugins import split
 from warehouse_env.render.extras import check_window
 from warehouse_env.render.replay import Replay, replay_of
 from warehouse_env.render.replay_page import write_replay_page

@@ -27,7 +27,7 @@ from train.reporting.lock import held
 from train.reporting.report import tell
 from warehouse_env.errors import ConfigError, LostError, WarehouseError, WeightsError
 from warehouse_env.files import check_writable
-from warehouse_env.own_parts import digests
+from warehouse_env.plugins import digests
 
 CHECKPOINT = "checkpoint"
 LOCK = ".lock"  # in a run's folder, while it is trained in

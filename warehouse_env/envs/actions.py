@@ -1,4 +1,4 @@
-"""From the actions a user gives to the array that the Simulator takes, with errors that name the robot."""
+"""Pack a user's actions into the Simulator's array, with errors that name the robot."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from warehouse_env.errors import ActionError, shown
 
 
 class ActionPacker:
-    """Puts the actions of one world's robots into an array for `Simulator.step`."""
+    """Packs the actions of one world's robots for `Simulator.step`."""
 
     def __init__(self, names: Sequence[str], space: spaces.Space[Any]) -> None:
-        """Remember whose actions they are, and the space that each is from."""
+        """names: of the robots; space: of each action."""
         self._names, self._space = names, space
         self._whole: Any = np.zeros((1, len(names)), np.int64) if isinstance(space, spaces.Discrete) else None
         self._form = f"{len(names)}q"

@@ -1,4 +1,4 @@
-"""stable-baselines3: what the infos say of ended episodes, in the trainer's logger and so in TensorBoard."""
+"""stable-baselines3: log the metrics of ended episodes, for example in TensorBoard."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ class MetricsCallback(BaseCallback):
 
     "robot/...": means over robots (metrics.robot_rows), with any of our environments; "world/...": means over worlds
     (metrics.episode_row), with `vec_env`. Each is over the episodes that ended since the logger last wrote and have
-    the figure: one without a goal has no path length. The model's file says in plain words which environment it was
-    trained in, so that commands take it as --policy FILE.zip.
+    the figure: an episode without a goal has no path length. The model's file records its environment, so commands
+    accept it as --policy FILE.zip.
     """
 
     def _on_training_start(self) -> None:
-        """Note the environment in the model, which keeps it when it is saved; nothing where wrappers hide it."""
+        """Record the environment in the model, which saves it; do nothing if wrappers hide it."""
         scaled = self.model.get_vec_normalize_env()
         with contextlib.suppress(AttributeError, NotImplementedError):
             config = self.training_env.get_attr("config")[0]
@@ -30,7 +30,7 @@ class MetricsCallback(BaseCallback):
             self.model.warehouse_env = noted  # type: ignore[attr-defined]
 
     def _on_step(self) -> bool:
-        """Note the rows of this step; go on in any case."""
+        """Record the rows of this step; return True, to continue."""
         for row in np.flatnonzero(self.locals["dones"]).tolist():
             info = self.locals["infos"][row]
             for key, prefix in _PREFIXES.items():

@@ -31,7 +31,7 @@ class Camera(Portable):
     def __init__(self, mode: str | None, fps: float) -> None:
         """Remember the mode (None, "rgb_array" or "human"); any other raises ConfigError.
 
-        WarehouseError where it needs a package that is not installed: now, not at the first picture.
+        WarehouseError if a needed package is not installed: now, not at the first picture.
         """
         if mode is not None and (not isinstance(mode, str) or mode not in RENDER_MODES):
             raise unknown_name("render_mode", mode, RENDER_MODES)
@@ -44,7 +44,7 @@ class Camera(Portable):
         self._bind()
 
     def _bind(self) -> None:
-        """Have no window yet: the first picture opens one."""
+        """Start without a window; the first picture opens it."""
         self._window: Window | None = None
 
     def shot(self, simulator: Simulator, world: int = 0) -> NDArray[np.uint8] | None:

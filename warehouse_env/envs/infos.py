@@ -1,4 +1,4 @@
-"""What an `info` dict says about one robot's last step; kept lean, for it is built for every robot at every step."""
+"""The `info` dict of one robot's last step; lean, because it is built for every robot at every step."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ if TYPE_CHECKING:
     from warehouse_env.simulation.tasks.tasks import Arrival
 
 EPISODE_METRICS = "episode_metrics"  # the key under which a robot's last info holds its row of metrics
-# what is read of a robot's record at every step, in the record's order
+# fields read from a robot's record at every step, in the record's order
 _FIELDS = ("driven", "gap", "arrived", "hit_robot", "hit_shelf", "near_miss", "hit_person")
 
 
-# reward terms and records of robots, who arrived, and what a shift says of each
+# reward terms and records of robots, arrivals, and each robot's needs
 Moment = tuple[bytes, bytes, "list[Arrival]", "list[dict[str, Any]] | None"]
 
 
@@ -40,7 +40,7 @@ class RobotInfos:
         self._terms, self._terms_memory = Struct(f"{terms.shape[1]}f"), _bytes_of(terms)
 
     def unread(self, names: dict[str, Any]) -> StepInfos:
-        """Return the infos of the last step by robot, the keys of `names`, which are made when they are read."""
+        """Return the infos of the last step by robot, the keys of `names`; they are built when read."""
         infos = StepInfos(names)
         infos.unread = self, self.keep()
         return infos
@@ -57,9 +57,8 @@ class RobotInfos:
         "reward_terms": the terms of REWARD_TERMS, weighed, whose sum is the reward; "distance_m": driven, in any
         direction; "goals": goals reached; "collisions_robot", "collisions_shelf", "collisions_person": contact
         episodes that began; "near_misses"; "gap" [m] to the nearest robot, as far as gaps are measured. At an arrival
-        also "path_length_m" and "planned_length_m": driven and planned for the task that it finished. Of one that is
-        served, carries out orders or charges also what it is at (`Shift.needs`).
-        The names are spelled out, for a dict written so takes half the time of one zipped together.
+        also "path_length_m" and "planned_length_m": driven and planned for the finished task. With service, orders or
+        batteries also `Shift.needs`. The names are spelled out: that takes half the time of dict(zip()).
         """
         terms, events, arrivals, needs = moment
         infos: list[dict[str, Any]] = [
@@ -97,16 +96,16 @@ class RobotInfos:
 
 
 class StepInfos(dict[str, dict[str, Any]]):
-    """The infos of all robots after a step, a dict which is filled when it is first asked for one.
+    """The infos of all robots after a step: a dict that is filled on first access.
 
-    Few who train read any, and to build them takes as long as the physics. Copies and pickles are plain dicts.
+    Trainers rarely read infos, and building them takes as long as the physics. Copies and pickles are plain dicts.
     """
 
     __slots__ = ("unread",)
-    unread: tuple[RobotInfos, Moment] | None  # what they are made of; None once they are
+    unread: tuple[RobotInfos, Moment] | None  # their source; None once they are built
 
     def fill(self) -> None:
-        """Make the infos, unless they are made."""
+        """Build the infos, unless they are built."""
         if self.unread is not None:
             (robot_infos, moment), self.unread = self.unread, None
             self.update(zip(self, robot_infos.read(moment), strict=True))
@@ -117,7 +116,7 @@ class StepInfos(dict[str, dict[str, Any]]):
 
 
 def _filled_first(name: str) -> Callable[..., Any]:
-    """Return a method of dict that fills the infos before it does anything."""
+    """Return a method of dict that fills the infos first."""
     method = getattr(dict, name)
 
     def call(self: StepInfos, *arguments: Any, **options: Any) -> Any:
@@ -127,7 +126,7 @@ def _filled_first(name: str) -> Callable[..., Any]:
     return functools.wraps(method)(call)
 
 
-# all that reads or changes values; __iter__, for else `dict(infos)` and `{**infos}` take the values past these
+# all methods that read or change values; without __iter__, `dict(infos)` and `{**infos}` would bypass these
 for _name in (
     "__getitem__", "__setitem__", "__delitem__", "__iter__", "__reversed__", "__eq__", "__ne__", "__or__", "__ror__",
     "__ior__", "__repr__", "clear", "copy", "get", "items", "pop", "popitem", "setdefault", "update", "values",
@@ -136,12 +135,12 @@ for _name in (
 
 
 def finished_task(arrival: Arrival) -> dict[str, float]:
-    """Return what the info of an arrival says besides: metres driven and planned for the task just finished."""
+    """Return the extra entries of an arrival's info: metres driven and planned for the finished task."""
     return {"path_length_m": arrival.driven, "planned_length_m": arrival.planned}
 
 
 def final_metrics(simulator: Simulator, robots: ArrayLike) -> list[dict[str, float]]:
-    """Return the metrics of robots whose episode has ended with this step, as far as an episode has them.
+    """Return the metrics of robots whose episode ended with this step.
 
     They are those of `robot_rows`, and its world's `people_row` and `work_row`.
     robots: int[K], counted over all worlds: world * num_agents + robot.
@@ -155,15 +154,15 @@ def final_metrics(simulator: Simulator, robots: ArrayLike) -> list[dict[str, flo
 
 
 def known(row: dict[str, float]) -> dict[str, float]:
-    """Return a row without the figures that an episode does not have (nan), as the path length of one without a goal.
+    """Return a row without undefined figures (nan), such as the path length of an episode without a goal.
 
-    nan is equal to nothing, not even to itself, over which checkers and loggers of other libraries trip.
+    nan is not equal to itself, which breaks checkers and loggers of other libraries.
     """
     return {name: value for name, value in row.items() if not math.isnan(value)}
 
 
 def _struct_of(record: np.dtype[Any], fields: tuple[str, ...]) -> Struct:
-    """Return what unpacks some fields of a record, in the record's order, and passes over the others."""
+    """Return a Struct that unpacks some fields of a record, in the record's order, and skips the others."""
     form, end, records = "", 0, dict(record.fields or {})
     for name in fields:
         owner, before = records[OWNER[name]][:2]

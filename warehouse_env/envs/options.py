@@ -1,4 +1,4 @@
-"""How every adapter makes its Simulators of keyword arguments, and lets them share their routes."""
+"""How adapters build Simulators from keyword arguments, and share their routes."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from warehouse_env.simulation.simulator import Simulator
 
 
 class WorldOptions(EnvOptions, total=False):
-    """What every env of one world takes by name."""
+    """Keyword arguments of every env of one world."""
 
     render_mode: str | None  # "rgb_array", "human" or None
     grid: GridMap | None  # instead of the layout that the config names
@@ -42,7 +42,7 @@ def build_simulator(
 
 
 def share_routes(simulators: Sequence[Simulator]) -> None:
-    """Let the last simulator use an earlier one's planned routes, where map, planner and lanes are the same."""
+    """Let the last simulator use an earlier one's routes if map, planner and lanes are the same."""
     last = simulators[-1]
     for other in simulators[:-1]:
         if _route_key(other) == _route_key(last):
@@ -51,5 +51,5 @@ def share_routes(simulators: Sequence[Simulator]) -> None:
 
 
 def _route_key(simulator: Simulator) -> tuple[object, ...]:
-    """Return what a way-point route depends on besides its ends."""
+    """Return what a route depends on besides its ends."""
     return simulator.grid.key, simulator.route_book.planner.key, simulator.config.keep_right

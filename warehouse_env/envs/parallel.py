@@ -31,8 +31,8 @@ class WarehouseParallelEnv(Portable, ParallelEnv):  # type: ignore[misc]  # pett
 
     Lifelong tasks: nobody terminates, all are truncated at `max_steps`. One-shot tasks: a robot that arrives
     terminates and leaves `agents`; its body stays parked. A robot's last info holds the metrics of its episode under
-    "episode_metrics" (see infos.final_metrics). Arrays given away are never overwritten later. `np_random` is for
-    wrappers that draw, as SuperSuit's frame_skip_v0 does; the world has generators of its own.
+    "episode_metrics" (see infos.final_metrics). Returned arrays are never overwritten. `np_random` is for wrappers
+    that draw, such as SuperSuit's frame_skip_v0; the world has its own generators.
     """
 
     bound = ("_observation", "_reward", "_terminated", "_infos")
@@ -89,7 +89,7 @@ class WarehouseParallelEnv(Portable, ParallelEnv):  # type: ignore[misc]  # pett
         return self.action_spaces[agent]
 
     def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Observations, Infos]:
-        """Start an episode; a seed fixes it to the bit, without one the generators go on. `options` is not used."""
+        """Start an episode; a seed fixes it to the bit, otherwise the generators continue. `options` is not used."""
         self.simulator.reset(seed)
         if seed is not None:
             self.np_random = np.random.default_rng(seed)
@@ -101,7 +101,7 @@ class WarehouseParallelEnv(Portable, ParallelEnv):  # type: ignore[misc]  # pett
     def step(
         self, actions: dict[str, Any]
     ) -> tuple[Observations, dict[str, float], dict[str, bool], dict[str, bool], Infos]:
-        """Step every live robot once; `actions` holds one for each of `agents`; of one that has left, it is not read.
+        """Step every live robot once with its action in `actions`; actions of robots that have left are ignored.
 
         Raises ActionError, naming the robot, for a missing, superfluous, misshapen or non-finite action.
         """
@@ -185,5 +185,5 @@ def parallel_env(config: EnvConfig | None = None, **options: Unpack[WorldOptions
 
 
 def aec_env(config: EnvConfig | None = None, **options: Unpack[WorldOptions]) -> AECEnv:
-    """Return the same env for PettingZoo's turn-by-turn interface; the world moves once all have chosen."""
+    """Return the same env for PettingZoo's turn-based interface; the world steps after all robots have acted."""
     return parallel_to_aec(parallel_env(config, **options))

@@ -24,13 +24,13 @@ Others = Callable[[NDArray[np.float32]], Any]
 
 
 class SingleOptions(WorldOptions, total=False):
-    """What the env of one robot takes by name."""
+    """Keyword arguments of the env of one robot."""
 
     others: Others | None  # float32[N-1, D] of the other robots -> their actions
 
 
 class WarehouseSingleEnv(Portable, gymnasium.Env[NDArray[np.float32], Any]):
-    """One robot's view of a warehouse that it shares with others.
+    """A warehouse from the view of one robot among others.
 
     The episode terminates when robot 0 does (one-shot arrival) and is truncated at `max_steps`. The last info holds
     the metrics of robot 0's episode under "episode_metrics" (see infos.final_metrics).
@@ -55,7 +55,7 @@ class WarehouseSingleEnv(Portable, gymnasium.Env[NDArray[np.float32], Any]):
         """Build one world from `config` with `changes` put in.
 
         `others` maps the other robots' observations float32[N-1, D] to their actions [N-1] or [N-1, 2];
-        by default each drives along its route and does not look. ConfigError or MapError says what cannot be used.
+        by default each follows its route and ignores the others. ConfigError or MapError says what cannot be used.
         """
         self.simulator = build_simulator(config, changes, grid=grid, planner=planner)
         self.config = self.simulator.config
@@ -77,7 +77,7 @@ class WarehouseSingleEnv(Portable, gymnasium.Env[NDArray[np.float32], Any]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """Start an episode; a seed fixes it to the bit, without one the generators go on. `options` is not used."""
+        """Start an episode; a seed fixes it to the bit, otherwise the generators continue. `options` is not used."""
         seed = None if seed is None else whole_seed(seed)
         super().reset(seed=seed)
         observation = self.simulator.reset(seed)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import inspect
 import time
 from collections.abc import Callable, Sequence
-from functools import partial
 from typing import Any, NamedTuple, Unpack
 
 import gymnasium
@@ -18,8 +17,8 @@ from warehouse_env.config import EnvConfig, EnvOptions
 from warehouse_env.envs.camera import Camera, render_fps
 from warehouse_env.envs.infos import EPISODE_METRICS, final_metrics, finished_task, known
 from warehouse_env.envs.options import build_simulator, share_routes
+from warehouse_env.envs.rows import write_rows
 from warehouse_env.errors import ActionError, ConfigError, shown
-from warehouse_env.kernel import kernel
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning.plan import Planner
 from warehouse_env.simulation.given import check_count, listed, whole_seed
@@ -47,17 +46,17 @@ class Block(NamedTuple):
 
 
 class WarehouseVecEnv(VecEnv):
-    """Many worlds side by side, one row for each robot; worlds start anew by themselves.
+    """Many worlds in parallel, one row for each robot; worlds reset themselves.
 
-    A world starts anew when it is truncated (`max_steps`) or when all its robots have terminated (one-shot tasks).
-    A robot that terminates earlier ends its episode then, once, and parks. Its row is padding until its world starts
-    anew: observation and reward are 0, actions are not read, `infos[row]["padding"]` is True, and the row is not done.
+    A world resets when it is truncated (`max_steps`) or when all its robots have terminated (one-shot tasks).
+    A robot that terminates earlier ends its episode then, once, and parks. Its row is padding until its world
+    resets: observation and reward are 0, actions are ignored, `infos[row]["padding"]` is True, the row is not done.
 
     A done row's info holds "terminal_observation", "TimeLimit.truncated", "episode" (r: return, l: steps, t: seconds)
-    and "episode_metrics" (of the robot, see infos.final_metrics). The first done row of a world that starts anew also
+    and "episode_metrics" (of the robot, see infos.final_metrics). The first done row of a world that resets also
     holds "world_metrics" (`Simulator.episode_metrics`). Both leave out figures that an episode does not have. At an
     arrival the info holds "path_length_m" and "planned_length_m" of the finished task. All other infos are empty.
-    Observations and rewards given away are never overwritten, nor do notes in an info return in a later step's.
+    Returned observations and rewards are never overwritten, and notes in an info do not reappear in later steps.
     """
 
     def __init__(self, simulators: Sequence[Simulator], render_mode: str | None = None) -> None:
@@ -98,7 +97,8 @@ class WarehouseVecEnv(VecEnv):
         seed = self._seeds[0]
         observation = self._new_observation()
         for k, block in enumerate(self.blocks):
-            block.simulator.reset(seed if seed is None or k == 0 else _seed_of_block(seed, k))
+            drawn = None if seed is None else int(np.random.SeedSequence([seed, k]).generate_state(1)[0])
+            block.simulator.reset(drawn if k else seed)
         self._reset_seeds()
         self._reset_options()
         self._begin(slice(None))
@@ -106,7 +106,7 @@ class WarehouseVecEnv(VecEnv):
         return observation
 
     def _new_observation(self) -> NDArray[np.float32]:
-        """Return an array [rows, D] that the Simulators write into from now on: given away without a copy."""
+        """Return a new array [rows, D] that the Simulators write into from now on, to be returned without a copy."""
         observation = np.empty((self.num_envs, *(self.observation_space.shape or ())), dtype=np.float32)
         for block in self.blocks:
             block.simulator.observe_into(observation[block.rows].reshape(block.simulator.observation.shape))
@@ -137,14 +137,14 @@ class WarehouseVecEnv(VecEnv):
         observation = self._new_observation()
         reward = np.empty(self.num_envs, dtype=np.float32)
         dones = np.empty(self.num_envs, dtype=np.bool_)
-        if any(self._blank_infos):  # one that was written in stays with who did; to make all anew takes far longer
+        if any(self._blank_infos):  # replace only those that the user wrote into, which is faster than all
             self._blank_infos = [{} if info else info for info in self._blank_infos]
         infos = list(self._blank_infos)
         some_done = False
         for block in self.blocks:
             simulator, rows = block.simulator, block.rows
             simulator.step(block.actions)
-            some_done |= _write_rows(
+            some_done |= write_rows(
                 simulator.reward, simulator.terminated, simulator.truncated,
                 reward[rows], dones[rows], self._returns[rows],
             )  # fmt: skip
@@ -164,12 +164,12 @@ class WarehouseVecEnv(VecEnv):
     def _end_rows(
         self, infos: list[dict[str, Any]], observation: NDArray[np.float32], dones: NDArray[np.bool_]
     ) -> None:
-        """Give every done row its info, and mark the terminated ones as parked."""
+        """Fill the info of every done row, and mark terminated rows as parked."""
         now = time.time()
         for block in self.blocks:
             terminated = block.simulator.terminated.ravel()
             ended = np.flatnonzero(dones[block.rows])
-            final = observation[block.rows][ended]  # a copy: the rows themselves may start anew below
+            final = observation[block.rows][ended]  # a copy: the rows themselves may reset below
             metrics = final_metrics(block.simulator, ended)
             for robot, last, figures in zip(ended.tolist(), final, metrics, strict=True):
                 row = block.start + robot
@@ -181,7 +181,7 @@ class WarehouseVecEnv(VecEnv):
             self._parked[block.rows] = terminated
 
     def _restart_worlds(self, infos: list[dict[str, Any]], dones: NDArray[np.bool_]) -> None:
-        """Reset every world whose robots have all ended; its first observations come in place of the last."""
+        """Reset every world whose robots have all ended; its first observations replace the last."""
         for block in self.blocks:
             simulator = block.simulator
             for world in np.flatnonzero(simulator.truncated | simulator.terminated.all(axis=1)).tolist():
@@ -192,7 +192,7 @@ class WarehouseVecEnv(VecEnv):
                 self._begin(rows)
 
     def _begin(self, rows: slice) -> None:
-        """Set the episode counters of some rows to a start."""
+        """Reset the episode counters of some rows."""
         self._parked[rows] = False
         self._returns[rows] = 0.0
         self._first[rows] = self._steps
@@ -211,18 +211,11 @@ class WarehouseVecEnv(VecEnv):
         return whole
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
-        """Return, for each chosen row, the attribute of its Simulator ("render_mode": of this env).
-
-        A method that takes a world takes the row's own, unless world= names another.
-        """
+        """Return, for each chosen row, the attribute of its Simulator ("render_mode": of this env)."""
         rows = list(self._get_indices(indices))
         if attr_name == "render_mode":
             return [self._mode for _ in rows]
-        found = [getattr(self.blocks[self._owner[row]].simulator, attr_name) for row in rows]
-        return [
-            partial(one, world=int(self._world[row])) if callable(one) and _takes_world(one) else one
-            for row, one in zip(rows, found, strict=True)
-        ]
+        return [getattr(self.blocks[self._owner[row]].simulator, attr_name) for row in rows]
 
     def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
         """Set an attribute of the Simulators that hold the chosen rows."""
@@ -254,7 +247,7 @@ class WarehouseVecEnv(VecEnv):
     def env_is_wrapped(
         self, wrapper_class: type[gymnasium.Wrapper[Any, Any, Any, Any]], indices: VecEnvIndices = None
     ) -> list[bool]:
-        """Return True for each chosen row if asked for `Monitor`, whose "episode" the infos hold; False for others."""
+        """Return for each chosen row whether it is wrapped: True for `Monitor`, whose "episode" the infos hold."""
         return [wrapper_class is Monitor for _ in self._get_indices(indices)]
 
     def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
@@ -270,33 +263,10 @@ class WarehouseVecEnv(VecEnv):
         self._camera.close()
 
 
-@kernel
-def _write_rows(reward, terminated, truncated, rewards, dones, returns):
-    """Write a block's rewards [B, N] and ends [B, N], [B] into its rows, and add to their returns; is any row done?
-
-    One kernel, for after a step of the Simulator has filled the caches each call of NumPy takes 10 us.
-    """
-    some_done = False
-    row = 0
-    for world in range(reward.shape[0]):
-        for robot in range(reward.shape[1]):
-            rewards[row] = reward[world, robot]
-            returns[row] += reward[world, robot]
-            dones[row] = terminated[world, robot] or truncated[world]
-            some_done |= dones[row]
-            row += 1
-    return some_done
-
-
 def _takes_world(method: Callable[..., Any], *arguments: Any, **options: Any) -> bool:
-    """Return whether a method has a parameter `world` that these arguments leave open."""
+    """Return whether a method has a parameter `world` that the arguments do not set."""
     signature = inspect.signature(method)
     return "world" in signature.parameters and "world" not in signature.bind_partial(*arguments, **options).arguments
-
-
-def _seed_of_block(seed: int, block: int) -> int:
-    """Return the seed of a later block, far from the seeds a user may give."""
-    return int(np.random.SeedSequence([seed, block]).generate_state(1)[0])
 
 
 def vec_env(

@@ -1,4 +1,4 @@
-"""Numba kernels for how near points and segments come to shelves: squares of the map and its rim.
+"""Numba kernels for the distance of points and segments from shelves: squares of the map and its rim.
 
 solid: uint8[H + 2, W + 2], shelves with a rim; its square [i, j] lies from ((j - 1) cell, (i - 1) cell) on. Imported
 only when first needed, because importing numba takes about 0.4 s.
@@ -21,7 +21,7 @@ def distance(ax, ay, bx, by):
 def nearest_shelf(solid, x, y, cell, reach):
     """Return (distance, unit vector away from it) of the nearest shelf within `reach` of a point.
 
-    A shelf farther away may be found as well; where there is none the distance is 1e9.
+    A shelf farther away may be found as well; without any the distance is 1e9.
     """
     reach += 1e-9  # so that rounding leaves none out
     first_row, last_row = int(math.floor((y - reach) / cell)) + 1, int(math.floor((y + reach) / cell)) + 1

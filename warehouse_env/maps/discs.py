@@ -1,8 +1,8 @@
-"""Discs: round obstacles such as pillars, beside or among the shelves, exact where the body, its sweep and lidar are.
+"""Discs: round obstacles such as pillars, exact for bodies, sweeps and lidar.
 
-Planners, lanes and goals see cells: every cell into which a disc reaches is occupied for them. In files discs stand in
-metres of the map's own frame, as JSON {"discs": [{"x": 3.5, "y": 2.5, "radius": 0.3}, ...]} or as CSV with the line
-x,y,radius first.
+Planners, lanes and goals see cells: a cell that a disc reaches into is occupied for them. In files discs are in metres
+of the map's own frame, as JSON {"discs": [{"x": 3.5, "y": 2.5, "radius": 0.3}, ...]} or as CSV with the first line
+x,y,radius.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from warehouse_env.errors import MapError, shown
 from warehouse_env.files import as_number, named_rows, parsed_json, read_text, write_text
+from warehouse_env.maps.tables import flags
 
 SUFFIX = ".discs.json"  # beside NAME.map
 MOST = 100_000
@@ -25,7 +26,7 @@ _EXAMPLE = '{"discs": [{"x": 3.5, "y": 2.5, "radius": 0.3}]}'
 
 
 def checked(discs: ArrayLike | None, shape: tuple[int, ...], cell: float) -> NDArray[np.float32]:
-    """Return a C-ordered float32[K, 3] copy of discs (x, y, radius) [m], none if not given, or raise MapError."""
+    """Return a C-ordered float32[K, 3] copy of discs (x, y, radius) [m], empty if not given; MapError."""
     if discs is None:
         return np.zeros((0, 3), np.float32)
     try:
@@ -78,19 +79,16 @@ def covered(discs: NDArray[np.float32], shape: tuple[int, ...], cell: float) -> 
 def among(
     occupied: NDArray[np.bool_], walls: ArrayLike | None, discs: NDArray[np.float32], cell: float
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Return bool[H, W], the cells that are shelves as a whole, and those that these or discs occupy; or MapError.
+    """Return (cells that are whole shelves, cells that shelves or discs occupy), each bool[H, W]; MapError.
 
-    walls: which of the occupied cells that discs reach into are shelves; the others always are. None: all of them.
+    walls: which of the occupied cells that discs reach into are shelves (None: all); other occupied cells always are.
     """
     if not len(discs):
         return occupied, occupied
     reached = covered(discs, occupied.shape, cell)
     whole = occupied
     if walls is not None:
-        given = np.asarray(walls)
-        if given.shape != occupied.shape or given.dtype != np.bool_:
-            raise MapError(f"walls must hold True or False for each cell of the map's shape {occupied.shape}")
-        whole = occupied & (given | ~reached)
+        whole = occupied & (flags(walls, occupied.shape, "walls") | ~reached)
     if (occupied | reached).all():
         raise MapError("the discs leave no free cell; a robot needs at least one")
     return whole, occupied | reached
@@ -121,7 +119,7 @@ def read_discs(path: Path) -> NDArray[np.float64]:
 
 
 def write_discs(discs: NDArray[np.floating[Any]], path: Path) -> None:
-    """Write discs (x, y, radius) [m] as JSON, one a line, so that they are read as they were."""
+    """Write discs (x, y, radius) [m] as JSON, one a line."""
     numbers = [[float(str(value)) for value in disc] for disc in discs]  # the shortest that say it
     lines = [f'  {{"x": {x!r}, "y": {y!r}, "radius": {radius!r}}}' for x, y, radius in numbers]
     write_text(path, '{"discs": [\n' + ",\n".join(lines) + "\n]}\n")

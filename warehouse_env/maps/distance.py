@@ -1,9 +1,8 @@
 """Numba kernels over the cells of a map: exact distance fields and connected regions.
 
-Fields are made by label setting with buckets of width 1 (Dial 1969): no move is shorter than 1, so a cell whose
-distance lies in the bucket under work can no longer improve, and no heap is needed. A move reaches at most two buckets
-ahead, so three lists suffice. A length is kept as its two counts, straight and diagonal: it does not depend on the
-order of adding.
+Fields use label setting with buckets of width 1 (Dial 1969): no move is shorter than 1, so a cell in the current bucket
+can no longer improve, and no heap is needed. A move reaches at most two buckets ahead, so three lists suffice. A length
+is kept as two counts, straight and diagonal, so it does not depend on the order of adding.
 
 Imported only when first needed, because importing numba takes about 0.4 s.
 """
@@ -11,7 +10,6 @@ Imported only when first needed, because importing numba takes about 0.4 s.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from warehouse_env.kernel import kernel
 
@@ -19,7 +17,7 @@ SQRT2 = float(np.sqrt(2.0))
 
 
 @kernel
-def distance_field(legal: NDArray[np.bool_], moves: NDArray[np.int64], row: int, column: int) -> NDArray[np.float64]:
+def distance_field(legal, moves, row, column):
     """Return float64[H, W]: length [cells] of the shortest walk of eq. 26 moves to (row, column), inf if there is none.
 
     legal: bool[H, W, 8], `GridMap.entries` (with `GridMap.legal_moves`: of the walk from there); moves: int64[8, 2],
@@ -63,7 +61,7 @@ def distance_field(legal: NDArray[np.bool_], moves: NDArray[np.int64], row: int,
 
 
 @kernel
-def label_regions(mask: NDArray[np.bool_]) -> NDArray[np.int32]:
+def label_regions(mask):
     """Return int32[H, W]: 0 outside the mask, else the number (from 1, in reading order) of the 4-connected region.
 
     For free cells these are also the regions of eq. 26: its diagonals need both orthogonal cells free.
@@ -93,8 +91,8 @@ def label_regions(mask: NDArray[np.bool_]) -> NDArray[np.int32]:
 
 
 @kernel
-def cut_cells(free: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return bool[H, W]: free cells without which their region falls apart (Hopcroft and Tarjan 1973)."""
+def cut_cells(free):
+    """Return bool[H, W]: free cells whose removal disconnects their region (Hopcroft and Tarjan 1973)."""
     rows, columns = free.shape
     order, low = np.zeros(rows * columns, np.int32), np.zeros(rows * columns, np.int32)
     parent, tried = np.full(rows * columns, -1, np.int32), np.zeros(rows * columns, np.uint8)

@@ -1,9 +1,11 @@
-"""Where robots fetch and bring goods on a map that does not say so itself."""
+"""Default picks and stations for a map that names none."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+
+from warehouse_env.maps.moves import beyond
 
 STATION_SPACING = 3  # [cells] between neighbouring stations: a 0.9 x 0.6 m robot stops at one and another passes
 
@@ -22,8 +24,8 @@ def largest_region(free: NDArray[np.bool_]) -> NDArray[np.bool_]:
 def default_endpoints(occupied: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return (picks int64[K, 2], stations int64[S, 2]) for a map that names none; both hold at least one cell.
 
-    Stations stand along the west and the east rim, `STATION_SPACING` apart, off the wall where there is room.
-    Picks are the free cells orthogonally beside a shelf, or an even spread of the floor where there is no shelf.
+    Stations lie along the west and east rim, `STATION_SPACING` apart, off the wall if there is room.
+    Picks are the free cells orthogonally beside a shelf, or an even spread of the floor if there are no shelves.
     The two are disjoint unless the map has a single reachable cell.
     """
     region = largest_region(~occupied)
@@ -40,16 +42,16 @@ def default_endpoints(occupied: NDArray[np.bool_]) -> tuple[NDArray[np.int64], N
 
 
 def _rim_stations(region: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Return int64[S, 2]: in each row the cell nearest to the west and to the east rim, thinned out.
+    """Return int64[S, 2]: in each row the cells nearest to the west and east rim, thinned out.
 
-    Cells with room around them are preferred; a floor with fewer than two near its rims takes what there is.
+    Cells with room around them are preferred; a floor with fewer than two of these takes any.
     """
     cells = np.argwhere(region)
     for mask in (_roomy(region), region):
         stations = _thin_rims(mask)
         if len(stations) >= 2:
             break
-    else:  # a floor too small or too odd for rims: the two ends of what is there
+    else:  # too small or odd for rims: the first and last cell
         ends = cells[[0, -1]].tolist()
         stations = [(ends[0][0], ends[0][1]), (ends[1][0], ends[1][1])][: min(2, len(cells))]
     if len(stations) >= len(cells) > 1:  # leave a cell for the picks
@@ -78,22 +80,14 @@ def _apart(row: int, column: int, other_row: int, other_column: int) -> int:
     return max(abs(row - other_row), abs(column - other_column))
 
 
-def _neighbourhood(mask: NDArray[np.bool_], offsets: list[tuple[int, int]]) -> NDArray[np.bool_]:
-    """Return bool[len(offsets), H, W]: the mask seen at each (d_row, d_column); False outside the map."""
-    rows, columns = mask.shape
-    padded = np.pad(mask, 1)
-    return np.array([padded[1 + a : 1 + a + rows, 1 + b : 1 + b + columns] for a, b in offsets])
-
-
 def _roomy(region: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return bool[H, W]: cells whose eight neighbours are reachable as well, so that a robot can turn there."""
-    around = [(a, b) for a in (-1, 0, 1) for b in (-1, 0, 1)]
-    return np.asarray(_neighbourhood(region, around).all(axis=0))
+    return np.asarray(region & beyond(region).all(axis=-1))
 
 
 def beside(occupied: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return bool[H, W]: cells with an occupied cell orthogonally beside them."""
-    return np.asarray(_neighbourhood(occupied, [(0, 1), (-1, 0), (0, -1), (1, 0)]).any(axis=0))
+    return np.asarray(beyond(occupied)[..., ::2].any(axis=-1))
 
 
 def shelves(occupied: NDArray[np.bool_]) -> NDArray[np.bool_]:

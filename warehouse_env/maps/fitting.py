@@ -1,9 +1,8 @@
-"""A floor for a body: where it does not fit nobody plans, and endpoints lie where it can stand.
+"""A floor fitted to a body: planners avoid cells where it does not fit, and endpoints lie where it can stand.
 
-A cell is tight where the fixed axle's centre in its middle leaves no room for half the body's width, or where only such
-cells lead. Endpoints on tight cells, or on cells where the body fits at no heading, move to the nearest cell where it
-does, as from the face of a shelf to where a wide vehicle stands before it. On cells that are wide enough for a body all
-of this changes nothing.
+A cell is tight if half the body's width does not fit beside its middle, or if only tight cells lead there. Endpoints on
+tight cells, or on cells where the body fits at no heading, move to the nearest cell where it does: a wide vehicle
+stands in front of a shelf, not at its face. If cells are wide enough for the body, nothing changes.
 """
 
 from __future__ import annotations
@@ -21,16 +20,16 @@ from warehouse_env.maps.endpoints import largest_region
 from warehouse_env.maps.grid_map import Cell, GridMap
 
 ROOM = 0.05  # [m] beside a body that drives along the middle of cells
-_STANDS = 0.08  # [m] around one that stands: robots are placed with as much
+_STANDS = 0.08  # [m] around a standing body: robots are placed with as much
 HEADINGS = 8  # at which it may stand, evenly all round
 _GRAZE = 1e-9
 
 
 def fitted(grid: GridMap, robot: RobotSpec) -> tuple[GridMap, tuple[str, ...]]:
-    """Return the floor as it is for a body, and what that takes from it, one sentence each.
+    """Return the floor fitted to a body, and what the floor loses, one sentence each.
 
-    Where no pick or no station is left, it is as it was, and that is said. To fit a floor again that has been fitted
-    for the same body changes nothing.
+    If no pick or no station is left, the floor is returned unchanged, and a sentence says so. Fitting a fitted floor
+    again for the same body changes nothing.
     """
     need = 0.5 * robot.width + ROOM
     if need <= 0.5 * grid.cell_size and robot.farthest <= grid.cell_size:
@@ -42,7 +41,7 @@ def fitted(grid: GridMap, robot: RobotSpec) -> tuple[GridMap, tuple[str, ...]]:
         return grid, (f"{who} are larger than the floor; choose smaller robots",)
     tight = (_near(grid.walls, need / grid.cell_size, beyond=True) | _near_discs(grid, need)) & ~occupied
     region = largest_region(~(occupied | tight)) if (~(occupied | tight)).any() else np.zeros_like(occupied)
-    tight |= largest_region(~occupied) & ~region  # cut off by tight floor: a robot that got there may leave over that
+    tight |= largest_region(~occupied) & ~region  # cut off by tight floor: a robot there may leave over it
     places, lost = [], []
     body = _Body(grid, robot, region)
     for what, cells in (("pick", grid.picks), ("station", grid.stations)):
@@ -59,9 +58,9 @@ def fitted(grid: GridMap, robot: RobotSpec) -> tuple[GridMap, tuple[str, ...]]:
 
 
 def opened(grid: GridMap, goal: Cell) -> GridMap:
-    """Return a floor whose tight cells around a goal are open as far as the next that is not tight.
+    """Return a floor whose tight cells around a goal are open, up to the nearest cell that is not tight.
 
-    For goals that somebody gives: off the middle of its cell a body may well stand there.
+    For goals that a user gives: off the middle of the cell the body may fit.
     """
     if grid.tight is None or not grid.tight[goal]:
         return grid
@@ -73,7 +72,7 @@ def opened(grid: GridMap, goal: Cell) -> GridMap:
 
 
 def _notes(grid: GridMap, region: NDArray[np.bool_], need: float, who: str, lost: list[str]) -> list[str]:
-    """Say what a body takes from a floor."""
+    """Say what a floor loses for a body."""
     covered = _near(region, math.sqrt(0.5) + need / grid.cell_size, beyond=False)
     closed = np.zeros(grid.shape, np.bool_)
     closed[tuple(grid.free_cells.T)] = True
@@ -90,7 +89,7 @@ def _notes(grid: GridMap, region: NDArray[np.bool_], need: float, who: str, lost
 
 
 def _turns(grid: GridMap, region: NDArray[np.bool_], robot: RobotSpec, who: str) -> Iterator[str]:
-    """Say where aisles of one cell meet in which a body hardly turns from one into the other."""
+    """Warn about junctions of one-cell aisles that are too tight to turn in."""
     need = turning_width(robot)
     if need <= grid.cell_size:
         return
@@ -110,9 +109,9 @@ def _turns(grid: GridMap, region: NDArray[np.bool_], robot: RobotSpec, who: str)
 
 
 def turning_width(robot: RobotSpec) -> float:
-    """Return the width [m] of two aisles, square to each other, through whose corner a body passes in one sharp turn.
+    """Return the least width [m] of two perpendicular aisles between which a body can turn in one sharp turn.
 
-    It sweeps a ring about the turn's centre, which lies as far beyond the inner corner as the inner circle allows.
+    The body sweeps a ring about the turn's centre, as far beyond the inner corner as the inner circle allows.
     """
     inner = max(robot.least_radius - 0.5 * robot.width, 0.0)
     outer = math.hypot(robot.least_radius + 0.5 * robot.width, max(robot.rear_reach, robot.front_overhang))
@@ -151,9 +150,9 @@ def _near(mask: NDArray[np.bool_], reach: float, beyond: bool) -> NDArray[np.boo
 
 @lru_cache(maxsize=256)
 def _covered(robot: RobotSpec, size: float, heading: float, centred: bool) -> NDArray[np.int64]:
-    """Return int64[K, 2]: cells (row, column) of a size [m] that a body in one's middle touches, with some room.
+    """Return int64[K, 2]: cells (row, column) of a size [m] that a body in the middle of one touches, with some room.
 
-    In the middle is the fixed axle's, or, if centred, the body's.
+    The fixed axle's centre is in the middle, or, if centred, the body's.
     """
     half, c, s = 0.5 * size, math.cos(heading), math.sin(heading)
     ahead = 0.0 if centred else 0.5 * robot.length - robot.rear_reach  # of the cell's middle, the body's
@@ -169,7 +168,7 @@ def _covered(robot: RobotSpec, size: float, heading: float, centred: bool) -> ND
 
 
 def stands(grid: GridMap, cell: Cell, robot: RobotSpec, heading: float, centred: bool) -> bool:
-    """Whether a body in a cell's middle touches nothing; centred: with its own middle there, not its axle's."""
+    """Whether a body in a cell's middle is free; centred: the body's own middle is there, not the axle's."""
     cells = _covered(robot, grid.cell_size, round(heading % (2 * math.pi), 6), centred) + cell
     if not ((cells >= 0) & (cells < grid.shape)).all() or grid.walls[tuple(cells.T)].any():
         return False
@@ -182,18 +181,18 @@ def stands(grid: GridMap, cell: Cell, robot: RobotSpec, heading: float, centred:
 
 
 def headings_on(grid: GridMap, cell: Cell, robot: RobotSpec) -> list[float]:
-    """Return at which of some headings [rad] a body can stand with its axle in a cell's middle."""
+    """Return the headings [rad], of HEADINGS, at which a body can stand with its axle in a cell's middle."""
     turns = (2 * math.pi / HEADINGS * k for k in range(HEADINGS))
     return [turn for turn in turns if stands(grid, cell, robot, turn, centred=False)]
 
 
 class _Body:
-    """Where a body can stand on a floor."""
+    """The cells of a floor on which a body can stand."""
 
     def __init__(self, grid: GridMap, robot: RobotSpec, region: NDArray[np.bool_]) -> None:
         self._grid, self._robot = grid, robot
-        self._open = region.copy()  # cells on which it may stand, as far as is known, and that are nobody's
-        self._known: set[Cell] = set()  # on which it does
+        self._open = region.copy()  # cells on which it may stand, as far as known, and that are not taken
+        self._known: set[Cell] = set()  # cells on which it can stand
         self._reach = math.ceil((robot.farthest + grid.cell_size) / grid.cell_size)
 
     def _stands_on(self, cell: Cell) -> bool:
@@ -219,7 +218,7 @@ class _Body:
         return [(int(r), int(c)) for r, c in cells[np.argsort(off, kind="stable")]]
 
     def places_for(self, cells: list[Cell]) -> list[Cell | None]:
-        """Return for each endpoint the nearest cell where the body stands that is nobody else's, None where none is."""
+        """Return for each endpoint the nearest free cell on which the body can stand; None if there is none."""
         found: list[Cell | None] = []
         for cell in cells:
             near = (place for place in self._near(cell) if self._stands_on(place) and self._sees(cell, place))

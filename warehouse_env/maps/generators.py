@@ -32,22 +32,20 @@ def blocks(
     station_spacing: int = 4,
     corridor_stations: bool = True,
 ) -> GridMap:
-    """Return a floor of storage zones: regular shelf blocks, parted by aisles, zones parted by cross corridors.
+    """Return a floor of storage zones: regular shelf blocks between aisles, zones between cross corridors.
 
     rows, columns: size of the floor. block_rows, block_columns: size of a shelf block. aisle: width between blocks.
     zone_rows, zone_columns: blocks in a zone each way. cross: width between zones. rim_rows, rim_columns: least free
-    width along the north and south, and along the west and east edge. All in cells; what is left over widens the rims.
-    Stations stand along all rims every `station_spacing` cells, off the wall if the rim is 3 wide, and with
+    width along the north and south, and along the west and east edge. All in cells; the remainder widens the rims.
+    Stations lie along all rims every `station_spacing` cells, off the wall if the rim is 3 wide, and with
     `corridor_stations` along the middle of the north-south cross corridors as well (for floors with many robots).
     Picks are the cells beside a block that are not next to a station. 92 x 92 at these defaults suits 128 robots as
     well as 46 x 46 suits 32, and 260 x 260 suits 1024.
     """
-    for what, value, least in (
-        ("rows", rows, 3), ("columns", columns, 3), ("block_rows", block_rows, 1), ("block_columns", block_columns, 1),
-        ("aisle", aisle, 1), ("cross", cross, 1), ("zone_rows", zone_rows, 1), ("zone_columns", zone_columns, 1),
-        ("rim_rows", rim_rows, 1), ("rim_columns", rim_columns, 1), ("station_spacing", station_spacing, 1),
-    ):  # fmt: skip
-        check_whole(what, value, least)
+    check_whole(3, rows=rows, columns=columns)
+    check_whole(1, block_rows=block_rows, block_columns=block_columns, aisle=aisle, cross=cross, zone_rows=zone_rows)
+    check_whole(1, zone_columns=zone_columns, rim_rows=rim_rows, rim_columns=rim_columns)
+    check_whole(1, station_spacing=station_spacing)
     if not isinstance(corridor_stations, bool):
         raise ConfigError(f"corridor_stations={shown(corridor_stations)} must be True or False")
     tops = _starts(rows, rim_rows, block_rows, aisle, cross, zone_rows)
@@ -90,7 +88,7 @@ def rim_stations(rows: int, columns: int, offsets: tuple[int, int], spacing: int
     """Return stations every `spacing` cells along the four rims.
 
     offsets: distance of the stations from the north and south, and from the west and east edge [cells].
-    No station stands in a corner, where a robot could hardly turn, and no two lines crowd each other.
+    No station lies in a corner, where a robot could hardly turn.
     """
     d_row, d_column = offsets
     west_east = _spread(d_row + 2, rows - 3 - d_row, spacing)
@@ -108,14 +106,14 @@ def _spread(first: int, last: int, spacing: int) -> list[int]:
 
 
 def single_lane(zone_rows: int = 5, lane: int = 16, rim: int = 4, cross: int = 4) -> GridMap:
-    """Return four zones of shelves two deep with aisles one cell wide: robots that meet must use a passing place.
+    """Return four zones of shelves two deep with one-cell aisles: robots that meet must use a passing place.
 
     zone_rows: aisles in a zone. lane: their length; in the middle of each a bay, 4 long and 1 deep, is cut out of the
     shelf to its north. rim, cross: width of the rims and of the corridors between zones, at least 3, for a robot needs
     room to turn into an aisle (the north-south corridor is 2 wider). In cells; the defaults give 46 x 46.
     """
-    for what, value, least in (("zone_rows", zone_rows, 1), ("lane", lane, 8), ("rim", rim, 3), ("cross", cross, 3)):
-        check_whole(what, value, least, LARGEST // 8)
+    for least, given in ((1, {"zone_rows": zone_rows}), (8, {"lane": lane}), (3, {"rim": rim, "cross": cross})):
+        check_whole(least, LARGEST // 8, **given)
     zone_height = 3 * zone_rows + 2
     rows = 2 * (rim + zone_height) + cross
     columns = 2 * (rim + lane) + cross + 2
@@ -134,8 +132,8 @@ def single_lane(zone_rows: int = 5, lane: int = 16, rim: int = 4, cross: int = 4
 
 def open_floor(rows: int = 40, columns: int = 40, spacing: int = 4) -> GridMap:
     """Return a floor without shelves: stations along the rims, picks on an even lattice inside, `spacing` [cells]."""
-    for what, value, least in (("rows", rows, 9), ("columns", columns, 9), ("spacing", spacing, 1)):
-        check_whole(what, value, least)
+    check_whole(9, rows=rows, columns=columns)
+    check_whole(1, spacing=spacing)
     lattice = np.zeros((rows, columns), dtype=np.bool_)
     lattice[4 : rows - 4 : spacing, 4 : columns - 4 : spacing] = True
     return _with_endpoints(
@@ -144,15 +142,13 @@ def open_floor(rows: int = 40, columns: int = 40, spacing: int = 4) -> GridMap:
 
 
 def random_floor(rows: int = 32, columns: int = 32, share: float = 0.1, seed: int = 0) -> GridMap:
-    """Return a floor with shelves on single cells drawn at random; what they cut off is filled, so all is one region.
+    """Return a floor with shelves on random single cells; cut-off floor is filled, so all floor is one region.
 
     share: part of the cells that is drawn, 0 to 0.6; seed: the same seed gives the same floor.
     """
-    check_whole("rows", rows, 1)
-    check_whole("columns", columns, 1)
-    check_whole("seed", seed, 0, 2**63 - 1)
-    if isinstance(share, bool) or not isinstance(share, (int, float)) or not 0 <= share <= 0.6:
-        raise ConfigError(f"share={shown(share)} must be a number between 0 and 0.6")
+    check_whole(1, rows=rows, columns=columns)
+    check_whole(0, 2**63 - 1, seed=seed)
+    _check_number("share", share, 0.0, 0.6)
     drawn = np.random.default_rng(seed).permutation(rows * columns)[: int(share * rows * columns)]
     occupied = np.zeros(rows * columns, dtype=np.bool_)
     occupied[drawn] = True
@@ -161,15 +157,14 @@ def random_floor(rows: int = 32, columns: int = 32, share: float = 0.1, seed: in
 
 
 def aisles(rows: int = 36, columns: int = 44, seed: int = 0) -> GridMap:
-    """Return a floor of shelves of random sizes with aisles of one to three cells between them, some of them blind.
+    """Return a floor of shelves of random sizes with aisles of one to three cells between them, some of them dead ends.
 
     Bands of shelves 1 to 5 deep and 2 to 7 long; every row of shelves has aisles of its own, so that most crossings
     are T-shaped; an aisle in four is closed at one end. Stations along the rims, which are 3 wide at least; picks are
     the cells beside a shelf. rows, columns: size of the floor [cells]; seed: the same seed gives the same floor.
     """
-    check_whole("rows", rows, 12)
-    check_whole("columns", columns, 12)
-    check_whole("seed", seed, 0, 2**63 - 1)
+    check_whole(12, rows=rows, columns=columns)
+    check_whole(0, 2**63 - 1, seed=seed)
     rng = np.random.default_rng(seed)
     occupied = np.zeros((rows, columns), dtype=np.bool_)
     top = _RIM
@@ -192,19 +187,17 @@ def aisles(rows: int = 36, columns: int = 44, seed: int = 0) -> GridMap:
 def pillars(
     rows: int = 34, columns: int = 40, count: int = 60, radius: float = 0.4, gap: float = 2.4, seed: int = 0
 ) -> GridMap:
-    """Return a hall of round pillars that stand anywhere on its floor, and nothing else.
+    """Return a hall of round pillars anywhere on its floor, and nothing else.
 
-    rows, columns: size of the floor [cells] of 1 m. count: of pillars, fewer where no more find room. radius: of the
-    largest [m]; the others are down to half as wide. gap: least floor between two [m]. seed: the same seed gives the
-    same floor. Stations along the rims, which no pillar reaches into; picks on an even lattice inside.
+    rows, columns: size of the floor [cells] of 1 m. count: of pillars, fewer if no more fit. radius: of the
+    largest [m]; the smallest is half as wide. gap: least floor between two [m]. seed: the same seed gives the same
+    floor. Stations lie along the rims, which no pillar reaches into; picks on an even lattice inside.
     """
-    check_whole("rows", rows, 16)
-    check_whole("columns", columns, 16)
-    check_whole("count", count, 1)
-    check_whole("seed", seed, 0, 2**63 - 1)
-    for what, value, least, most in (("radius", radius, 0.05, 5.0), ("gap", gap, 0.0, 100.0)):
-        if isinstance(value, bool) or not isinstance(value, (int, float)) or not least <= value <= most:
-            raise ConfigError(f"{what}={shown(value)} must be a number from {least} to {most} metres")
+    check_whole(16, rows=rows, columns=columns)
+    check_whole(1, count=count)
+    check_whole(0, 2**63 - 1, seed=seed)
+    _check_number("radius", radius, 0.05, 5.0)
+    _check_number("gap", gap, 0.0, 100.0)
     rng = np.random.default_rng(seed)
     discs = np.zeros((0, 3))
     for _ in range(20 * count):
@@ -222,7 +215,7 @@ def pillars(
 def _with_endpoints(occupied: NDArray[np.bool_], stations: list[Cell], picks: NDArray[np.bool_], name: str) -> GridMap:
     """Return the map with its stations, where free, and with picks on the marked free cells.
 
-    No pick is at or next to a station, so that a robot at one leaves the other within reach.
+    No pick is at or next to a station, so that a robot at one does not block the other.
     """
     free = sorted({cell for cell in stations if not occupied[cell]})
     marked = picks & ~occupied
@@ -233,9 +226,16 @@ def _with_endpoints(occupied: NDArray[np.bool_], stations: list[Cell], picks: ND
     return GridMap(occupied, picks=np.argwhere(marked), stations=np.array(free), name=name)
 
 
-def check_whole(what: str, value: object, least: int, most: int = LARGEST) -> None:
-    """Raise ConfigError unless the parameter is a whole number from `least` to `most`."""
-    if isinstance(value, bool) or not isinstance(value, int) or value < least:
-        raise ConfigError(f"{what}={shown(value)} must be a whole number of at least {least}")
-    if value > most:
-        raise ConfigError(f"{what}={shown(value)} must be a whole number of at most {most}")
+def check_whole(least: int, most: int = LARGEST, **given: object) -> None:
+    """Raise ConfigError unless the named parameters are whole numbers from `least` to `most`."""
+    for what, value in given.items():
+        if isinstance(value, bool) or not isinstance(value, int) or value < least:
+            raise ConfigError(f"{what}={shown(value)} must be a whole number of at least {least}")
+        if value > most:
+            raise ConfigError(f"{what}={shown(value)} must be a whole number of at most {most}")
+
+
+def _check_number(what: str, value: object, least: float, most: float) -> None:
+    """Raise ConfigError unless a parameter is a number from `least` to `most`."""
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not least <= value <= most:
+        raise ConfigError(f"{what}={shown(value)} must be a number from {least:g} to {most:g}")

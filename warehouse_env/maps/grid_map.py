@@ -5,27 +5,22 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import hashlib
-import operator
 from collections import OrderedDict
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from warehouse_env.config import RobotSpec
-from warehouse_env.errors import MapError, WarehouseError, shown
+from warehouse_env.errors import MapError, shown
 from warehouse_env.maps import discs as round_ones
-from warehouse_env.maps import going, one_way
+from warehouse_env.maps import going, moves, one_way, tables
+from warehouse_env.maps.moves import MOVES as MOVES
+from warehouse_env.maps.tables import frozen
 
 Cell = tuple[int, int]
-T = TypeVar("T", bound=np.generic)
-
-# The 8 moves of eq. 26 (paper 000) as (d_row, d_col), counter-clockwise from east; odd indices are diagonal.
-MOVES: NDArray[np.int64] = np.array(
-    [(0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1), (1, 0), (1, 1)], dtype=np.int64
-)
 
 SMALLEST_CELL, LARGEST_CELL = 0.01, 1000.0  # [m]
 HIGHEST = 1e4  # [m], up or down
@@ -41,14 +36,14 @@ class GridMap:
     height: float32[H, W], floor height [m]; flat if not given.
     cell_size: side of a cell [m].
     picks, stations: int64[K, 2], endpoint cells (row, col) of lifelong tasks; `default_endpoints` if not given.
-    one_way: uint8[H, W], a direction to keep on a cell, as an index into one_way.ARROWS; none if not given.
-    origin: (x, y) [m] of the south-west corner in the frame of the file that the map is from (`world`).
-    discs: float32[K, 3], round obstacles (x, y, radius) [m]; none if not given. What they reach into is occupied too.
-    walls: bool[H, W], the cells that are shelves as a whole; if not given, those given as occupied.
-    speed: float64[H, W], [m/s] that robots may drive at most on a cell, inf where nothing limits them; or None.
-    price: float64[H, W, 8], times its length that each of MOVES costs a planner, from 1 on; or None.
-    tight: bool[H, W], floor on which robots' bodies do not fit, and nobody plans (maps/fitting.py); or None.
-    pace: [m/s] of robots that nothing limits, against which planners count the time that limits cost (`at_pace`).
+    one_way: uint8[H, W], the direction of a cell as an index into one_way.ARROWS; none if not given.
+    origin: (x, y) [m] of the south-west corner in the frame of the map's file (`world`).
+    discs: float32[K, 3], round obstacles (x, y, radius) [m]; none if not given. Cells they reach into are occupied.
+    walls: bool[H, W], the cells that are whole shelves; by default those given as occupied.
+    speed: float64[H, W], speed limits of cells [m/s], inf for none; or None.
+    price: float64[H, W, 8], factor of at least 1 on the length of each of MOVES, for planners; or None.
+    tight: bool[H, W], floor on which robots' bodies do not fit, which planners avoid (maps/fitting.py); or None.
+    pace: [m/s] of robots without limits; planners count the time lost by limits against it (`at_pace`).
     """
 
     occupied: NDArray[np.bool_]
@@ -67,40 +62,40 @@ class GridMap:
     pace: float = RobotSpec.max_speed
 
     def __post_init__(self) -> None:
-        occupied = _checked_occupied(self.occupied)
-        object.__setattr__(self, "cell_size", _checked_size(self.cell_size))
-        discs = round_ones.checked(self.discs, occupied.shape, self.cell_size)
-        object.__setattr__(self, "discs", _frozen(discs))
-        walls, occupied = round_ones.among(occupied, self.walls, discs, self.cell_size)
-        object.__setattr__(self, "walls", _frozen(walls))
-        object.__setattr__(self, "occupied", _frozen(occupied))
-        object.__setattr__(self, "height", _frozen(_checked_height(self.height, occupied.shape)))
-        object.__setattr__(self, "one_way", _frozen(one_way.checked(self.one_way, occupied)))
-        object.__setattr__(self, "pace", going.checked_pace(self.pace))
-        speed, price = going.checked_speed(self.speed, occupied), going.checked_price(self.price, occupied)
-        object.__setattr__(self, "speed", None if speed is None else _frozen(speed))
-        object.__setattr__(self, "price", None if price is None else _frozen(price))
-        object.__setattr__(self, "tight", _checked_tight(self.tight, occupied))
-        object.__setattr__(self, "origin", _checked_origin(self.origin))
+        occupied = tables.occupied_cells(self.occupied)
+        cell = tables.number(self.cell_size, "cell_size", SMALLEST_CELL, LARGEST_CELL)
+        discs = round_ones.checked(self.discs, occupied.shape, cell)
+        walls, occupied = round_ones.among(occupied, self.walls, discs, cell)
+        height = np.zeros(occupied.shape)
+        if self.height is not None:
+            height = tables.numbers(self.height, occupied.shape, "height", -HIGHEST, HIGHEST)
+        checked: dict[str, Any] = {
+            "occupied": frozen(occupied), "walls": frozen(walls), "discs": frozen(discs), "cell_size": cell,
+            "height": frozen(height.astype(np.float32)), "one_way": frozen(one_way.checked(self.one_way, occupied)),
+            "origin": tables.point(self.origin, "origin", FARTHEST),
+            "pace": tables.number(self.pace, "pace", going.SLOWEST, going.FASTEST, "m/s"),
+            "speed": going.checked_speed(self.speed, occupied), "price": going.checked_price(self.price, occupied),
+            "tight": tables.marks_on_floor(self.tight, occupied, "tight"),
+        }  # fmt: skip
         if not isinstance(self.name, str):
             raise MapError(f"name={shown(self.name)} must be a text")
+        vars(self).update(checked)
+        endpoints = {"picks": self.picks, "stations": self.stations}
         if self.picks is None or self.stations is None:
             from warehouse_env.maps.endpoints import default_endpoints
 
-            picks, stations = default_endpoints(occupied)
-            object.__setattr__(self, "picks", picks if self.picks is None else self.picks)
-            object.__setattr__(self, "stations", stations if self.stations is None else self.stations)
-        for what in ("picks", "stations"):
-            object.__setattr__(self, what, _frozen(self._checked_endpoints(getattr(self, what), what)))
+            for what, cells in zip(endpoints, default_endpoints(occupied), strict=True):
+                endpoints[what] = cells if endpoints[what] is None else endpoints[what]
+        vars(self).update({what: frozen(self._checked_endpoints(cells, what)) for what, cells in endpoints.items()})
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle the fields only; the copy is checked and read-only again, its caches are empty."""
+        """Pickle the fields only; the copy is checked and read-only again, with empty caches."""
         of_cells = (self.occupied, self.height, self.cell_size, self.picks, self.stations, self.name, self.one_way)
         on_the_way = (self.speed, self.price, self.tight, self.pace)
         return GridMap, (*of_cells, self.origin, self.discs, self.walls, *on_the_way)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> GridMap:
-        """Return itself: nobody can change it, and what it has worked out serves all."""
+        """Return itself: it is immutable, and all copies share its caches."""
         return self
 
     def _checked_endpoints(self, cells: ArrayLike, what: str) -> NDArray[np.int64]:
@@ -130,44 +125,35 @@ class GridMap:
 
     @cached_property
     def key(self) -> str:
-        """Return 32 hex digits that stand for the content (shelves, discs, heights, cell size, rules of lanes)."""
-        content = hashlib.blake2b(digest_size=16)
-        content.update(f"{self.shape} {self.cell_size!r} ".encode())
-        content.update(self.occupied.tobytes())
-        content.update(self.height.tobytes())
-        if self.one_way.any():
-            content.update(self.one_way.tobytes())
-        if len(self.discs):
-            content.update(self.discs.tobytes())
-            content.update(self.walls.tobytes())
-        if self.tight is not None:
-            content.update(self.tight.tobytes())
-        if self.surplus is not None:
-            content.update(f"{self.pace!r}".encode() + self.surplus.tobytes())
-        if self.speed is not None:
-            content.update(self.speed.tobytes())
-        return content.hexdigest()
+        """Return 32 hex digits that identify the content (shelves, discs, heights, cell size, rules of lanes)."""
+        parts: list[Any] = [f"{self.shape} {self.cell_size!r} ".encode(), self.occupied, self.height]
+        parts += [self.one_way] if self.one_way.any() else []
+        parts += [self.discs, self.walls] if len(self.discs) else []
+        parts += [self.tight] if self.tight is not None else []
+        parts += [f"{self.pace!r}".encode(), self.surplus] if self.surplus is not None else []
+        parts += [self.speed] if self.speed is not None else []
+        return hashlib.blake2b(b"".join(map(bytes, parts)), digest_size=16).hexdigest()
 
     @cached_property
     def _region(self) -> NDArray[np.bool_]:
         """bool[H, W], the largest connected free region."""
         from warehouse_env.maps.endpoints import largest_region
 
-        return _frozen(largest_region(~self.closed))
+        return frozen(largest_region(~self.closed))
 
     @cached_property
     def closed(self) -> NDArray[np.bool_]:
-        """bool[H, W], where nobody drives over by plan: shelves, and floor that is tight."""
-        return self.occupied if self.tight is None else _frozen(self.occupied | self.tight)
+        """bool[H, W], cells that planners avoid: shelves and tight floor."""
+        return self.occupied if self.tight is None else frozen(self.occupied | self.tight)
 
     @cached_property
     def free_cells(self) -> NDArray[np.int64]:
         """int64[F, 2], the cells of the largest free region connected by eq. 26 moves, in reading order."""
-        return _frozen(np.argwhere(self._region))
+        return frozen(np.argwhere(self._region))
 
     @cached_property
     def endpoints(self) -> tuple[list[Cell], list[Cell], list[Cell]]:
-        """Return the picks, the stations, and all of them in reading order, each once; as Python's numbers."""
+        """Return the picks, the stations, and all of them in reading order, each once; as Python numbers."""
         picks, stations = ([(int(r), int(c)) for r, c in cells] for cells in (self.picks, self.stations))
         return picks, stations, sorted({*picks, *stations})
 
@@ -176,49 +162,31 @@ class GridMap:
         """bool[H, W, 8]: may a robot on this cell make MOVES[m] (eq. 26, paper 000)?
 
         Start and target are free and inside; a diagonal also needs both orthogonal cells free; and the move is not
-        against the direction of either. Symmetric but for one-way cells, and for tight ones, which one may not enter,
-        and leaves by as few of them as there can be: who comes by the mouth of a narrow aisle goes not through it.
+        against the direction of either. Symmetric but for one-way cells and tight ones: nobody enters a tight cell, and
+        a robot on one leaves over as few of them as possible.
         """
-        rows, columns = self.shape
-        free = np.pad(~self.occupied, 1)
-
-        def seen(d_row: int, d_column: int) -> NDArray[np.bool_]:
-            return free[1 + d_row : 1 + d_row + rows, 1 + d_column : 1 + d_column + columns]
-
-        legal = np.empty((rows, columns, 8), dtype=np.bool_)
-        for m, (d_row, d_column) in enumerate(MOVES.tolist()):
-            legal[:, :, m] = seen(0, 0) & seen(d_row, d_column) & seen(d_row, 0) & seen(0, d_column)
-        if self.one_way.any():
-            against = one_way.against(self.one_way)
-            # what leaves a cell by a move enters it from the other side by the opposite one, seen from there
-            legal &= ~against & ~_seen_from_beyond(np.roll(against, 4, axis=2))
-        if self.tight is not None:
-            legal &= _leads_off(legal, self.tight)
-        return _frozen(legal)
+        return frozen(moves.legal_moves(self.occupied, self.one_way, self.tight))
 
     @cached_property
     def entries(self) -> NDArray[np.bool_]:
-        """bool[H, W, 8]: may a robot come to this cell from its neighbour over there, at MOVES[m]?
+        """bool[H, W, 8]: may a robot come to this cell from its neighbour at MOVES[m]?
 
         The same as `legal_moves` but for one-way cells.
         """
         symmetric = self.tight is None and not self.one_way.any()
-        return self.legal_moves if symmetric else _frozen(_seen_from_beyond(self.legal_moves))
+        return self.legal_moves if symmetric else frozen(moves.reversed_moves(self.legal_moves))
 
     @cached_property
     def surplus(self) -> NDArray[np.float64] | None:
-        """float64[H, W, 8], cells of length that each move costs on top of its own, for `price` and limits of `speed`.
-
-        None where nothing does.
-        """
-        return going.surplus(self.speed, self.price, self.pace, MOVES)
+        """float64[H, W, 8], cells of length that `price` and `speed` add to each move; or None."""
+        return going.surplus(self.speed, self.price, self.pace)
 
     def at_pace(self, pace: float) -> GridMap:
-        """Return the map for robots that drive so fast [m/s] where nothing limits them."""
+        """Return the map for robots of this unlimited speed [m/s]."""
         return self if self.speed is None or pace == self.pace else dataclasses.replace(self, pace=pace)
 
     def without(self, cell: Cell) -> GridMap:
-        """Return the map with one more cell occupied, to plan on: of its endpoints one is left, where it may be."""
+        """Return the map with one more cell occupied, to plan on; it keeps a single endpoint."""
         from warehouse_env.maps.endpoints import largest_region
 
         occupied = self.occupied.copy()
@@ -253,8 +221,8 @@ class GridMap:
     def standing(self, points: ArrayLike) -> NDArray[np.int64]:
         """Return int64[..., 2], the cells from which robots at points (x, y) [m] plan: those that hold them.
 
-        A robot can stand in a cell that a disc closes, and an erring one believes to be in a shelf or off the floor:
-        it plans from the nearest cell of `free_cells`.
+        A robot may stand in a cell that a disc closes, or believe that it is in a shelf or off the floor: it plans from
+        the nearest cell of `free_cells`.
         """
         cells = self.nearest_cell(points)
         for at in map(tuple, np.argwhere(self.occupied[cells[..., 0], cells[..., 1]])):
@@ -281,7 +249,7 @@ class GridMap:
         if known is None:
             from warehouse_env.maps.distance import distance_field
 
-            known = _frozen(distance_field(self.entries, MOVES, goal[0], goal[1]))
+            known = frozen(distance_field(self.entries, MOVES, goal[0], goal[1]))
             fields[goal] = known
             if len(fields) > DISTANCE_FIELDS_KEPT:
                 fields.popitem(last=False)
@@ -295,11 +263,11 @@ class GridMap:
         from warehouse_env.maps.distance import distance_field
 
         there = distance_field(self.legal_moves, MOVES, cell[0], cell[1])
-        return np.isfinite(there) & np.isfinite(self.distance_to(cell))
+        return np.asarray(np.isfinite(there) & np.isfinite(self.distance_to(cell)))
 
     def check_cell(self, cell: ArrayLike, what: str) -> Cell:
         """Return `cell` as two Python ints; MapError, beginning with `what`, if it is outside or on a shelf."""
-        row, column = whole_cell(cell, what, MapError)
+        row, column = tables.whole_cell(cell, what, MapError)
         rows, columns = self.shape
         if not (0 <= row < rows and 0 <= column < columns):
             given = shown((row, column))
@@ -313,120 +281,10 @@ class GridMap:
     def text(self) -> list[str]:
         """Return one line a row: `#` shelf, `p` pick, `s` station, `~` raised or sunken floor, `.` other floor.
 
-        One-way cells show their arrow instead, endpoint or not.
+        One-way cells show their arrow instead.
         """
         drawing = np.where(self.occupied, "#", np.where(self.height != 0, "~", "."))
         drawing[tuple(self.picks.T)] = "p"
         drawing[tuple(self.stations.T)] = "s"
         arrows = np.array(list(one_way.ARROWS))[self.one_way]
         return ["".join(row) for row in np.where(self.one_way > 0, arrows, drawing)]
-
-
-def whole_cell(cell: ArrayLike, what: str, error: type[WarehouseError]) -> Cell:
-    """Return a cell as two Python ints; raises `error`, beginning with `what`, for anything but two whole numbers."""
-    try:
-        row, column = (operator.index(number) for number in cell)  # type: ignore[union-attr, arg-type]
-    except (TypeError, ValueError):
-        raise error(f"{what} {shown(cell)} must be two whole numbers (row, column)") from None
-    return row, column
-
-
-def _seen_from_beyond(moves: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return bool[H, W, 8]: what `moves` says of the opposite move on the cell that each leads to; False outside."""
-    rows, columns, _ = moves.shape
-    padded = np.pad(moves, ((1, 1), (1, 1), (0, 0)))
-    seen = [
-        padded[1 + r : 1 + r + rows, 1 + c : 1 + c + columns, (m + 4) % 8] for m, (r, c) in enumerate(MOVES.tolist())
-    ]
-    return np.stack(seen, axis=-1)
-
-
-def _leads_off(legal: NDArray[np.bool_], tight: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return bool[H, W, 8], whether moves enter no tight cell, or go from one to another that is nearer to the end."""
-    far = np.pad(np.where(tight, np.inf, 0.0), 1)  # tight cells up to floor that is not, this one counted
-    able = np.pad(legal & tight[..., None], ((1, 1), (1, 1), (0, 0)))
-    last = np.argwhere(~tight) + 1
-    while len(last):
-        found = []
-        for move, way in enumerate(MOVES):
-            before = last - way
-            before = before[able[*before.T, move] & np.isinf(far[*before.T])]
-            far[*before.T] = far[*(before + way).T] + 1.0
-            found.append(before)
-        last = np.concatenate(found)
-    rows, columns = tight.shape
-    beyond = np.stack([far[1 + r : 1 + r + rows, 1 + c : 1 + c + columns] for r, c in MOVES.tolist()], axis=-1)
-    here = far[1:-1, 1:-1, None]
-    return np.asarray((beyond < here) | (beyond == 0.0) | np.isinf(here))
-
-
-def _frozen(array: NDArray[T]) -> NDArray[T]:
-    array.setflags(write=False)
-    return array
-
-
-def _checked_occupied(occupied: ArrayLike) -> NDArray[np.bool_]:
-    """Return a C-ordered bool[H, W] copy with at least one free cell, or raise MapError."""
-    try:
-        array = np.array(occupied)
-    except (TypeError, ValueError):
-        raise MapError("occupied has rows of different lengths; all rows must be equally long") from None
-    if array.ndim != 2:
-        raise MapError(f"occupied must have 2 dimensions (rows, columns), not {array.ndim}")
-    if array.size == 0:
-        raise MapError(f"the map is empty: occupied has shape {array.shape}")
-    if array.dtype != np.bool_ and (array.dtype.kind not in "iuf" or not np.isin(array, (0, 1)).all()):
-        raise MapError("occupied must hold only True (shelf) and False (free), or 1 and 0")
-    checked = np.ascontiguousarray(array.astype(np.bool_))
-    if checked.all():
-        raise MapError("the map has no free cell; a robot needs at least one")
-    return checked
-
-
-def _checked_size(size: object) -> float:
-    """Return a cell's side as a float, or raise MapError."""
-    number = isinstance(size, (int, float, np.integer, np.floating)) and not isinstance(size, bool)
-    if not (number and SMALLEST_CELL <= size <= LARGEST_CELL):  # type: ignore[operator]
-        raise MapError(f"cell_size={shown(size)} must be a number from {SMALLEST_CELL} to {LARGEST_CELL} metres")
-    return float(size)  # type: ignore[arg-type]
-
-
-def _checked_origin(origin: object) -> tuple[float, float]:
-    """Return an origin as two floats, or raise MapError."""
-    try:
-        x, y = (float(number) for number in origin)  # type: ignore[attr-defined]
-    except (TypeError, ValueError, OverflowError):
-        x = y = np.nan
-    if not (abs(x) <= FARTHEST and abs(y) <= FARTHEST):
-        raise MapError(f"origin={shown(origin)} must be two numbers of metres up to {FARTHEST:g}")
-    return x, y
-
-
-def _checked_tight(tight: ArrayLike | None, occupied: NDArray[np.bool_]) -> NDArray[np.bool_] | None:
-    """Return a read-only bool[H, W] copy, False on shelves, None where it marks nothing, or raise MapError."""
-    if tight is None:
-        return None
-    array = np.array(tight)
-    if array.shape != occupied.shape or array.dtype != np.bool_:
-        raise MapError(f"tight must hold True or False for each cell of the map's shape {occupied.shape}")
-    return _frozen(array & ~occupied) if (array & ~occupied).any() else None
-
-
-def _checked_height(height: ArrayLike | None, shape: tuple[int, ...]) -> NDArray[np.float32]:
-    """Return a C-ordered float32[H, W] copy, zeros if not given, or raise MapError."""
-    if height is None:
-        return np.zeros(shape, dtype=np.float32)
-    try:
-        with np.errstate(over="ignore", invalid="ignore"):  # too large for float32 becomes inf: refused below
-            array = np.array(np.asarray(height).astype(np.float64, casting="same_kind"), dtype=np.float32, order="C")
-    except (ValueError, TypeError, OverflowError):
-        raise MapError("height must be a table of numbers [m]") from None
-    if array.shape != shape:
-        raise MapError(f"height has shape {array.shape} but the map has {shape}; give one height [m] a cell")
-    wrong = ~(np.abs(array) <= HIGHEST)  # nan as well
-    if wrong.any():
-        row, column = np.argwhere(wrong)[0].tolist()
-        raise MapError(
-            f"height at cell ({row}, {column}) is {array[row, column]}; heights must be finite metres up to {HIGHEST:g}"
-        )
-    return array

@@ -1,6 +1,6 @@
-"""The named layouts: a catalogue of floors, and tasks on them whose shortest lengths are known.
+"""The named layouts: a catalogue of floors, and tasks on them with known shortest lengths.
 
-`LAYOUTS` maps a name to a function that makes the floor; a new layout is one more line there.
+`LAYOUTS` maps a name to the function that makes the floor; a new layout is one more line there.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from warehouse_env import own_parts
+from warehouse_env import plugins
 from warehouse_env.errors import ConfigError, shown, unknown_name
 from warehouse_env.maps.generators import aisles, blocks, open_floor, pillars, random_floor, single_lane
 from warehouse_env.maps.grid_map import Cell, GridMap
@@ -120,10 +120,10 @@ _EXAMPLE = "aisles:seed=7,rows=40"
 
 
 def add_layout(text: str) -> None:
-    """Load a layout of one's own, "my_layout.py:hall" or "module:hall", into LAYOUTS; ConfigError if it is none."""
-    name, _ = own_parts.parse(text, "layout", _EXAMPLE, LAYOUTS)
-    if name not in LAYOUTS and own_parts.split(name):
-        made = own_parts.load(name, "layout")
+    """Load a user's layout, "my_layout.py:hall" or "module:hall", into LAYOUTS; ConfigError if it is none."""
+    name, _ = plugins.parse(text, "layout", _EXAMPLE, LAYOUTS)
+    if name not in LAYOUTS and plugins.split(name):
+        made = plugins.load(name, "layout")
         if not callable(made):
             raise ConfigError(f"{name} is no layout: it must be a function that returns a GridMap")
         LAYOUTS[name] = made
@@ -132,24 +132,24 @@ def add_layout(text: str) -> None:
 def make_layout(name: str, **parameters: Any) -> GridMap:
     """Return the named layout, or the floor of a file: MovingAI's NAME.map, map_server's NAME.yaml, or a picture.
 
-    The name may carry parameters, so that a configuration or a command line can: "aisles:seed=7,rows=40". ConfigError,
-    with near matches, for an unknown name or an unknown parameter; MapError for a file that is none.
+    The name may carry parameters, as in "aisles:seed=7,rows=40". ConfigError, with near matches, for an unknown name or
+    parameter; MapError for a file that is no map.
     """
     if isinstance(name, str) and name.lower().endswith(".map") and not parameters:
         return read_map(name)
     if is_hall(name) and not parameters:
         return read_floor(name)
-    name, named = own_parts.parse(name, "layout", _EXAMPLE, LAYOUTS)
+    name, named = plugins.parse(name, "layout", _EXAMPLE, LAYOUTS)
     if not isinstance(name, str) or name not in LAYOUTS:
-        raise own_parts.unknown("layout", name, LAYOUTS)
+        raise plugins.unknown("layout", name, LAYOUTS)
     known = inspect.signature(LAYOUTS[name]).parameters
     for parameter in (parameters := named | parameters):
         if parameter not in known:
             raise unknown_name(f"parameter of layout {name!r}:", parameter, known or ["none"])
     plain = {key: value.item() if isinstance(value, np.generic) else value for key, value in parameters.items()}
-    if name not in own_parts.LOADED:
+    if name not in plugins.LOADED:
         return LAYOUTS[name](**plain)
-    with own_parts.running(name):
+    with plugins.running(name):
         grid = LAYOUTS[name](**plain)
     if not isinstance(grid, GridMap):
         raise ConfigError(f"{name} is no layout: it returned {shown(grid)}, not a GridMap")

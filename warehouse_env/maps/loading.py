@@ -1,4 +1,4 @@
-"""The floor of a configuration, fitted to its robots: the one place that loads it."""
+"""Load the floor of a configuration, fitted to its robots."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from warehouse_env.maps.layouts import make_layout
 
 
 def load_floor(config: EnvConfig, grid: GridMap | None = None) -> GridMap:
-    """Return the floor that a config names, or `grid` instead, for the bodies and speeds of its robots.
+    """Return the floor of a config, or `grid` instead, fitted to the bodies and speeds of its robots.
 
-    What they cannot reach is a MapWarning. The floor stays as it is if fewer endpoints than robots would be left: the
-    caller may place the robots elsewhere.
+    Endpoints that they cannot reach raise a MapWarning. The floor stays unchanged if fewer endpoints than robots would
+    be left: the caller may place the robots elsewhere.
     """
     if grid is None:
         grid = make_layout(config.layout)
@@ -24,6 +24,6 @@ def load_floor(config: EnvConfig, grid: GridMap | None = None) -> GridMap:
     floor, notes = fitted(grid, config.widest_body)
     if len(floor.endpoints[2]) <= config.num_agents < len(grid.endpoints[2]):
         floor, notes = grid, (*notes, "fewer places are left than there are robots, so the floor stays as it is")
-    for note in notes if multiprocessing.parent_process() is None else ():  # workers' parents have said it
+    for note in notes if multiprocessing.parent_process() is None else ():  # a worker's parent has warned already
         warnings.warn(f"{grid.name}: {note}", MapWarning, stacklevel=3)
     return floor

@@ -1,4 +1,4 @@
-"""MovingAI benchmark files: `.map` floors and `.scen` scenarios, read and written.
+"""MovingAI benchmark files: `.map` floors, read and written, and `.scen` scenarios, read.
 
 Formats: Sturtevant, "Benchmarks for Grid-Based Pathfinding", 2012. A scenario's coordinates are x = column, y = row,
 and its length is the shortest by octile moves without cutting corners, which are the moves of eq. 26 (paper 000).
@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from warehouse_env.errors import MapError, shown
-from warehouse_env.files import companion, path_of, read_text, write_text
+from warehouse_env.files import as_number, companion, path_of, read_text, write_text
 from warehouse_env.maps import one_way
 from warehouse_env.maps.discs import SUFFIX, read_discs, write_discs
 from warehouse_env.maps.grid_map import Cell, GridMap
@@ -126,8 +125,7 @@ def read_scen(path: str | os.PathLike[str]) -> list[Scenario]:
 
 def _scenario(path: Path, number: int, line: str) -> Scenario:
     """Return one line of a `.scen` file."""
-    between = next((sign for sign in "\t;" if sign in line), None)
-    words = line.rstrip(between).split(between)
+    words = line.split("\t")
     if len(words) != 9:
         wanted = "bucket, map, width, height, start x, start y, goal x, goal y, length"
         raise _bad(path, number, f"{len(words)} fields instead of 9, parted by tabs ({wanted})")
@@ -139,41 +137,10 @@ def _scenario(path: Path, number: int, line: str) -> Scenario:
     for value, name, limit in zip(places, names, (width, height) * 2, strict=True):
         if value >= limit:
             raise _bad(path, number, f"{name} {value} is outside the map of {width} x {height} cells")
-    try:
-        length = float(words[8].replace(",", "."))
-    except ValueError:
-        length = math.nan
-    if not (math.isfinite(length) and length >= 0):
+    length = as_number(words[8])
+    if not 0 <= length < math.inf:
         raise _bad(path, number, f"length {shown(words[8])} must be a finite number of at least 0")
     return Scenario(bucket, words[1], width, height, (places[1], places[0]), (places[3], places[2]), length)
-
-
-def write_scen(scenarios: Iterable[Scenario], path: str | os.PathLike[str]) -> None:
-    """Write scenarios as a `.scen` file, whole or not at all; MapError if it cannot be written."""
-    path, lines = path_of(path, MapError), ["version 1"]
-    try:
-        numbered = list(enumerate(scenarios, start=2))
-    except TypeError:
-        raise MapError(f"{shown(scenarios)} holds no scenarios, so it cannot be written as a .scen file") from None
-    for number, s in numbered:
-        if not isinstance(s, Scenario) or not isinstance(s.map_name, str):
-            raise _bad(path, number, f"{shown(s)} is no Scenario")
-        written = s.map_name.encode(errors="replace").decode() == s.map_name  # no half of a surrogate pair
-        if any(c in s.map_name for c in "\t\r\n") or not s.map_name.strip() or not written:
-            raise _bad(path, number, f"map name {shown(s.map_name)} must be one line of text without tabs")
-        try:
-            (row, column), (goal_row, goal_column), length = s.start, s.goal, f"{s.length:.8f}"
-        except (TypeError, ValueError, OverflowError):
-            raise _bad(path, number, f"{shown(s)} needs a start and a goal (row, column), and a length") from None
-        sizes = (s.width, s.height, column, row, goal_column, goal_row)
-        lines.append("\t".join([_digits(s.bucket), s.map_name, *map(_digits, sizes), length]))
-        _scenario(path, number, lines[-1])  # what cannot be read back is not written
-    write_text(path, "\n".join(lines) + "\n")
-
-
-def _digits(value: object) -> str:
-    """Return a whole number as it stands in a file, and anything else as `_whole` will refuse it."""
-    return shown(int(value) if isinstance(value, np.integer) else value)
 
 
 def _bad(path: Path, line: int, reason: str) -> MapError:

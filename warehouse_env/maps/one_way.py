@@ -1,8 +1,8 @@
-"""One-way cells: a direction that a user gives to cells of a floor, so that nobody plans to drive against it.
+"""One-way cells: cells with a direction that planners keep.
 
-A move of eq. 26 is against a cell's direction if it has a part opposite to it, so of the eight moves three are, and
-may neither leave nor enter the cell; across it robots may drive. As text a floor's directions are one line a row, `.`
-for none and an arrow otherwise; beside NAME.map they stand in NAME.oneway.
+A move of eq. 26 is against a cell's direction if it has a component opposite to it. Three of the eight moves are, and
+may neither leave nor enter the cell; robots may cross it. As text, directions are one line a row, `.` for none and an
+arrow otherwise; they lie in NAME.oneway beside NAME.map.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def checked(one_way: ArrayLike | None, occupied: NDArray[np.bool_]) -> NDArray[n
 
 
 def against(one_way: NDArray[np.uint8]) -> NDArray[np.bool_]:
-    """Return bool[H, W, 8]: does a move have a part opposite to the direction of the cell?"""
+    """Return bool[H, W, 8]: whether a move has a component opposite to the cell's direction."""
     move = np.arange(8)
     off = (move - 2 * (one_way[..., None].astype(np.int64) - 1)) % 8
     return (one_way[..., None] > 0) & (off >= 3) & (off <= 5)

@@ -1,4 +1,4 @@
-"""YAML as maps and benchmarks use it: safe, and in time and memory in proportion to the file."""
+"""Safe YAML, read in time and memory proportional to the file."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _DEEPEST = 16  # mappings and lists within each other
 
 
 class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
-    """A safe loader, the one in C where it was built, for which a name given twice is an error."""
+    """A safe loader, in C if available, that refuses duplicate names."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         """Return the entries of a mapping."""
@@ -26,9 +26,9 @@ class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[mi
 
 
 def read_yaml(path: Path, kind: str, most: int) -> Any:
-    """Return what a file of at most so many bytes holds; MapError in one sentence, which calls it a `kind`.
+    """Return the content of a file of at most `most` bytes; MapError, naming the `kind` of file.
 
-    Aliases are refused, by which a short file can be endless, and what lies deeper than 16 levels.
+    Aliases, which can make a short file endless, and more than 16 levels are refused.
     """
     text = read_text(path, kind, most)
     try:

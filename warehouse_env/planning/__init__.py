@@ -4,10 +4,10 @@ Which to take when; `warehouse tables planners` has the figures (200 pairs of ce
 
 1. `astar_turns`: always a shortest path, with the fewest turns, 0.1 to 0.6 ms.
 2. Floor heights: `astar_turns` with gentleness=10; the default `pf_aco` finds the same paths, 40 times slower.
-3. A cost map, such as other robots' traffic: `astar_turns` heeds it exactly, every colony nearly.
+3. A cost map, such as other robots' traffic: `astar_turns` is exact, every colony nearly.
 4. Lines off the lattice: `theta_star`, 2.5 to 4.6% shorter, close to the shelves' corners.
 5. Of the colonies `pf_aco`: optimal in 88 to 100% of the runs, never more than 0.21% longer in the mean, 8 to 46 ms.
-   The ants of `shaa_acs` are led by what amounts to the true distance. The others are there to be compared.
+   The ants of `shaa_acs` follow nearly the true distance. The others are for comparison.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import inspect
 from collections.abc import Callable
 from typing import Any
 
-from warehouse_env import own_parts
+from warehouse_env import plugins
 from warehouse_env.checked import check_names
 from warehouse_env.errors import ConfigError, unknown_name
 from warehouse_env.planning.ants.aco import Aco
@@ -70,15 +70,15 @@ _MEMBERS = ("plan(grid, start, goal, rng, cost=None)", "takes_cost", "name", "ke
 
 
 def add_planner(text: str) -> None:
-    """Load a planner of one's own, "my_planner.py:Mine" or "module:Mine", into PLANNERS; ConfigError if it is none."""
-    name, _ = own_parts.parse(text, "planner", _EXAMPLE, PLANNERS)
-    if name in PLANNERS or not own_parts.split(name):
+    """Load a user's planner, "my_planner.py:Mine" or "module:Mine", into PLANNERS; ConfigError if it is none."""
+    name, _ = plugins.parse(text, "planner", _EXAMPLE, PLANNERS)
+    if name in PLANNERS or not plugins.split(name):
         return
-    made = own_parts.load(name, "planner")
+    made = plugins.load(name, "planner")
     if isinstance(made, type):
-        own_parts.check_has(name, "planner", made, _MEMBERS)
+        plugins.check_has(name, "planner", made, _MEMBERS)
         if issubclass(made, BasePlanner):
-            made.version = own_parts.LOADED[name].digest
+            made.version = plugins.LOADED[name].digest
     PLANNERS[name] = made
 
 
@@ -88,21 +88,21 @@ _EXAMPLE = "pf_aco:ants=20,patience=null"
 def make_planner(name: str, **parameters: Any) -> Planner:
     """Build a planner of PLANNERS; ConfigError for an unknown name, an unknown parameter or a bad value.
 
-    The name may carry parameters, so that a configuration or a command line can: "pf_aco:ants=20,local_search=false".
-    Their values are JSON, words need no quotes; `parameters` come first.
+    The name may carry parameters, as in "pf_aco:ants=20,local_search=false". Values are JSON; words need no quotes.
+    `parameters` override them.
     """
-    name, named = own_parts.parse(name, "planner", _EXAMPLE, PLANNERS)
+    name, named = plugins.parse(name, "planner", _EXAMPLE, PLANNERS)
     if not isinstance(name, str) or name not in PLANNERS:
-        raise own_parts.unknown("planner", name, PLANNERS)
+        raise plugins.unknown("planner", name, PLANNERS)
     parameters = named | parameters
     if parameters and not inspect.signature(PLANNERS[name]).parameters:
         raise ConfigError(f"planner {name} takes no parameters; leave out {', '.join(parameters)}")
-    if name not in own_parts.LOADED:
+    if name not in plugins.LOADED:
         check_names(f"{name} parameter", parameters, PLANNERS[name])
         return PLANNERS[name](**parameters)
     for parameter in parameters.keys() - inspect.signature(PLANNERS[name]).parameters.keys():
         raise unknown_name(f"{name} parameter", parameter, inspect.signature(PLANNERS[name]).parameters)
-    with own_parts.running(name):
+    with plugins.running(name):
         own = PLANNERS[name](**parameters)
-    own_parts.check_has(name, "planner", own, _MEMBERS)
+    plugins.check_has(name, "planner", own, _MEMBERS)
     return own

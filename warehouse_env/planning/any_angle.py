@@ -7,25 +7,22 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from warehouse_env.heap import pop, push
 from warehouse_env.kernel import kernel
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
 from warehouse_env.planning.base import BasePlanner
 from warehouse_env.planning.graph_search import fewest_turns, unflatten
-from warehouse_env.planning.plan import Plan
+from warehouse_env.planning.plan import CostMap, Plan
 
 
 @kernel
-def line_of_sight(
-    occupied: NDArray[np.bool_], one_way: NDArray[np.uint8], row: int, col: int, to_row: int, to_col: int
-) -> bool:
-    """May a point go straight from the centre of one cell to that of another? occupied: bool[H, W].
+def line_of_sight(occupied, one_way, row, col, to_row, to_col):
+    """Whether the straight line between the centres of two cells is free. occupied: bool[H, W].
 
-    Every cell whose inside the line crosses must be free. Where it runs exactly through a corner of cells, the two
-    cells beside it must be free as well: the rule of eq. 26 (paper 000) for a diagonal move, for lines of any angle.
-    Nor may the line have a part against the direction of a cell that it crosses (one_way: uint8[H, W], GridMap).
+    Every cell whose inside the line crosses must be free. Where it runs exactly through a corner, the two cells beside
+    it must be free as well: eq. 26 (paper 000) for lines of any angle. Nor may the line have a component against the
+    direction of a cell that it crosses (one_way: uint8[H, W], GridMap).
     """
     d_row, d_col = abs(to_row - row), abs(to_col - col)
     step_row, step_col = (1 if to_row > row else -1), (1 if to_col > col else -1)
@@ -49,28 +46,26 @@ def line_of_sight(
 
 
 @kernel
-def _against_rows(d_row: int) -> int:
-    """The direction (an index into ARROWS) that a line down so many rows has a part against; 0 where there is none."""
+def _against_rows(d_row):
+    """Return the direction (an index into ARROWS) that a line down so many rows opposes; 0 for none."""
     return 2 if d_row > 0 else 4 if d_row < 0 else 0
 
 
 @kernel
-def _against_columns(d_col: int) -> int:
-    """As `_against_rows`, of a line over so many columns to the east."""
+def _against_columns(d_col):
+    """Return the direction that a line over so many columns to the east opposes; 0 for none."""
     return 3 if d_col > 0 else 1 if d_col < 0 else 0
 
 
 @kernel
-def _straight(cols: int, cell: int, other: int) -> float:
+def _straight(cols, cell, other):
     """Distance [cells] between the centres of two flat cells."""
     d_row, d_col = cell // cols - other // cols, cell % cols - other % cols
     return math.sqrt(float(d_row * d_row + d_col * d_col))
 
 
 @kernel
-def _search(
-    legal: NDArray[np.bool_], occupied: NDArray[np.bool_], one_way: NDArray[np.uint8], start: int, goal: int
-) -> NDArray[np.int64]:
+def _search(legal, occupied, one_way, start, goal):
     """Return the vertex (flat cell) before each cell on an any-angle path, -1 where none; the start's is itself.
 
     legal: bool[H, W, 8]. A cell's path goes to it straight from the vertex of the cell it was reached from, if that
@@ -110,7 +105,7 @@ def _search(
 
 
 @kernel
-def _band(legal: NDArray[np.bool_], line: NDArray[np.int64]) -> NDArray[np.bool_]:
+def _band(legal, line):
     """Return bool[H, W, 8], the legal moves between cells on or next to the line int64[K, 2] of cells."""
     rows, cols = legal.shape[0], legal.shape[1]
     near = np.zeros((rows, cols), np.bool_)
@@ -148,9 +143,7 @@ class ThetaStar(BasePlanner):
     name: ClassVar[str] = "theta_star"
     takes_cost: ClassVar[bool] = False  # the cost of a line at any angle would have to be integrated along it
 
-    def find(
-        self, grid: GridMap, start: Cell, goal: Cell, rng: np.random.Generator, cost: NDArray[np.float64] | None
-    ) -> Plan:
+    def find(self, grid: GridMap, start: Cell, goal: Cell, rng: np.random.Generator, cost: CostMap) -> Plan:
         """Search; `rng` is not used."""
         cols = grid.shape[1]
         first, last = start[0] * cols + start[1], goal[0] * cols + goal[1]

@@ -1,4 +1,4 @@
-"""BasePlanner: what the planners here share, so that each is its parameters and its search."""
+"""BasePlanner: what all planners share, so that each is only its parameters and its search."""
 
 from __future__ import annotations
 
@@ -9,15 +9,14 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from warehouse_env.checked import Checked
 from warehouse_env.errors import ConfigError, MapWarning
 from warehouse_env.maps.grid_map import Cell, GridMap
-from warehouse_env.planning.plan import Plan, check_endpoints
+from warehouse_env.planning.plan import CostMap, Plan, check_endpoints
 
-_MOST, _LARGEST = 1_000_000, 1e6  # beyond, a search takes days
-# What takes memory by its square or by the floor's size, and powers that would leave float64, by name in any planner.
+_MOST, _LARGEST = 1_000_000, 1e6  # larger searches take days
+# limits by parameter name: memory that grows with the square or the floor's size, and powers that leave float64
 _MOST_OF = {
     "ants": 10_000, "particles": 10_000, "fish": 1000, "waypoints": 100,
     "exponent": 20, "trail_exponent": 20, "distance_exponent": 20, "repulsion_reach": 100,
@@ -31,13 +30,13 @@ class BasePlanner(Checked):
 
     name: ClassVar[str]
     takes_cost: ClassVar[bool] = False
-    version: ClassVar[str] = ""  # of code that is not ours and changes: plans are kept on disk under the key
+    version: ClassVar[str] = ""  # digest of a plugin's code, since plans are kept on disk under the key
     shares: ClassVar[tuple[str, ...]] = ()  # parameters that must lie between 0 and 1
 
     def __post_init__(self) -> None:
         """Raise ConfigError unless each field fits its type and range.
 
-        Whole numbers are at least 1, numbers at least 0, and at most 1 for the fields named in `shares`.
+        Whole numbers are at least 1, other numbers at least 0; fields in `shares` are at most 1.
         """
         super().__post_init__()
         for field in dataclasses.fields(self):
@@ -50,7 +49,7 @@ class BasePlanner(Checked):
                 self._between(1, _MOST_OF.get(field.name, _MOST), field.name)
 
     def _called(self, name: str) -> str:
-        """Return what errors call a parameter."""
+        """Return the name of a parameter in errors."""
         return f"{self.name} parameter {name}"
 
     @property
@@ -59,14 +58,7 @@ class BasePlanner(Checked):
         parameters = (f"{field.name}={getattr(self, field.name)!r}" for field in dataclasses.fields(self))
         return f"{self.name}({', '.join(parameters)}){self.version and f' {self.version}'}"
 
-    def plan(
-        self,
-        grid: GridMap,
-        start: Cell,
-        goal: Cell,
-        rng: np.random.Generator,
-        cost: NDArray[np.float64] | None = None,
-    ) -> Plan:
+    def plan(self, grid: GridMap, start: Cell, goal: Cell, rng: np.random.Generator, cost: CostMap = None) -> Plan:
         """Search; the same state of `rng` gives the same plan, to the bit. Arguments and errors: see Planner.plan."""
         begin = time.perf_counter()
         if grid.surplus is not None and not self.takes_cost:
@@ -77,8 +69,6 @@ class BasePlanner(Checked):
         plan = self.find(grid, *check_endpoints(grid, start, goal), rng, cost)
         return plan._replace(seconds=time.perf_counter() - begin)
 
-    def find(
-        self, grid: GridMap, start: Cell, goal: Cell, rng: np.random.Generator, cost: NDArray[np.float64] | None
-    ) -> Plan:
+    def find(self, grid: GridMap, start: Cell, goal: Cell, rng: np.random.Generator, cost: CostMap) -> Plan:
         """Search between two free cells; `plan` times it."""
         raise NotImplementedError

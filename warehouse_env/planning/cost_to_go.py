@@ -1,8 +1,7 @@
-"""What it costs to go on to a goal: exact fields, kept for the goals that are asked for again.
+"""Exact cost-to-go fields, cached for goals that are asked for again.
 
-Costs are whole thousandths of a cell, so that sums are the same in any order and equal costs are equal numbers.
-Planners of paths on the way take a field as the bound of what they have not searched yet, and as the rest of the way
-beyond what they look at.
+Costs are whole thousandths of a cell, so sums do not depend on their order and equal costs are equal numbers. Live
+replanning uses a field as the bound of its search and as the rest of the path beyond its horizon.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ from warehouse_env.planning.plan import MICRO, tolls
 UNIT = 1000  # costs of a cell of way
 DIAGONAL = 1414  # of a diagonal step
 UNREACHABLE = np.iinfo(np.int32).max
-MARGIN = 40  # [cells] that a field reaches beyond the rectangle of start and goal
+MARGIN = 40  # [cells] by which a field extends beyond the rectangle of start and goal
 _ROUNDED = 64  # [cells] to which its sides are rounded, so that one field serves many starts
 _KEPT = 1_200_000_000  # bytes of fields
 
@@ -68,8 +67,8 @@ def cost_field(steps, dearest, goal_row, goal_column, top, left, bottom, right):
     """Return the cost to the goal of the cheapest walk within a box, int32[bottom - top, right - left], or UNREACHABLE.
 
     steps: int32[H, W, 8], what the moves of eq. 26 (paper 000) cost, at most `dearest`; 0 for those not legal. Label
-    setting with buckets as wide as the cheapest move (Dial 1969): what is in the first can no longer improve, and no
-    heap is needed.
+    setting with buckets as wide as the cheapest move (Dial 1969): cells in the first can no longer improve, and no heap
+    is needed.
     """
     rows, columns = bottom - top, right - left
     cost = np.full(rows * columns, UNREACHABLE, np.int32)
@@ -117,7 +116,7 @@ def to_go(field, top, left, row, column):
 
 
 class CostToGo:
-    """Fields of one floor, made when they are asked for and kept as long as there is room."""
+    """Fields of one floor, computed on demand and kept as long as there is room."""
 
     def __init__(self, grid: GridMap, gentleness: float = 0.0) -> None:
         """gentleness: cells of length that a metre of climbing is worth (PlanError from `tolls` where too much)."""
@@ -132,7 +131,7 @@ class CostToGo:
         self._bytes = 0
 
     def box(self, start: Cell, goal: Cell) -> Box:
-        """Return the cells around a start and a goal among which the way between them is looked for."""
+        """Return the box around a start and a goal in which to look for a path."""
         rows, columns = self.grid.shape
 
         def side(one: int, other: int, size: int) -> tuple[int, int]:
@@ -147,7 +146,7 @@ class CostToGo:
         return Box(0, 0, *self.grid.shape)
 
     def around(self, cell: Cell, goal: Cell) -> tuple[NDArray[np.int32], Box]:
-        """Return the field of a goal in which a cell is far from the edge, and where that field is."""
+        """Return the field of a goal in which a cell is far from the edge, and its box."""
         box = self.box(cell, goal)
         field = self.field(goal, box)
         if field[cell[0] - box.top, cell[1] - box.left] == UNREACHABLE:

@@ -9,12 +9,11 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from warehouse_env.kernel import kernel
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
 from warehouse_env.planning.base import BasePlanner
-from warehouse_env.planning.plan import Plan
+from warehouse_env.planning.plan import CostMap, Plan
 from warehouse_env.planning.potential_field import force_at, intermediate_point, repulsion_parts
 
 _EQUAL = 1e-9  # [cosine] closer alignments count as equal, so that rounding does not choose the move
@@ -25,14 +24,10 @@ _HALF = float(np.sqrt(0.5))
 class Apf(BasePlanner):
     """The classical artificial potential field (Khatib 1986), what papers 001 and 002 set out to improve.
 
-    Attraction k * d to the goal (eq. 6 of 001, 12 of 002), repulsion k_rep * (1/d - 1/rho0) / d^2 from every shelf
-    cell nearer than rho0 (eqs. 7 and 14; 001 prints its eq. 7 without the 1/d^2 of the gradient). The walker makes the
-    legal move with the smallest angle to the resultant, as 002 describes it after eq. 24. It is stuck, and the Plan is
-    empty, where the force vanishes, where all legal moves lead more sideways or back than along it, and where it
-    comes to a cell a second time, since it would then go round for ever. So every walk ends.
-
-    Neither paper prints a gain. Near the goal the pull fades while the push of shelves beside it does not (goals
-    that cannot be reached); in front of a shelf both cancel (local minima). Both are its nature and are kept.
+    Attraction k * d to the goal, repulsion k_rep * (1/d - 1/rho0) / d^2 from every shelf cell nearer than rho0. The
+    walker makes the legal move with the smallest angle to the resultant. It is stuck, and the Plan is empty, where the
+    force vanishes, where all legal moves lead more sideways or back than along it, and where it comes to a cell a
+    second time. Neither paper prints a gain.
     """
 
     attraction_gain: float = 1.0  # k [1/cell]
@@ -41,9 +36,7 @@ class Apf(BasePlanner):
 
     name: ClassVar[str] = "apf"
 
-    def find(
-        self, grid: GridMap, start: Cell, goal: Cell, rng: np.random.Generator, cost: NDArray[np.float64] | None
-    ) -> Plan:
+    def find(self, grid: GridMap, start: Cell, goal: Cell, rng: np.random.Generator, cost: CostMap) -> Plan:
         """Walk; `rng` is not used."""
         return self._walk(grid, start, goal, exponent=0.0, points=0)
 
@@ -73,16 +66,11 @@ class ApfImproved(Apf):
     """The potential field with the repairs of papers 001 (eqs. 9-13) and 002 (eqs. 16-20 and the intermediate point).
 
     relative_distance: the repulsive potential is multiplied by d^n, d the distance to the goal, so that the goal is
-    the lowest cell of the field and can be reached between shelves. The force is the exact negative gradient: a push
-    from the shelf, * d^n, and a pull to the goal, n/2 * k_rep * (1/d_shelf - 1/rho0)^2 * d^(n-1). Read so: 001 calls
-    n = 0.5 a positive integer; its eqs. 11-12 write beta for both n and n - 1 and lose the squares; its two ranges
-    of beta (below and above rho0 / 2) contradict a gradient and are left out. 002 has the same field with any n.
-    Far from the goal d^n makes the push of every shelf larger, so at a strong repulsion fewer goals are reached.
+    the lowest cell of the field and can be reached between shelves; the force is the exact negative gradient.
 
     intermediate_point: a walker that is stuck heads for the point P of 002 (`potential_field.intermediate_point`), by
     the same force, and then for the goal again; stuck once more it takes the next point, `points` at the most. The
-    paper draws one straight path to P and says nothing of shelves in its way. The Plan is the way as it was walked,
-    detours and loops included. Without it, the walker fails where `apf` does but beside the goal.
+    Plan is the way as it was walked, detours and loops included.
     """
 
     relative_distance: bool = True
@@ -92,25 +80,14 @@ class ApfImproved(Apf):
 
     name: ClassVar[str] = "apf_improved"
 
-    def find(
-        self, grid: GridMap, start: Cell, goal: Cell, rng: np.random.Generator, cost: NDArray[np.float64] | None
-    ) -> Plan:
+    def find(self, grid: GridMap, start: Cell, goal: Cell, rng: np.random.Generator, cost: CostMap) -> Plan:
         """Walk; `rng` is not used."""
         exponent = self.exponent if self.relative_distance else 0.0
         return self._walk(grid, start, goal, exponent, self.points if self.intermediate_point else 0)
 
 
 @kernel
-def follow(
-    legal: NDArray[np.bool_],
-    push: NDArray[np.float64],
-    energy: NDArray[np.float64],
-    start: Cell,
-    target: Cell,
-    goal: Cell,
-    gain: float,
-    exponent: float,
-) -> tuple[NDArray[np.int64], bool]:
+def follow(legal, push, energy, start, target, goal, gain, exponent):
     """Walk along the force to the target: (cells int64[L, 2] with the start, whether it arrived).
 
     Ends at the target or where it happens upon the goal, or on the last cell before it would be stuck or come to a
@@ -136,7 +113,7 @@ def follow(
 
 
 @kernel
-def along(legal: NDArray[np.bool_], force_row: float, force_col: float) -> int:
+def along(legal, force_row, force_col):
     """The legal move (bool[8]) with the smallest angle to a force, under 90 degrees; -1 where there is none."""
     size = np.sqrt(force_row * force_row + force_col * force_col)
     best, largest = -1, _EQUAL

@@ -1,15 +1,14 @@
-"""Dijkstra, A* and turn-aware A* on the moves of eq. 26 (paper 000): the truth the other planners are held against.
+"""Dijkstra, A* and turn-aware A* on the moves of eq. 26 (paper 000): the exact reference for the other planners.
 
-Costs are kept as two whole numbers, diagonal steps and millionths of a cell of all else (straight steps, and the tolls
-of a cost map), and a cost is computed from them once. As sqrt(2) is irrational, equal costs are thus equal numbers,
-whatever the order of the steps and of the tolls.
+A cost is kept as two whole numbers: diagonal steps, and millionths of a cell for straight steps and tolls. It is
+computed from them once, so equal costs are equal numbers whatever the order of steps and tolls (sqrt(2) is irrational).
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,20 +18,19 @@ from warehouse_env.heap import pop, push
 from warehouse_env.kernel import inline, kernel, whole
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
 from warehouse_env.planning.base import BasePlanner
-from warehouse_env.planning.plan import MICRO, Plan, check_endpoints, tolls, turns
+from warehouse_env.planning.plan import MICRO, CostMap, Plan, check_endpoints, tolls, turns
 
 _SQRT2 = math.sqrt(2.0)
 _STEP = int(MICRO)  # millionths of a cell: a straight step
-START = whole(8)  # in place of a move, of a state: it is the start
+START = whole(8)  # in place of the arriving move: the start
 
 
 @kernel
-def _labels(states: int, start: int) -> Any:
+def _labels(states, start):
     """Labels of a search, [states]: straight (with tolls), diagonal, length, turns, state before, closed; and a heap.
 
-    A state is put on the heap at most once for each of the 8 moves that enter its cell. The order of the arrays
-    counts: with others after the heap's, malloc gives pages back after every search, and a short one takes twice as
-    long.
+    A state is pushed at most once for each of the 8 moves that enter its cell. The heap's arrays come last: otherwise
+    malloc returns pages after every search, and a short search takes twice as long.
     """
     straight, diagonal, length = np.zeros(states, np.int64), np.zeros(states, np.int64), np.full(states, np.inf)
     length[start] = 0.0
@@ -42,7 +40,7 @@ def _labels(states: int, start: int) -> Any:
 
 
 @inline
-def _ahead(d_row: int, d_col: int) -> Any:
+def _ahead(d_row, d_col):
     """Straight and diagonal steps over so many rows and columns where no shelf is in the way."""
     diagonal = min(abs(d_row), abs(d_col))
     return max(abs(d_row), abs(d_col)) - diagonal, diagonal
@@ -55,7 +53,7 @@ def is_hairpin(arrived, move):
 
 
 @kernel
-def _search(legal: Any, toll: Any, start: int, goal: int, informed: bool) -> Any:
+def _search(legal, toll, start, goal, informed):
     """Return the cell (flat index) before each on a cheapest path, -1 where none.
 
     legal: bool[H, W, 8]; toll: int64[H, W, 8], millionths of a cell that a move costs more than its length, or None.
@@ -92,7 +90,7 @@ def _search(legal: Any, toll: Any, start: int, goal: int, informed: bool) -> Any
 
 
 @kernel
-def _search_turns(legal: Any, toll: Any, start: int, goal: int, hairpin: int) -> Any:
+def _search_turns(legal, toll, start, goal, hairpin):
     """A* on cell x arriving move with the cost (length + tolls, turns); return the state before each and the goal's.
 
     State = 9 * cell + move, START at the start. legal, toll: as in `_search`; hairpin: millionths of a cell that a
@@ -135,19 +133,6 @@ def _search_turns(legal: Any, toll: Any, start: int, goal: int, hairpin: int) ->
     return before, -1
 
 
-def _shortest(
-    legal: NDArray[np.bool_], toll: NDArray[np.int64] | None, start: int, goal: int, informed: bool
-) -> list[int]:
-    """Flat cells of a cheapest path, empty where none."""
-    before = _search(legal, toll, start, goal, informed)
-    path = [goal]
-    while path[-1] != start:
-        if before[path[-1]] < 0:
-            return []
-        path.append(int(before[path[-1]]))
-    return path[::-1]
-
-
 def fewest_turns(
     legal: NDArray[np.bool_], toll: NDArray[np.int64] | None, start: int, goal: int, hairpin: float = 0.0
 ) -> list[int]:
@@ -167,15 +152,14 @@ def unflatten(flat: list[int], columns: int) -> NDArray[np.int64]:
 
 @dataclass(frozen=True)
 class _GraphSearch(BasePlanner):
-    """Base of the exact searches: each names its own in `search`. They draw no random numbers."""
+    """Base of the exact searches. They draw no random numbers."""
 
     gentleness: float = 0.0  # [cells/m] detour that a metre of climbing is worth
 
     takes_cost: ClassVar[bool] = True
+    informed: ClassVar[bool] = True  # by the octile distance
 
-    def find(
-        self, grid: GridMap, start: Cell, goal: Cell, rng: np.random.Generator, cost: NDArray[np.float64] | None
-    ) -> Plan:
+    def find(self, grid: GridMap, start: Cell, goal: Cell, rng: np.random.Generator, cost: CostMap) -> Plan:
         """Search on flat cells."""
         columns = grid.shape[1]
         toll = tolls(grid, self.gentleness, cost)
@@ -183,8 +167,14 @@ class _GraphSearch(BasePlanner):
         return Plan(unflatten(flat, columns))
 
     def search(self, legal: NDArray[np.bool_], toll: NDArray[np.int64] | None, start: int, goal: int) -> list[int]:
-        """Return the flat cells of a path, none where there is none. legal, toll: as in `_search`."""
-        raise NotImplementedError
+        """Return the flat cells of a cheapest path, none where there is none. legal, toll: as in `_search`."""
+        before = _search(legal, toll, start, goal, self.informed)
+        path = [goal]
+        while path[-1] != start:
+            if before[path[-1]] < 0:
+                return []
+            path.append(int(before[path[-1]]))
+        return path[::-1]
 
 
 @dataclass(frozen=True)
@@ -192,10 +182,7 @@ class Dijkstra(_GraphSearch):
     """Shortest path without a heuristic (Dijkstra 1959)."""
 
     name: ClassVar[str] = "dijkstra"
-
-    def search(self, legal: NDArray[np.bool_], toll: NDArray[np.int64] | None, start: int, goal: int) -> list[int]:
-        """Return the flat cells of a shortest path."""
-        return _shortest(legal, toll, start, goal, False)
+    informed: ClassVar[bool] = False
 
 
 @dataclass(frozen=True)
@@ -204,16 +191,12 @@ class AStar(_GraphSearch):
 
     name: ClassVar[str] = "astar"
 
-    def search(self, legal: NDArray[np.bool_], toll: NDArray[np.int64] | None, start: int, goal: int) -> list[int]:
-        """Return the flat cells of a shortest path."""
-        return _shortest(legal, toll, start, goal, True)
-
 
 @dataclass(frozen=True)
 class AStarTurns(_GraphSearch):
     """The fewest turns among the shortest paths: A* on cell x direction with the cost (length, turns)."""
 
-    hairpin: float = 0.0  # [cells] price of a turn of more than 90 degrees, which only a cost map makes worth while
+    hairpin: float = 0.0  # [cells] price of a turn of more than 90 degrees, which only pays with a cost map
 
     name: ClassVar[str] = "astar_turns"
 

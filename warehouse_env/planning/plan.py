@@ -1,38 +1,43 @@
-"""Plan, the Planner protocol, measures of a path, and a validator that shares no code with any planner."""
+"""Plan, the Planner protocol, measures of a path, and a validator that shares no code with the planners."""
 
 from __future__ import annotations
 
 import itertools
 import math
 from functools import lru_cache
-from typing import Any, ClassVar, NamedTuple, Protocol
+from typing import ClassVar, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from warehouse_env.errors import ConfigError, PlanError, shown
 from warehouse_env.kernel import kernel
-from warehouse_env.maps.grid_map import MOVES, Cell, GridMap, whole_cell
+from warehouse_env.maps.grid_map import Cell, GridMap
+from warehouse_env.maps.moves import beyond
+from warehouse_env.maps.tables import whole_cell
+
+CostMap = NDArray[np.float64] | None
+"""Cells of length that each move costs on top of its own, [H, W, 8], or that entering a cell costs, [H, W]."""
 
 DEAREST = 1e6  # [cells] that a move may cost
-_COUNTED = 2.0**61  # a path's sum of tolls that int64 holds with room to spare
+_COUNTED = 2.0**61  # largest sum of tolls along a path; int64 holds more
 MICRO = 1e6  # tolls and heights are counted in whole millionths, so that sums of them are exact
 
 _NONE = np.empty(0)
 _NONE.flags.writeable = False
-_GRAZE = 1e-9  # [cells] by which a line may seem to enter a shelf, for rounding
+_GRAZE = 1e-9  # [cells] of rounding by which a line may enter a shelf
 
 
 class Plan(NamedTuple):
-    """What a planner gives back.
+    """A planner's result.
 
     cells: int64[L, 2], (row, col) from start to goal, both included; (0, 2) where no path was found.
     best_by_iteration: float64[I], length [cells] of the best path known after each iteration, inf before the
         first one; empty for planners that do not iterate.
     seconds: wall time of the search.
     elapsed: float64[I] [s] from the beginning of the search to the end of each iteration.
-    line: float64[K, 2], (row, col) in cells, from start to goal: the polyline that is to be driven, where a planner
-        makes one that leaves the lattice (any-angle search, smoothing); None where the cells are the path.
+    line: float64[K, 2], (row, col) in cells, from start to goal: the polyline to drive, if a planner leaves the lattice
+        (any-angle search, smoothing); None if the cells are the path.
     """
 
     cells: NDArray[np.int64]
@@ -77,14 +82,7 @@ class Planner(Protocol):
         """Name and parameters as stable text: equal keys mean equal plans for equal random numbers."""
         ...
 
-    def plan(
-        self,
-        grid: GridMap,
-        start: Cell,
-        goal: Cell,
-        rng: np.random.Generator,
-        cost: NDArray[np.float64] | None = None,
-    ) -> Plan:
+    def plan(self, grid: GridMap, start: Cell, goal: Cell, rng: np.random.Generator, cost: CostMap = None) -> Plan:
         """Search from start to goal; an unreachable goal gives an empty Plan, an unusable cell a PlanError.
 
         cost: cells of length that each move costs on top of its own, float64[H, W, 8]; or that entering a cell
@@ -103,15 +101,14 @@ def edge_cost(grid: GridMap, cost: NDArray[np.float64]) -> NDArray[np.float64]:
         raise ConfigError(f"a cost map must have the shape {grid.shape} or {(*grid.shape, 8)}, not {cost.shape}")
     if not (cost.min() >= 0 and cost.max() <= DEAREST):  # nan is neither
         raise ConfigError(f"a cost map must hold finite numbers of at least 0 and at most {DEAREST:g}")
-    if cost.ndim == 3:
-        return cost
-    return _entered(cost)
+    edges: NDArray[np.float64] = cost if cost.ndim == 3 else beyond(cost)
+    return edges
 
 
 def tolls(grid: GridMap, gentleness: float = 0.0, cost: NDArray[np.float64] | None = None) -> NDArray[np.int64] | None:
     """Return what each legal move costs on top of its length [millionths of a cell], int64[H, W, 8]; None: nothing.
 
-    What the floor itself asks for (GridMap.surplus) is part of it. gentleness: cells of length that a metre of
+    The floor's own tolls (GridMap.surplus) are part of it. gentleness: cells of length that a metre of
     climbing, up or down, is worth; cost: a cost map (Planner.plan).
     """
     climbing = bool(gentleness) and bool(_climbs(grid).any())
@@ -119,7 +116,7 @@ def tolls(grid: GridMap, gentleness: float = 0.0, cost: NDArray[np.float64] | No
         return None
     toll = np.zeros((*grid.shape, 8), np.int64)
     if climbing and gentleness * float(_climbs(grid).max()) * len(grid.free_cells) > _COUNTED:
-        raise ConfigError(f"gentleness={gentleness:g} is too much on map {grid.name!r}, whose floor is that uneven")
+        raise ConfigError(f"gentleness={gentleness:g} is too much for the uneven floor of map {grid.name!r}")
     if climbing:
         toll += np.rint(gentleness * _climbs(grid)).astype(np.int64)
     if grid.surplus is not None:
@@ -143,17 +140,10 @@ def _add_cost(toll, legal, cost, scale):
 def _climbs(grid: GridMap) -> NDArray[np.int64]:
     """Micrometres gone up or down by each legal move, int64[H, W, 8]; 0 where a move is not legal."""
     height = np.rint(grid.height.astype(np.float64) * MICRO).astype(np.int64)
-    climbs = np.abs(_entered(height) - height[..., None])
+    climbs: NDArray[np.int64] = np.abs(beyond(height) - height[..., None])
     climbs[~grid.legal_moves] = 0
     climbs.flags.writeable = False
     return climbs
-
-
-def _entered(field: NDArray[Any]) -> NDArray[Any]:
-    """Return the value [H, W, 8] of a field [H, W] on the cell that each move enters, 0 outside the map."""
-    rows, columns = field.shape
-    padded = np.pad(field, 1)
-    return np.stack([padded[1 + r : 1 + r + rows, 1 + c : 1 + c + columns] for r, c in MOVES.tolist()], axis=-1)
 
 
 def path_length(cells: ArrayLike) -> float:

@@ -85,14 +85,12 @@ def alignment(force: NDArray[np.float64]) -> NDArray[np.float64]:
 def repulsion_parts(
     occupied: NDArray[np.bool_], gain: float, reach: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """What the improved field needs of the shelves, whatever the goal: `repulsion` and `repulsive_potential`."""
+    """Return `repulsion` and `repulsive_potential`: what the improved field needs of the shelves for any goal."""
     return repulsion(occupied, gain, reach), repulsive_potential(occupied, gain, reach)
 
 
 @kernel
-def force_at(
-    pull_row: float, pull_col: float, push_row: float, push_col: float, energy: float, gain: float, exponent: float
-) -> tuple[float, float]:
+def force_at(pull_row, pull_col, push_row, push_col, energy, gain, exponent):
     """Force (d_row, d_col) of the improved field on one cell: eqs. 6, 10-12 of paper 001, 12 and 17-20 of paper 002.
 
     pull: from the cell to the goal [cells], d long; push, energy: `repulsion` and `repulsive_potential` there.
@@ -108,9 +106,7 @@ def force_at(
 
 
 @kernel
-def improved_force(
-    push: NDArray[np.float64], energy: NDArray[np.float64], goal: Cell, gain: float, exponent: float
-) -> NDArray[np.float64]:
+def improved_force(push, energy, goal, gain, exponent):
     """`force_at` on every cell, float64[H, W, 2]. push float64[H, W, 2], energy float64[H, W]: `repulsion_parts`."""
     rows, cols = energy.shape
     force = np.empty((rows, cols, 2))
@@ -148,17 +144,11 @@ def descent_length(
     `penalty` times the straight distance from there to the goal on top: R_jg of eq. 16, paper 001.
     """
     order = np.argsort(potential, axis=None, kind="stable")
-    return _descend(potential, legal, order, goal, penalty)
+    return np.asarray(_descend(potential, legal, order, goal, penalty))
 
 
 @kernel
-def _descend(
-    potential: NDArray[np.float64],
-    legal: NDArray[np.bool_],
-    order: NDArray[np.int64],
-    goal: Cell,
-    penalty: float,
-) -> NDArray[np.float64]:
+def _descend(potential, legal, order, goal, penalty):
     """`descent_length`, from the lowest cell up, so that the rest of every way is known."""
     cols = potential.shape[1]
     length = np.empty(potential.shape)
@@ -183,13 +173,13 @@ def _descend(
 
 
 @kernel
-def intermediate_point(occupied: NDArray[np.bool_], cell: Cell, goal: Cell, tried: NDArray[np.bool_]) -> Cell:
-    """Where a robot stuck on `cell` turns to before it goes on to the goal; (-1, -1) where there is no such cell.
+def intermediate_point(occupied, cell, goal, tried):
+    """Return the intermediate point of a robot stuck on `cell`; (-1, -1) if there is none.
 
     Paper 002, "local minimum", steps 1-3: through the obstacle goes a perpendicular to the line from the robot to the
     goal; the free cell on it that is nearest to the obstacle, on either side, is the point P. The obstacle is the
-    first shelf cell that bars the line, else the nearest. Cells of `tried` bool[H, W] and the robot's own are passed
-    over, so that a robot that is stuck again does not turn to the same point for ever.
+    first shelf cell that bars the line, else the nearest. Cells of `tried` bool[H, W] and the robot's own are
+    skipped, so a robot that is stuck again gets another point.
     """
     shelf = _blocking_shelf(occupied, cell, goal)
     if shelf[0] < 0:
@@ -211,7 +201,7 @@ def intermediate_point(occupied: NDArray[np.bool_], cell: Cell, goal: Cell, trie
 
 
 @kernel
-def _blocking_shelf(occupied: NDArray[np.bool_], cell: Cell, goal: Cell) -> Cell:
+def _blocking_shelf(occupied, cell, goal):
     """The first shelf cell on the straight line from `cell` to `goal`, or that a diagonal of it would graze."""
     span = max(abs(goal[0] - cell[0]), abs(goal[1] - cell[1]))
     row, col = cell
@@ -226,7 +216,7 @@ def _blocking_shelf(occupied: NDArray[np.bool_], cell: Cell, goal: Cell) -> Cell
 
 
 @kernel
-def _nearest_shelf(occupied: NDArray[np.bool_], cell: Cell) -> Cell:
+def _nearest_shelf(occupied, cell):
     """The shelf cell with the least straight distance to `cell`; (-1, -1) on an empty floor."""
     rows, cols = occupied.shape
     nearest, found = rows * rows + cols * cols, (-1, -1)

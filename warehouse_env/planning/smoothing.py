@@ -1,15 +1,9 @@
-"""Lines instead of cells: the path smoothing of paper 004 (eq. 13), with its traps mended.
+"""Lines instead of cells: the path smoothing of paper 004 (eq. 13; Gu, Duan, Su, Yuan 2020, section 3.4).
 
-Gu, Duan, Su, Yuan (2020), section 3.4: move the nodes x(i) of a path to a(i) so that
-    lambda * sum |x(i) - a(i)| + mu * sum |a(i+1) - a(i)|
-is least and every a(i) is more than sqrt(2)/2 from obstacles. What is doubtful in it, and how it is read here:
-- As printed (unsquared norms, lambda = mu) it cannot move a corner of 45 degrees: the two neighbours pull a node there
-  with 2 sin(22.5 degrees) mu = 0.77 mu < lambda. `power=2` squares the norms, `power=1` is the print.
-- Its clearance holds for nodes only, so that a line may cut through a shelf between two of them. Here every whole
-  segment keeps it, measured to the shelves' faces.
-- sqrt(2)/2 can only mean the distance to an obstacle's centre, since in an aisle of one cell the faces are 0.5 away. A
-  robot needs half its width to the faces.
-- a(n+1) is undefined: the second sum ends with the last segment. Start and goal do not move.
+Move the nodes x(i) of a path to a(i) so that lambda * sum |x(i) - a(i)| + mu * sum |a(i+1) - a(i)| is least and every
+segment keeps clear of shelves. `power=2` squares the norms; `power=1` is the print, which cannot move a corner of 45
+degrees. The clearance holds for whole segments, measured to the shelves' faces. Start and goal do not move.
+docs/planners.md tells how doubtful equations are read.
 """
 
 from __future__ import annotations

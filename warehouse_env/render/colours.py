@@ -1,4 +1,4 @@
-"""Colours that tell apart for colour-blind eyes too (after Okabe and Ito, 2008), each thing always in its own."""
+"""Colours that colour-blind readers can tell apart too (after Okabe and Ito, 2008); each thing always has its own."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ INDIGO: RGB = (74, 63, 153)
 OLIVE: RGB = (140, 134, 40)
 GREY: RGB = (128, 132, 138)
 CONTACT: RGB = (222, 22, 32)
-WAITING: RGB = (255, 214, 0)  # light, DEADLOCK dark: they tell apart in grey, too
+WAITING: RGB = (255, 214, 0)  # light, DEADLOCK dark: distinct in grey, too
 DEADLOCK: RGB = (106, 0, 150)
 
 _ROBOTS = (BLUE, ORANGE, GREEN, PURPLE, SKY, VERMILION, INDIGO, OLIVE)
 _SPARE = (PURPLE, SKY, INDIGO, OLIVE, VERMILION, GREEN, ORANGE, BLUE)
 
-# What the program compares by name: a policy or planner keeps its colour in every picture.
+# fixed colours: a policy or planner has the same colour in every picture
 _NAMED: dict[str, RGB] = {
     "follow": GREY,
     "brake": ORANGE,
@@ -53,7 +53,7 @@ def robot_colour(index: int) -> RGB:
 
 
 def name_colours(names: Iterable[str]) -> dict[str, RGB]:
-    """Give every policy or planner its colour: a fixed one if known, else one from its name, apart from the others'."""
+    """Return a colour for every policy or planner: a fixed one if known, otherwise a free one chosen by its name."""
     known = list(dict.fromkeys(names))
     colours = {name: _NAMED[name] for name in known if name in _NAMED}
     for name in known:

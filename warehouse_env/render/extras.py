@@ -1,4 +1,4 @@
-"""Imports of the optional packages that pictures need, with one clear sentence where one is missing."""
+"""Import the optional packages that pictures need, with one clear sentence if one is missing."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from warehouse_env.errors import WarehouseError
 def load(module: str) -> Any:
     """Import and return an optional module, e.g. "pygame" or "matplotlib.figure".
 
-    Raises WarehouseError where the package is not installed.
+    Raises WarehouseError if the package is not installed.
     """
     os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")  # pygame greets on stdout, which may be a table or JSON
     try:
@@ -24,14 +24,14 @@ def load(module: str) -> Any:
 
 
 def check_frames() -> None:
-    """Raise WarehouseError where what frames and windows are drawn with is not installed."""
+    """Raise WarehouseError if the package that draws frames and windows is not installed."""
     load("pygame")
 
 
 def check_window() -> None:
-    """Raise WarehouseError where no window can be opened: asked before anything is drawn for one.
+    """Raise WarehouseError if no window can be opened; called before anything is drawn.
 
-    Without a screen SDL draws where nobody sees it, which is refused unless SDL_VIDEODRIVER asks for it.
+    Without a screen SDL draws invisibly, which is refused unless SDL_VIDEODRIVER asks for it.
     """
     pygame = load("pygame")
     try:
@@ -41,7 +41,7 @@ def check_window() -> None:
     except pygame.error as error:
         raise WarehouseError(f"no window can be opened ({error}); {_INSTEAD}") from error
     if not seen:
-        raise WarehouseError(f"no window can be opened, for there is no screen; {_INSTEAD}")
+        raise WarehouseError(f"no window can be opened because there is no screen; {_INSTEAD}")
 
 
 _ON_SCREEN = ("x11", "wayland", "windows", "cocoa", "kmsdrm")

@@ -1,4 +1,4 @@
-"""The still part of every picture: floor, floor heights, shelves, pick faces and stations. Only numpy."""
+"""The static part of every picture: floor, floor heights, shelves, pick faces and stations. Uses only numpy."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def floor_image(grid: GridMap, pixels_per_metre: float) -> NDArray[np.uint8]:
     if cell >= _DETAIL:
         image[np.flatnonzero(np.diff(row)) + 1] = _SEAM
         image[:, np.flatnonzero(np.diff(column)) + 1] = _SEAM
-    _tint_heights(image, grid, v, u)
+    _tint_heights(image, grid, row, column)
     _paint_endpoints(image, grid, row, column, across, down, cell)
     shelf, discs = grid.walls[row][:, column], _cover_by_discs(grid, v, u, 0.0)
     image *= 1 - 0.26 * _shadow(shelf | (discs > 0.5), pixels_per_metre)[..., None]
@@ -61,7 +61,7 @@ def floor_image(grid: GridMap, pixels_per_metre: float) -> NDArray[np.uint8]:
 
 
 def _cover_by_discs(grid: GridMap, v: NDArray[np.float64], u: NDArray[np.float64], less: float) -> Image:
-    """Cover in [0, 1] of each pixel by discs, narrower by `less` [m] but half as wide at least -> float32[H, W].
+    """Coverage in [0, 1] of each pixel by discs, narrower by `less` [m] but at least half as wide -> float32[H, W].
 
     v, u: the pixels' centres [cells], down and across from the north-west corner.
     """
@@ -89,38 +89,15 @@ def _rounded(across: Image, down: Image, half: float, corner: float, cell: float
     return cover
 
 
-def _tint_heights(image: Image, grid: GridMap, v: NDArray[np.float64], u: NDArray[np.float64]) -> None:
-    """Warm where the floor is raised, cool where sunken, with light from the north-west; flat floors stay plain."""
-    height = np.asarray(grid.height, dtype=np.float64)
-    free = height[~grid.occupied]
-    if not free.size:
-        return
-    relief = height.clip(free.min(), free.max()) - np.median(free)
+def _tint_heights(image: Image, grid: GridMap, row: NDArray[np.int64], column: NDArray[np.int64]) -> None:
+    """Warm where the floor is raised, cool where sunken; flat floors stay plain."""
+    free = grid.height[~grid.occupied]
+    relief = grid.height.clip(free.min(), free.max()) - np.median(free)
     span = float(np.abs(relief).max())
-    if span <= 0.0:
-        return
-    smooth = _bilinear(relief / span, v - 0.5, u - 0.5)
-    cover = (0.6 * np.abs(smooth)).astype(np.float32)
-    _blend(image, np.where(smooth > 0, cover, 0).astype(np.float32), _RAISED)
-    _blend(image, np.where(smooth < 0, cover, 0).astype(np.float32), _SUNKEN)
-    step = v[1] - v[0] if len(v) > 1 else 1.0
-    slope_down, slope_right = np.gradient(smooth, step) if min(smooth.shape) > 1 else (0.0, 0.0)
-    light = np.clip((slope_down + slope_right) * 0.08, -0.08, 0.06)
-    image *= (1 + light).astype(np.float32)[..., None]
-
-
-def _bilinear(values: NDArray[np.float64], v: NDArray[np.float64], u: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Interpolate values[H, W], given at whole numbers, at rows v and columns u (edges held)."""
-    v = v.clip(0, values.shape[0] - 1)
-    u = u.clip(0, values.shape[1] - 1)
-    v0, u0 = v.astype(np.int64), u.astype(np.int64)
-    v1, u1 = np.minimum(v0 + 1, values.shape[0] - 1), np.minimum(u0 + 1, values.shape[1] - 1)
-    right = (u - u0)[None, :]
-    below = (v - v0)[:, None]
-    upper = values[v0][:, u0] * (1 - right) + values[v0][:, u1] * right
-    lower = values[v1][:, u0] * (1 - right) + values[v1][:, u1] * right
-    result: NDArray[np.float64] = upper * (1 - below) + lower * below
-    return result
+    if span > 0.0:
+        share = (0.6 / span * relief)[row][:, column].astype(np.float32)
+        _blend(image, share.clip(0), _RAISED)
+        _blend(image, (-share).clip(0), _SUNKEN)
 
 
 def _paint_endpoints(
@@ -152,30 +129,15 @@ def _cells_mask(grid: GridMap, cells: NDArray[np.int64] | None) -> NDArray[np.bo
 
 def _shadow(shelf: NDArray[np.bool_], pixels_per_metre: float) -> NDArray[np.float32]:
     """Shelves moved down and right, with soft edges -> float32[H, W] in [0, 1]."""
-    down, right = round(_SHADE_DOWN * pixels_per_metre), round(_SHADE_RIGHT * pixels_per_metre)
-    shade = np.zeros(shelf.shape, dtype=np.float32)
-    shade[down:, right:] = shelf[: shelf.shape[0] - down, : shelf.shape[1] - right]
-    radius = round(_SHADE_BLUR * pixels_per_metre)
-    for axis in (0, 1, 0, 1):
-        shade = _box_blur(shade, radius, axis)
-    return shade
-
-
-def _box_blur(values: NDArray[np.float32], radius: int, axis: int) -> NDArray[np.float32]:
-    if radius < 1:
-        return values
-    pad = [(0, 0), (0, 0)]
-    pad[axis] = (radius + 1, radius)
-    total = np.cumsum(np.pad(values, pad, mode="edge"), axis=axis, dtype=np.float64)
-    size = values.shape[axis]
-    window = 2 * radius + 1
-    high = np.take(total, np.arange(window, window + size), axis=axis)
-    low = np.take(total, np.arange(size), axis=axis)
-    return ((high - low) / window).astype(np.float32)
+    down, right, soft = (round(part * pixels_per_metre) for part in (_SHADE_DOWN, _SHADE_RIGHT, _SHADE_BLUR))
+    shade = np.pad(shelf, ((down + soft, soft), (right + soft, soft))).astype(np.float32)
+    for axis in (0, 1):
+        shade = np.lib.stride_tricks.sliding_window_view(shade, 2 * soft + 1, axis=axis).mean(axis=-1)
+    return shade[: shelf.shape[0], : shelf.shape[1]]
 
 
 def _scatter(row: NDArray[np.int64], column: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return a whole number for each cell, without a visible pattern."""
+    """Return a pseudo-random whole number for each cell."""
     mixed = row * 73856093 ^ column * 19349663
     return (mixed ^ mixed >> 7) * 2654435761 >> 16
 
@@ -189,7 +151,7 @@ def _paint_shelves(
     down: Image,
     cell: float,
 ) -> None:
-    """Racks seen from above: a frame, and a box a cell, no two neighbours quite alike."""
+    """Racks from above: a frame, and a box in each cell, in varied tones."""
     image[shelf] = _RACK
     if cell >= _DETAIL:
         tone = _BOX[_scatter(row[:, None], column[None, :]) % len(_BOX)]

@@ -1,4 +1,4 @@
-"""Axes of pictures of a floor: metres as the map's own frame counts them, and arrows where cells are one way."""
+"""Axes for pictures of a floor: metres in the map's own frame, and arrows on one-way cells."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One moment of a warehouse as a picture. Draws on plain memory: no display is needed."""
+"""One moment of a warehouse as a picture, drawn in memory: no display is needed."""
 
 from __future__ import annotations
 
@@ -52,20 +52,20 @@ class Scene(NamedTuple):
     time: float  # [s]
     text: str
     steer: NDArray[np.float32] | None = None  # [N], angle of the rear wheels [rad]
-    waits_for: NDArray[np.int32] | None = None  # [N], the robot that a waiting one waits for, else -1
-    deadlocked: NDArray[np.bool_] | None = None  # [N], those that wait for each other in a circle
-    goal_pose: NDArray[np.float32] | None = None  # [N, 3] where robots stop: front axle x, y [m], heading, nan: any
-    loaded: NDArray[np.bool_] | None = None  # [N], those that carry something
-    people: NDArray[np.float32] | None = None  # [M, 3], x [m], y [m], the way that they walk [rad]
-    fleet: tuple[RobotSpec, ...] = ()  # [N], where robots are of several kinds
+    waits_for: NDArray[np.int32] | None = None  # [N], the robot that each one waits for, else -1
+    deadlocked: NDArray[np.bool_] | None = None  # [N], robots in a wait cycle
+    goal_pose: NDArray[np.float32] | None = None  # [N, 3] poses at goals: front axle x, y [m], heading (nan: any)
+    loaded: NDArray[np.bool_] | None = None  # [N], robots that carry something
+    people: NDArray[np.float32] | None = None  # [M, 3], x [m], y [m], walking direction [rad]
+    fleet: tuple[RobotSpec, ...] = ()  # [N], if robots are of several kinds
 
     def body(self, robot: int) -> RobotSpec:
-        """Return what robot number `robot` is."""
+        """Return the body of robot number `robot`."""
         return self.fleet[robot] if self.fleet else self.robot
 
 
 def scene_of(simulator: Any, world: int = 0) -> Scene:
-    """Copy what one world of a Simulator shows: its config, grid, state, events, routes, time and totals."""
+    """Copy what a picture of one world of a Simulator needs."""
     state = simulator.state
     counts = state.route_points[world]
     routes = [
@@ -102,7 +102,7 @@ def _count(number: int, what: str) -> str:
 
 
 def route_ahead(route: NDArray[np.float32], driven: float) -> NDArray[np.float32]:
-    """Return what is shown of a route[R, 2] [m] after `driven` metres along it -> float32[K, 2], K <= R."""
+    """Return the visible part of a route[R, 2] [m] after `driven` metres -> float32[K, 2], K <= R."""
     if len(route) < 2:
         return np.array(route, dtype=np.float32).reshape(-1, 2)
     step = np.hypot(*np.diff(route.astype(np.float64), axis=0).T)
@@ -115,7 +115,7 @@ def route_ahead(route: NDArray[np.float32], driven: float) -> NDArray[np.float32
 def draw(scene: Scene, pixels_per_metre: float = 16) -> NDArray[np.uint8]:
     """Draw a scene -> uint8[H, W, 3], north at the top, a caption strip of CAPTION_HEIGHT below the floor.
 
-    Raises ConfigError for a scale that is no number above 0, WarehouseError where pygame is missing.
+    Raises ConfigError for a scale that is no number above 0, WarehouseError if pygame is missing.
     """
     scale = float(pixels_per_metre)
     if not (math.isfinite(scale) and scale > 0):
@@ -152,7 +152,7 @@ def _ground(grid: GridMap, scale: float) -> NDArray[np.uint8]:
 
 
 def _draw_routes(pygame: Any, canvas: Any, scene: Scene, top: float, scale: float) -> None:
-    """Draw the routes as hair lines beside each other, close enough to make one of even width in any direction."""
+    """Draw each route as several hair lines beside each other, which look like one line of even width."""
     shown = [i for i, route in enumerate(scene.routes) if len(route) > 1 and scene.alive[i]]
     if not shown:
         return
@@ -172,7 +172,7 @@ def _draw_routes(pygame: Any, canvas: Any, scene: Scene, top: float, scale: floa
 
 
 def _thinned(route: NDArray[np.float32], scale: float) -> NDArray[np.float32]:
-    """Leave out points of a route[K, 2] [m] that are nearer to each other than can be seen; its last one stays."""
+    """Drop points of a route[K, 2] [m] that are too close to tell apart; keep the last one."""
     apart = scale * float(np.hypot(*(route[-1] - route[-2])))  # [px]
     every = int(_FINEST / max(apart, 1e-9))
     return route if every < 2 else np.concatenate([route[:-1:every], route[-1:]])
@@ -213,14 +213,14 @@ def _draw_people(pygame: Any, canvas: Any, scene: Scene, top: float, scale: floa
 
 
 def _waiting_colour(scene: Scene, robot: int) -> RGB | None:
-    """Return what marks a robot that waits, None for one that does not."""
+    """Return the mark of a waiting robot; None for one that does not wait."""
     if scene.waits_for is None or scene.waits_for[robot] < 0:
         return None
     return DEADLOCK if scene.deadlocked is not None and scene.deadlocked[robot] else WAITING
 
 
 def _draw_waiting(pygame: Any, canvas: Any, scene: Scene, top: float, scale: float) -> None:
-    """Draw an arrow from each waiting robot to the one it waits for; those of a deadlock thicker, and on top."""
+    """Draw an arrow from each waiting robot to the one it waits for; those of a wait cycle are thicker, and on top."""
     inks = {i: ink for i in range(len(scene.pose)) if (ink := _waiting_colour(scene, i)) is not None}
     width = max(0.07, 1.6 / scale)  # [m], a pixel and a half at least
     for i in sorted(inks, key=lambda i: inks[i] == DEADLOCK):
@@ -233,7 +233,7 @@ def _draw_waiting(pygame: Any, canvas: Any, scene: Scene, top: float, scale: flo
 
 
 def _draw_caption(pygame: Any, canvas: Any, scene: Scene, upper: int) -> None:
-    """Write the time at the right and the text at the left, cut short where it does not fit."""
+    """Write the time at the right and the text at the left, cut short if it does not fit."""
     font = _font(pygame, 13)
     width = canvas.get_width()
     clock = font.render(f"{scene.time:.1f} s", True, _CAPTION_DIM)

@@ -1,4 +1,4 @@
-"""A hall's map with the floor that was made of it laid over, for pages: what was understood, and what was left out."""
+"""A hall's map overlaid with its floor of cells, for pages."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ _KINDS: Mapping[str, tuple[RGB, float]] = {
     "floor that is no whole free cell": (ORANGE, 0.35),
     "too narrow for these robots": (PURPLE, 0.35),
 }
-"""What a cell is, in the order in which the legend names it -> its colour, and how much of that covers the map."""
+"""Kind of a cell, in the order of the legend -> its colour and opacity."""
 
-SMALL, NARROW = 1, 5  # the indices among them of what is driven on though something stands there, and of tight floor
+SMALL, NARROW = 1, 5  # indices of floor with a small obstacle, and of tight floor
 _OCCUPIED = 100  # [%], of a pixel
 
 
 def cell_kinds(hall: Hall) -> NDArray[np.int64]:
-    """Return int64[H, W]: the index of what each cell is among the kinds that the picture shows, -1 for none."""
+    """Return int64[H, W]: the index of each cell's kind in the legend, -1 for none."""
     grid = hall.grid
     region = largest_region(~grid.occupied)
     driven = np.where(_holds(hall, hall.occupancy.values == _OCCUPIED), SMALL, 0)
@@ -44,7 +44,7 @@ def cell_kinds(hall: Hall) -> NDArray[np.int64]:
 
 
 def _holds(hall: Hall, pixels: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return bool[H, W]: cells that hold the middle of one of such pixels bool[h, w] at least."""
+    """Return bool[H, W]: cells that contain the middle of a marked pixel bool[h, w]."""
     rows, columns = np.nonzero(pixels)
     x, y = hall.occupancy.origin
     side, height = hall.occupancy.resolution, hall.occupancy.values.shape[0]
@@ -56,7 +56,7 @@ def _holds(hall: Hall, pixels: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def hall_map(hall: Hall, label: str) -> str:
-    """Draw a hall as SVG: its own pixels, what each cell became, one-way arrows, pick faces and stations."""
+    """Draw a hall as SVG: its pixels, the kinds of cells, one-way arrows, pick faces and stations."""
     grid, kinds = hall.grid, cell_kinds(hall)
     sides = grid.shape[1] * grid.cell_size, grid.shape[0] * grid.cell_size
     ratio = sides[1] / sides[0]
@@ -89,7 +89,7 @@ def hall_map(hall: Hall, label: str) -> str:
 
 
 def _pixels(hall: Hall) -> NDArray[np.float64]:
-    """Return float64[h, w, 4]: the map, thinned where it has very many pixels; free floor is clear."""
+    """Return float64[h, w, 4]: the map, thinned if it has very many pixels; free floor is transparent."""
     values = hall.occupancy.values
     every = -(-max(values.shape) // _MOST_PIXELS)
     rows, columns = (side // every for side in values.shape)
@@ -102,7 +102,7 @@ def _pixels(hall: Hall) -> NDArray[np.float64]:
 
 
 def _extent(hall: Hall) -> tuple[float, float, float, float]:
-    """Return where the map's pixels lie in the floor's own metres: left, right, bottom, top."""
+    """Return the map's extent in the floor's own metres: left, right, bottom, top."""
     (x, y), (left, low) = hall.occupancy.origin, hall.grid.origin
     rows, columns = (side * hall.occupancy.resolution for side in hall.occupancy.values.shape)
     return x - left, x - left + columns, y - low, y - low + rows

@@ -1,4 +1,4 @@
-"""Lines in fewer points, by Douglas and Peucker (1973)."""
+"""Lines simplified to fewer points, by Douglas and Peucker (1973)."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from warehouse_env.kernel import kernel
 
 
 def simplified(line: NDArray[np.float32], within: float | NDArray[np.floating[Any]]) -> NDArray[np.float32]:
-    """Return a line float32[K, 2] [m] in fewer points, none left out farther from it than `within` [m], one or [K].
+    """Return a line float32[K, 2] [m] with fewer points; dropped ones lie within `within` [m] (one or [K]) of it.
 
-    Its ends stay.
+    The ends are kept.
     """
     if len(line) < 3:
         return line.copy()

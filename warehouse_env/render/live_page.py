@@ -1,6 +1,6 @@
-"""The page that shows and steers a running simulation: text, style and scripts of page/ and page/live/, and its policy.
+"""The page that shows and steers a running simulation, from page/ and page/live/, and its content security policy.
 
-It is served, not opened from a file; train/live/ sends what it shows.
+train/live/ serves it and sends its data.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ SCRIPTS = ("stream", "moments", "live_app", "fleet", "steer", "hand", "main")
 
 
 class LivePage(NamedTuple):
-    """A page, and what a browser may do for it: run its one script, apply its one style, talk to its own server."""
+    """A page, and its policy: a browser may run its one script, apply its one style, and talk to its own server."""
 
     text: str
     policy: str
 
 
 def live_page(title: str, near_miss_gap: float, about: dict[str, Any]) -> LivePage:
-    """Return the page; near_miss_gap [m] for its legend; about: what its menus offer, in JSON types."""
+    """Return the page; near_miss_gap [m] for its legend; about: the contents of its menus, in JSON types."""
     script, style = f"\n{scripts_of(FOLDER, SCRIPTS)}\n", f"\n{style_of(FOLDER)}\n"
     policy = (
         f"default-src 'none'; script-src {_hashed(script)}; style-src {_hashed(style)}; img-src data:; "
@@ -43,5 +43,5 @@ def live_page(title: str, near_miss_gap: float, about: dict[str, Any]) -> LivePa
 
 
 def _hashed(text: str) -> str:
-    """Return what allows one script or style, by its content, in a content security policy."""
+    """Return the source that allows one script or style, by its content, in a content security policy."""
     return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"

@@ -1,4 +1,4 @@
-"""What the replay page and the live page share: their frame, style and scripts in page/, and what these must know."""
+"""Shared parts of the replay page and the live page: frame, style and scripts in page/, and their data."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from warehouse_env.render.replay import FLAGS, REWARD_TERMS
 from warehouse_env.simulation.state import PERSON_RADIUS
 
 PAGE = Path(__file__).parent / "page"
-# in the order in which the browser reads them; each page has its own behind them
+# in the order in which the browser reads them; each page's own scripts follow
 SHARED = (
     "data", "episode", "events", "sensors", "view", "floor", "robots", "people", "overlays", "stage", "charts",
     "preferences", "panel", "controls", "app", "build",
 )  # fmt: skip
 _PLACE = re.compile(r"\{\{(\w+)\}\}")
-MANY = 32  # robots from which goals and trails are left out at first, so that the floor is seen
+MANY = 32  # robots from which goals and trails are hidden at first, so that the floor stays visible
 
 
 def scripts_of(folder: str, names: Iterable[str]) -> str:
@@ -33,13 +33,13 @@ def scripts_of(folder: str, names: Iterable[str]) -> str:
 
 
 def style_of(folder: str | None = None) -> str:
-    """Return the shared style, and that of a page's folder behind it."""
+    """Return the shared style, followed by that of a page's folder."""
     files = ["page.css"] if folder is None else ["page.css", f"{folder}/page.css"]
     return "\n".join((PAGE / file).read_text(encoding="utf-8") for file in files)
 
 
 def assembled(folder: str, parts: Mapping[str, str]) -> str:
-    """Return a page: the shared frame, with the pieces in a page's folder and these parts in its places."""
+    """Return a page: the shared frame, filled with the pieces in a page's folder and these parts."""
     pieces = {path.stem: path.read_text(encoding="utf-8") for path in (PAGE / folder).glob("*.html")}
     text = (PAGE / "page.html").read_text(encoding="utf-8")
     text = _PLACE.sub(lambda found: pieces.get(found[1], found[0]).rstrip("\n"), text)
@@ -47,12 +47,12 @@ def assembled(folder: str, parts: Mapping[str, str]) -> str:
 
 
 def as_json(value: Any) -> str:
-    """Return JSON that may stand within a script element."""
+    """Return JSON that is safe inside a script element."""
     return json.dumps(value, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
 
 
 def about_page(robots: int) -> dict[str, Any]:
-    """Return what a page of so many robots must know, in JSON types: names of flags and terms, colours, layers."""
+    """Return a page's data for so many robots, in JSON types: names of flags and terms, colours, layers."""
     few = robots < MANY
     return {
         "flags": FLAGS,
@@ -67,7 +67,7 @@ def about_page(robots: int) -> dict[str, Any]:
 
 
 def about_world(name: str, grid: GridMap, config: EnvConfig, seed: int) -> dict[str, Any]:
-    """Return what a page must know of a world beside its arrays, in JSON types."""
+    """Return a page's data about a world beside its arrays, in JSON types."""
     robots = config.num_agents
     rows, across = grid.shape
     discrete = config.action_type == "discrete"

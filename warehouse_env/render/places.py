@@ -1,4 +1,4 @@
-"""A floor with its pick faces and stations, numbered as the file of places beside a map numbers them."""
+"""A picture of a floor with its pick faces and stations, numbered as in the file of places beside the map."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.render.chart_style import INK, save, style
 from warehouse_env.render.charts import floor_figure
 
-_LEGIBLE = 1500  # names; more of them are a grey patch
+_LEGIBLE = 1500  # names; more would be a grey patch
 _LONGEST = 12  # characters of a name
 
 

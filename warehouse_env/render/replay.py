@@ -1,11 +1,11 @@
-"""An episode as arrays to be looked at: what the replay page shows of one world, gathered by running it again."""
+"""The arrays that the replay page shows of one world, collected by running the episode again."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,7 @@ from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.render.lines import simplified
 
 Shares = Callable[[NDArray[np.float32]], NDArray[np.floating[Any]]]
-"""How much a policy likes each action: shares in [0, 1] float[1, N, A] from observations float32[1, N, D]."""
+"""A policy's preferences: shares in [0, 1] float[1, N, A] from observations float32[1, N, D]."""
 
 REWARD_TERMS = tuple(field.name for field in dataclasses.fields(RewardWeights))
 FLAGS = (
@@ -31,35 +31,7 @@ FLAGS = (
     "hit_person",
     "served",
 )
-_STRAIGHT = 0.001  # [m] beside a route at which a way-point of it goes straight on
-
-
-class Recorded(Protocol):
-    """An Episode of simulation/record/recording.py: what was driven, and can be run again."""
-
-    @property
-    def config(self) -> EnvConfig:
-        """What the episode was driven in."""
-        ...
-
-    @property
-    def grid(self) -> GridMap:
-        """The floor."""
-        ...
-
-    @property
-    def seeds(self) -> tuple[int, ...]:
-        """One a world."""
-        ...
-
-    @property
-    def pose(self) -> NDArray[np.float32]:
-        """[T + 1, B, N, 3], front axle x [m], y [m], heading [rad]."""
-        ...
-
-    def replay(self) -> Iterator[Any]:
-        """Yield the simulator after the reset and after every step."""
-        ...
+_STRAIGHT = 0.001  # [m] from a straight line within which a way-point is dropped
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,16 +47,16 @@ class Replay:
     steer: NDArray[np.float32]  # [F, N] [rad], of the steered wheels
     goal: NDArray[np.int32]  # [F, N], row * columns + column of the cell
     flags: NDArray[np.uint16]  # [F, N], bit k is FLAGS[k]
-    waits_for: NDArray[np.int32]  # [F, N], whom a standing robot waits for, else -1
-    yields_to: NDArray[np.int32]  # [F, N], whom the right of way makes it give way to, else -1
-    held_by: NDArray[np.int32]  # [F, N], before whom the protective field brakes it, else -1
+    waits_for: NDArray[np.int32]  # [F, N], the robot that a standing one waits for, else -1
+    yields_to: NDArray[np.int32]  # [F, N], the robot that it gives way to by right of way, else -1
+    held_by: NDArray[np.int32]  # [F, N], the robot for which the shield brakes it, else -1
     rewards: NDArray[np.float32]  # [F, N, R], the weighed terms of the last step, in the order of REWARD_TERMS
-    routes: tuple[NDArray[np.float32], ...]  # each [K, 2] [m], without way-points at which it goes straight on
-    route: NDArray[np.int32]  # [F, N], which of the routes it is on
-    along: NDArray[np.float32]  # [F, N] [m] reached on it
-    people: NDArray[np.float32]  # [F, M, 3] x [m], y [m], the way that they walk [rad]
-    totals: NDArray[np.int32]  # [F, 3], goals, collisions and near misses so far; a pair's counts once
-    liked: NDArray[np.float32] | None = None  # [F, N, A] in [0, 1], how much the policy likes each action
+    routes: tuple[NDArray[np.float32], ...]  # each [K, 2] [m], without way-points on straight parts
+    route: NDArray[np.int32]  # [F, N], index of its route
+    along: NDArray[np.float32]  # [F, N] [m] driven along it
+    people: NDArray[np.float32]  # [F, M, 3] x [m], y [m], walking direction [rad]
+    totals: NDArray[np.int32]  # [F, 3], goals, collisions and near misses so far; one of a pair counts once
+    liked: NDArray[np.float32] | None = None  # [F, N, A] in [0, 1], the policy's preferences
     ends: NDArray[np.float32] | None = None  # [F, N, 3], see `goal_poses`
     every: int = 1  # steps between two moments
 
@@ -95,16 +67,17 @@ class Replay:
 
 
 def replay_of(
-    episode: Recorded,
+    episode: Any,
     name: str,
     policy: Shares | None = None,
     world: int = 0,
     moved: Callable[[], object] = lambda: None,
 ) -> Replay:
-    """Run an episode again and keep what is to be seen of one world.
+    """Run an episode again and keep what the page shows of one world.
 
-    policy: asked at every moment for its preferences; moved: called after every step. Raises ConfigError for a world
-    that the episode does not have, WarehouseError where the run goes another way than the poses that were recorded.
+    episode: an Episode of simulation/record/recording.py, or anything with its `config`, `grid`, `seeds`, `pose` and
+    `replay`. policy: asked at every moment for its preferences. moved: called after every step. Raises ConfigError for
+    a world that the episode does not have, WarehouseError where the run differs from the recorded poses.
     """
     if not 0 <= world < len(episode.seeds):
         raise ConfigError(f"world={world} must be one of the episode's {len(episode.seeds)}, which count from 0")
@@ -137,8 +110,8 @@ def station_cells(grid: GridMap) -> NDArray[np.bool_]:
 
 
 def moment_of(simulator: Any, world: int, stations: NDArray[np.bool_]) -> dict[str, NDArray[Any]]:
-    """Copy what is to be seen of one world now but its routes; loaded is who is on its way to a station, or carries
-    what somebody ordered; served who stands to be loaded or to charge.
+    """Copy what the page shows of one world now, except routes. A robot is loaded on its way to a station, or if it
+    carries an order; it is served while it stands to be loaded or to charge.
 
     stations: bool[H * W], see `station_cells`.
     """
@@ -167,7 +140,7 @@ def moment_of(simulator: Any, world: int, stations: NDArray[np.bool_]) -> dict[s
 
 
 def goal_poses(simulator: Any, world: int) -> NDArray[np.float32] | None:
-    """Return float32[N, 3], where robots stop at goals: front axle x, y [m], heading [rad] (nan: any); else None."""
+    """Return float32[N, 3], poses at goals: front axle x, y [m], heading [rad] (nan: any); None if robots pass."""
     robots = simulator.robots[world]
     if simulator.config.arrival == "pass":
         return None
@@ -175,7 +148,7 @@ def goal_poses(simulator: Any, world: int) -> NDArray[np.float32] | None:
 
 
 def places(persons: NDArray[np.void]) -> NDArray[np.float32]:
-    """Return float32[M, 3] of people PERSON[M]: x [m], y [m], the way that they walk [rad]."""
+    """Return float32[M, 3] of people PERSON[M]: x [m], y [m], walking direction [rad]."""
     return np.stack([persons["x"], persons["y"], np.arctan2(persons["sin"], persons["cos"])], axis=-1)
 
 
@@ -192,10 +165,10 @@ def _totals(robots: NDArray[Any]) -> NDArray[np.int32]:
 
 
 class Lines:
-    """The routes met so far, numbered from 0 on; one that a robot stays on is kept once."""
+    """The routes seen so far, numbered from 0; a route that a robot keeps is stored once."""
 
     def __init__(self) -> None:
-        self.found: list[NDArray[np.float32]] = []  # but for those that `take` has given away
+        self.found: list[NDArray[np.float32]] = []  # without those that `take` has returned
         self._taken = 0
         self._last: dict[int, tuple[int, NDArray[np.float32]]] = {}  # by robot: number, way-points
 
@@ -207,7 +180,7 @@ class Lines:
         )
 
     def take(self) -> dict[int, NDArray[np.float32]]:
-        """Return the routes found since this was last called, by number, and keep them no longer."""
+        """Return the routes found since the last call, by number, and forget them."""
         taken = dict(enumerate(self.found, self._taken))
         self._taken += len(self.found)
         self.found = []

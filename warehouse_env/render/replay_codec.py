@@ -1,7 +1,7 @@
-"""Replays as few bytes: whole numbers of a unit, their differences in time, byte by byte, deflated or as they are.
+"""Pack replays into few bytes: whole numbers of a unit, differences in time, byte planes, deflated or not.
 
-The browser undoes it (page/data.js). Positions are kept to 2 mm or a 26,000th of the floor, headings to an 8,192nd of a
-turn; speeds, steering and rewards to a 127th of their largest value, preferences to a 63rd.
+The browser unpacks them (page/data.js). Positions are kept to 2 mm or a 26,000th of the floor, headings to an 8,192nd
+of a turn; speeds, steering and rewards to a 127th of their largest value, preferences to a 63rd.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ class Column(NamedTuple):
 
 
 def packed(replay: Replay) -> tuple[list[dict[str, Any]], bytes]:
-    """Return what the columns of a replay are (name, shape, order, width, unit, signed), and all deflated."""
+    """Return a replay's columns as a description (name, shape, order, width, unit, signed) and deflated bytes."""
     about, data = laid_out(columns_of(replay))
     return about, zlib.compress(data, 9)
 
 
 def laid_out(columns: Iterable[Column]) -> tuple[list[dict[str, Any]], bytes]:
-    """Return what columns are (name, shape, order, width, unit, signed), and their bytes one after the other."""
+    """Return a description of columns (name, shape, order, width, unit, signed), and their bytes end to end."""
     columns = list(columns)
     about = [
         {
@@ -54,7 +54,7 @@ def laid_out(columns: Iterable[Column]) -> tuple[list[dict[str, Any]], bytes]:
 
 
 def position_unit(grid: GridMap) -> float:
-    """Return the step [m] in which positions on a floor are kept."""
+    """Return the resolution [m] of positions on a floor."""
     return max(FINEST, max(grid.shape) * grid.cell_size / _STEPS)
 
 
@@ -71,7 +71,7 @@ def columns_of(replay: Replay) -> Iterator[Column]:
 
 
 def moment_columns(replay: Replay) -> Iterator[Column]:
-    """Yield where robots and people are at each moment, what they do, and what has happened: [N, F]."""
+    """Yield the states of robots and people at each moment, and the totals: [N, F]."""
     unit = position_unit(replay.grid)
     yield from (Column(name, _steps(replay.pose[..., k], unit), 2, 2, unit) for k, name in enumerate("xy"))
     turn = 2 * np.pi / _TURN
@@ -108,7 +108,7 @@ def route_columns(routes: Sequence[NDArray[np.float32]], grid: GridMap) -> Itera
 
 
 def floor_columns(grid: GridMap) -> Iterator[Column]:
-    """Yield what stands on each cell (1 shelf as a whole, 2 pick, 4 station), its direction, and its height."""
+    """Yield each cell's marks (1 whole shelf, 2 pick, 4 station), its direction, and its height."""
     cells = grid.walls.astype(np.int64)
     for cell, mark in ((grid.picks, 2), (grid.stations, 4)):
         cells[tuple(cell.T)] |= mark
@@ -124,13 +124,13 @@ def _steps(values: NDArray[np.floating[Any]], unit: float, moved: bool = True) -
 
 
 def _scaled(name: str, values: NDArray[np.floating[Any]], order: int) -> Column:
-    """Return numbers of either sign as a byte each: 127 is the largest."""
+    """Return signed numbers as a byte each: 127 is the largest."""
     most = float(np.abs(values).max(initial=0.0)) or 1.0
     return Column(name, _steps(values, most / _EIGHT_BIT), order, 1, most / _EIGHT_BIT)
 
 
 def _names(name: str, values: NDArray[np.integer[Any]]) -> Column:
-    """Return numbers that stand for things, -1 for none, in as few bytes as they need."""
+    """Return indices, -1 for none, in as few bytes as they need."""
     most = int(values.max(initial=0))
     return Column(name, values.astype(np.int64), 0, 1 if most < 128 else 2 if most < 32_768 else 4)
 

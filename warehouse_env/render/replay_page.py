@@ -26,8 +26,8 @@ _POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inl
 def write_replay_page(path: Path, replays: Sequence[Replay], title: str, robot: int | None = None) -> None:
     """Write a page of one replay, or of two side by side and in step, all of it or nothing.
 
-    robot: the one that is chosen at first. A link may say where to begin: page.html#t=12.5&robot=3&play, t in seconds.
-    Raises ConfigError for another number of replays, WarehouseError where the file cannot be written.
+    robot: the one selected at first. A link may say where to begin: page.html#t=12.5&robot=3&play, t in seconds.
+    Raises ConfigError for another number of replays, WarehouseError if the file cannot be written.
     """
     if not 1 <= len(replays) <= 2:
         raise ConfigError(f"a page shows one replay, or two side by side, not {len(replays)}")
@@ -49,7 +49,7 @@ def write_replay_page(path: Path, replays: Sequence[Replay], title: str, robot: 
 
 
 def _about(replays: Sequence[Replay], columns: Sequence[list[dict[str, Any]]]) -> dict[str, Any]:
-    """Return all that the page must know beside the packed arrays, in JSON types."""
+    """Return the page's data beside the packed arrays, in JSON types."""
     most = max(replay.pose.shape[1] for replay in replays)
     return about_page(most) | {
         "replays": [_about_one(replay, packed) for replay, packed in zip(replays, columns, strict=True)],

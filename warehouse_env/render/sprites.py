@@ -43,9 +43,7 @@ class Tile:
 
     def polygon(self, points: Points, colour: RGB, alpha: int = 255) -> None:
         """Fill a polygon, points float[K, 2] in metres."""
-        fine = self.scale * _OVERSAMPLE
-        pixels = points * (fine, -fine) + self._corner
-        self._pygame.draw.polygon(self.surface, _ink(colour, alpha), pixels.tolist())
+        self.polygons(points, [(0, len(points), colour, alpha)])
 
     def circle(self, centre: tuple[float, float], radius: float, colour: RGB, alpha: int = 255) -> None:
         """Fill a circle, in metres."""
@@ -110,8 +108,8 @@ def paint_robot(
 ) -> None:
     """Paint one robot: pose (x [m], y [m], heading [rad]) of the front axle, steer [rad] of the rear wheels.
 
-    rim: in what colour it stands out (in contact, waiting), None: its own. On small pictures the wheels are left out,
-    so that the colour is seen.
+    rim: colour of a mark (contact, waiting), None: the robot's own. Small pictures omit the wheels, so that the colour
+    stays visible.
     """
     detailed = tile.scale >= _WHEELS_FROM
     x, y, heading = (float(value) for value in pose)
@@ -195,9 +193,9 @@ def paint_person(tile: Tile, place: tuple[float, float], heading: float) -> None
 def stamp_goal(
     pygame: Any, canvas: Any, centre: tuple[float, float], colour: RGB, scale: float, heading: float = math.nan
 ) -> None:
-    """Lay a target of the robot's colour around a place of the frame's surface [px]; `scale` [px/m].
+    """Draw a target of the robot's colour around a place of the frame's surface [px]; `scale` [px/m].
 
-    heading [rad]: which way the robot is to face there, nan: any.
+    heading [rad]: the robot's heading there, nan: any.
     """
     left, upper = math.floor(centre[0]), math.floor(centre[1])
     parts = (math.floor((value - math.floor(value)) * _OVERSAMPLE) for value in centre)

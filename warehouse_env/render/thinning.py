@@ -1,6 +1,6 @@
-"""A replay in no more moments and way-points than a page needs, so that one of a thousand robots opens at once.
+"""Reduce a replay to the moments and way-points that a page needs, so that one of a thousand robots opens at once.
 
-What happened between two moments that are kept is told at the second one; rewards are summed.
+Events between two kept moments move to the second one; rewards are summed.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _HAPPENED = sum(1 << FLAGS.index(name) for name in ("arrived", "hit_robot", "hit
 
 
 def thinned(replay: Replay, most: int = MOST) -> Replay:
-    """Return a replay of at most so many robots times moments after the first, with the way-points that are seen."""
+    """Return a replay of at most `most` robots times moments after the first, with the visible way-points."""
     steps, robots = len(replay.pose) - 1, replay.pose.shape[1]
     every = math.ceil(steps * robots / most)
     return dataclasses.replace(_every(replay, every) if every > 1 else replay, routes=_lines(replay))
@@ -45,7 +45,7 @@ def _every(replay: Replay, every: int) -> Replay:
 
 
 def _lines(replay: Replay) -> tuple[NDArray[np.float32], ...]:
-    """Return each route with the way-points that are needed: close where it was driven, less so where it never was."""
+    """Return each route with fewer way-points: exact where it was driven, coarser elsewhere."""
     driven = np.zeros(len(replay.routes))
     np.maximum.at(driven, replay.route.reshape(-1), replay.along.reshape(-1))
     far = max(NEAR, max(replay.grid.shape) * replay.grid.cell_size / _FAR)

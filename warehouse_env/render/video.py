@@ -1,4 +1,4 @@
-"""Frames into a video file, frame by frame, so that a long episode needs no memory."""
+"""Write frames into a video file one by one, so that a long episode needs no memory."""
 
 from __future__ import annotations
 
@@ -41,8 +41,8 @@ class VideoWriter:
     def __init__(self, path: str | os.PathLike[str], fps: float = 25.0) -> None:
         """Prepare to write to `path` at `fps` frames a second; its folder is made if missing.
 
-        Raises ConfigError for another suffix or a bad fps, WarehouseError where the packages are missing or
-        the file cannot be written.
+        Raises ConfigError for another suffix or a bad fps, WarehouseError if the packages are missing or the file
+        cannot be written.
         """
         self.path = Path(path)
         if self.path.suffix.lower() not in (".mp4", ".gif"):
@@ -75,7 +75,7 @@ class VideoWriter:
         self.frames += 1
 
     def close(self) -> None:
-        """Finish the file and give it its name; without any frame no file is left. May be called twice."""
+        """Finish the file and give it its name; without frames there is no file. May be called twice."""
         part, self._part = self._part, None
         if part is None:
             return
@@ -135,7 +135,7 @@ class VideoWriter:
 
 
 def _complete(part: Path) -> bool:
-    """Did the encoder reach the end? Then a .gif has its trailer, and an .mp4 its index at the front."""
+    """Return whether the encoder finished: a .gif then has its trailer, an .mp4 its index at the front."""
     with part.open("rb") as file:
         if part.suffix.lower() == ".mp4":
             return b"moov" in file.read(64)
@@ -150,7 +150,7 @@ def _even(frame: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 
 def _swatches(frame: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Return the frame with its lower third striped in the colours that later frames may bring."""
+    """Return the frame with its lower third striped in colours of later frames."""
     inks = [robot_colour(i) for i in range(24)]
     inks += [mix(ink, FLOOR, 0.35) for ink in inks[:16]]
     inks += [CONTACT, mix(CONTACT, FLOOR, 0.65), mix(CONTACT, FLOOR, 0.3)] * 3

@@ -1,4 +1,4 @@
-"""A window that shows frames as they come, at the pace of the episode."""
+"""A window that shows frames at the pace of the episode."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from warehouse_env.render.extras import load
 
 
 class Window:
-    """A resizable window, opened by the first frame; closed by the user (button, Escape, q) it stays closed."""
+    """A resizable window, opened by the first frame; once the user closes it (button, Escape, q), it stays closed."""
 
     def __init__(self, fps: float = 25.0, title: str = "warehouse") -> None:
-        """Show at most `fps` frames a second. Raises WarehouseError where pygame is missing."""
+        """Show at most `fps` frames a second. Raises WarehouseError if pygame is missing."""
         self._pygame = load("pygame")
         self._fps = fps
         self._title = title
@@ -27,7 +27,7 @@ class Window:
     def show(self, frame: NDArray[np.uint8]) -> bool:
         """Show a frame uint8[H, W, 3], waiting for its time; return False once the window is closed.
 
-        Raises WarehouseError where there is no display.
+        Raises WarehouseError if there is no display.
         """
         if self.closed:
             return False

@@ -1,1 +1,1 @@
-"""From planned cells to lines that a body can drive, and the book that keeps them (book.py)."""
+"""From planned cells to lines that a body can drive, and their cache (book.py)."""

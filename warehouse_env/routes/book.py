@@ -1,25 +1,19 @@
-"""Routes: plans turned into way-points, and a cache of plans in memory and on disk.
+"""Routes: plans turned into way-points, cached in memory and on disk.
 
-A plan depends on the map, the planner with its parameters, start, goal and seed, and on nothing else,
-so it is made once: an ant colony takes milliseconds, a look-up microseconds.
+A plan depends only on the map, the planner with its parameters, start, goal and seed, so it is made once: an ant colony
+takes milliseconds, a look-up microseconds.
 """
 
 from __future__ import annotations
 
-import contextlib
 import math
-import os
-import sqlite3
-import weakref
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 from threading import Lock
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from platformdirs import user_cache_dir
 
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import MapError, PlanError
@@ -29,126 +23,11 @@ from warehouse_env.planning.plan import Plan, Planner, validate
 from warehouse_env.portable import Portable
 from warehouse_env.routes.goals import Pose, facing
 from warehouse_env.routes.lanes import drivable_line
+from warehouse_env.routes.plan_store import PlanStore, cache_directory
 from warehouse_env.threads import get_num_threads
 
-CACHE_FORMAT = 3  # raised whenever a planner's result changes for the same key, and when the table does
-LARGEST_STORE = 256 * 2**20  # [bytes] of plans on disk, about 200,000; a quarter of them, the oldest, then goes
 WORTH_KEEPING = 0.002  # [s] a plan must have taken to be kept on disk
 MEMORY = 200_000  # routes kept in memory
-PENDING = 64  # plans written to disk at once
-
-
-def cache_directory() -> Path:
-    """Return the folder of the plan cache: $WAREHOUSE_CACHE_DIR, or the user's cache folder."""
-    return Path(os.environ.get("WAREHOUSE_CACHE_DIR") or user_cache_dir("warehouse_env"))
-
-
-class _Access:
-    """One process's connection to the file, None where it cannot be opened, and the lock of who uses it."""
-
-    def __init__(self) -> None:
-        self.lock = Lock()
-        self.opened = False
-        self.connection: sqlite3.Connection | None = None
-
-
-class _Database:
-    """The file, and a connection of each process's own to it: one that came along through a fork may not be used."""
-
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
-        self._accesses: dict[int, _Access] = {}
-
-    @contextlib.contextmanager
-    def connection(self) -> Iterator[sqlite3.Connection | None]:
-        """Lend this process's connection to one thread at a time, opened when it is first asked for.
-
-        Two that read at once would share a statement, and one could get the other's row.
-        """
-        access = self._accesses.setdefault(os.getpid(), _Access())
-        with access.lock:
-            if not access.opened:
-                access.connection, access.opened = self._open(), True
-            yield access.connection
-
-    def close(self) -> None:
-        """Close this process's connection, if there is one."""
-        access = self._accesses.pop(os.getpid(), None)
-        if access is not None and access.connection is not None:
-            access.connection.close()
-
-    def _open(self) -> sqlite3.Connection | None:
-        try:
-            self._folder.mkdir(parents=True, exist_ok=True)
-            file = self._folder / f"plans-{CACHE_FORMAT}.sqlite"
-            for former in set(self._folder.glob("plans-*.sqlite")) - {file}:
-                former.unlink(missing_ok=True)
-            connection = sqlite3.connect(file, timeout=5.0, check_same_thread=False)
-        except (OSError, ValueError, sqlite3.Error):  # ValueError: an error that is no UTF-8
-            return None
-        try:
-            connection.execute("PRAGMA synchronous=OFF")
-            connection.execute("CREATE TABLE IF NOT EXISTS plan (age INTEGER PRIMARY KEY, key TEXT UNIQUE, cells BLOB)")
-        except (ValueError, sqlite3.Error):
-            connection.close()
-            return None
-        return connection
-
-
-class PlanStore:
-    """Plans on disk, shared by processes; a store that cannot be opened or is damaged is simply not used."""
-
-    def __init__(self, folder: Path) -> None:
-        self._pending: list[tuple[str, bytes]] = []
-        self._database = _Database(folder)
-        weakref.finalize(self, _finish, self._database, self._pending)  # also at the interpreter's exit
-
-    def get(self, key: str) -> NDArray[np.int64] | None:
-        """Return the cells int64[L, 2] kept under a key, or None."""
-        with self._database.connection() as connection:
-            if connection is None:
-                return None
-            try:
-                row = connection.execute("SELECT cells FROM plan WHERE key = ?", (key,)).fetchone()
-                return None if row is None else np.frombuffer(row[0], dtype="<i4").reshape(-1, 2).astype(np.int64)
-            except (sqlite3.Error, ValueError, TypeError):
-                return None
-
-    def put(self, key: str, cells: NDArray[np.int64]) -> None:
-        """Keep cells under a key."""
-        self._pending.append((key, cells.astype("<i4").tobytes()))
-        if len(self._pending) >= PENDING:
-            self.flush()
-
-    def flush(self) -> None:
-        """Write what is pending."""
-        _write(self._database, self._pending)
-
-
-def _write(database: _Database, pending: list[tuple[str, bytes]]) -> None:
-    plans = pending[:]
-    del pending[: len(plans)]  # what another thread adds meanwhile stays
-    if not plans:
-        return
-    with database.connection() as connection:
-        if connection is not None:
-            with contextlib.suppress(ValueError, sqlite3.Error), connection:
-                connection.executemany("INSERT OR REPLACE INTO plan (key, cells) VALUES (?, ?)", plans)
-                _evict(connection)
-
-
-def _evict(connection: sqlite3.Connection) -> None:
-    """Drop the oldest plans of a store that has grown too large; what comes next takes their place in the file."""
-    pages, free, size = (
-        connection.execute(f"PRAGMA {what}").fetchone()[0] for what in ("page_count", "freelist_count", "page_size")
-    )
-    if (pages - free) * size > LARGEST_STORE:
-        connection.execute("DELETE FROM plan WHERE age <= (SELECT min(age) + (max(age) - min(age)) / 4 FROM plan)")
-
-
-def _finish(database: _Database, pending: list[tuple[str, bytes]]) -> None:
-    _write(database, pending)
-    database.close()
 
 
 class Route(NamedTuple):
@@ -156,13 +35,13 @@ class Route(NamedTuple):
 
     cells: NDArray[np.int32]  # [L, 2] (row, column)
     line: NDArray[np.float32]  # [R, 2] [m], way-points
-    reach: float = math.inf  # [m] of the line that are made drivable
-    end: Pose | None = None  # at which it ends, if that is not the centre of the last cell
-    either: bool = False  # the body may as well stand there the other way round
+    reach: float = math.inf  # [m] of the line that are drivable
+    end: Pose | None = None  # where it ends, if not at the centre of the last cell
+    either: bool = False  # the body may also stand there the other way round
 
 
 class RouteBook(Portable):
-    """Routes on one map by one planner. A copy knows what is on disk, and makes the other routes again."""
+    """Cache of the routes on one map by one planner. A copy knows only the plans on disk."""
 
     bound = ("_solid", "_one_way", "_routes", "_fresh", "_store", "_usual", "_lock")
 
@@ -175,7 +54,7 @@ class RouteBook(Portable):
         seed: int = 0,
         wider: float = 1.0,
     ) -> None:
-        """wider: how many times as wide as the default the bodies are that drive the lines (RobotSpec.wider)."""
+        """wider: width of the bodies that drive the lines over the default width (RobotSpec.wider)."""
         self.grid, self.planner = grid, planner
         self._keep_right, self._seed, self._wider = keep_right, seed, wider
         self._bind()
@@ -184,18 +63,18 @@ class RouteBook(Portable):
         self._solid = np.pad(self.grid.occupied[::-1], 1, constant_values=True).astype(np.uint8)
         self._one_way = np.pad(self.grid.one_way[::-1], 1)
         self._routes: dict[tuple[Cell, Cell, Cell | None, tuple[Pose, ...]], Route] = {}
-        self._fresh: dict[tuple[Cell, Cell, Cell | None], NDArray[np.int64]] = {}  # plans whose routes are not made yet
+        self._fresh: dict[tuple[Cell, Cell, Cell | None], NDArray[np.int64]] = {}  # plans without a route yet
         self._store = PlanStore(cache_directory())
-        self._usual = 1.0  # [s] that a plan takes, the mean of the last few
-        self._lock = Lock()  # of what is kept: threads of a training share a book
+        self._usual = 1.0  # [s] recent mean duration of a plan
+        self._lock = Lock()  # threads of a training share a cache
 
     def __getstate__(self) -> dict[str, Any]:
-        """Write what is pending first, so that the copy finds it."""
+        """Write pending plans first, so that the copy finds them."""
         self._store.flush()
         return super().__getstate__()
 
     def cells(self, start: Cell, goal: Cell, behind: Cell | None = None) -> NDArray[np.int64]:
-        """Return the planned cells int64[L, 2], without a first step to `behind`; PlanError where there is no path."""
+        """Return the planned cells int64[L, 2], not starting with a step to `behind`; PlanError if there is no path."""
         known = self._stored(start, goal, behind)
         if known is None:
             plan = self._plan(start, goal, behind)
@@ -209,10 +88,10 @@ class RouteBook(Portable):
         return known
 
     def prepare(self, tasks: Sequence[tuple[Cell, Cell]]) -> None:
-        """Plan the tasks (start, goal) that are not known yet side by side, on as many threads as may be used.
+        """Plan unknown tasks (start, goal) in parallel, on as many threads as allowed.
 
-        Each has its own generator, so the plans are the same in any order and number of threads. What fails is found
-        out when its route is asked for.
+        Each has its own generator, so the plans do not depend on order or number of threads. Failures are reported when
+        the route is asked for.
         """
         new = [task for task in dict.fromkeys(tasks) if (*task, None, ()) not in self._routes]
         new = [task for task in new if self._stored(*task) is None]
@@ -228,11 +107,11 @@ class RouteBook(Portable):
         return f"{self.grid.key} {self.planner.key} {start} {goal} {behind} {self._seed}"
 
     def _stored(self, start: Cell, goal: Cell, behind: Cell | None = None) -> NDArray[np.int64] | None:
-        """Return a plan that was made before, None where there is none or it is damaged."""
+        """Return a stored plan; None if there is none or it is damaged."""
         known = self._fresh.get((start, goal, behind))
         if known is not None:
             return known if len(known) else None
-        if self._usual < WORTH_KEEPING:  # nothing of a quick planner is kept, and planning takes no longer than looking
+        if self._usual < WORTH_KEEPING:  # quick plans are not stored, and planning is as fast as looking up
             return None
         known = self._store.get(self._key(start, goal, behind))
         try:
@@ -247,7 +126,7 @@ class RouteBook(Portable):
         return self.planner.plan(grid if behind is None else grid.without(behind), start, goal, rng)
 
     def _keep(self, start: Cell, goal: Cell, behind: Cell | None, plan: Plan) -> None:
-        """Keep a plan until its route is made, and on disk where it took long."""
+        """Keep a plan until its route is made, and on disk if it took long."""
         with self._lock:
             self._fresh[start, goal, behind] = plan.cells
             self._usual += 0.5 * (plan.seconds - self._usual)
@@ -255,7 +134,7 @@ class RouteBook(Portable):
                 self._store.put(self._key(start, goal, behind), plan.cells)
 
     def _blocked_turn(self, start: Cell, goal: Cell, heading: float) -> Cell | None:
-        """Return the cell behind a robot that stands in a single lane, where it cannot turn round; else None."""
+        """Return the cell behind a robot in a single lane, where it cannot turn round; None elsewhere."""
         forward = (-round(math.sin(heading)), round(math.cos(heading)))
         if abs(forward[0]) + abs(forward[1]) != 1:
             return None
@@ -269,9 +148,9 @@ class RouteBook(Portable):
         return behind if inside and behind != goal and not self.grid.closed[behind] else None
 
     def route(self, start: Cell, goal: Cell, heading: float | None = None, ends: tuple[Pose, ...] = ()) -> Route:
-        """Return the route from start's centre to goal's centre, or one of `ends` there; PlanError where there is none.
+        """Return the route from start's centre to goal's centre, or to one of `ends` there; PlanError if there is none.
 
-        heading [rad]: of the robot at start. In a single lane its route goes on ahead where it can, since a robot
+        heading [rad]: of the robot at start. In a single lane the route continues ahead if possible, because a robot
         cannot turn round there.
         """
         behind = None if heading is None else self._blocked_turn(start, goal, heading)
@@ -297,7 +176,7 @@ class RouteBook(Portable):
     ) -> Route:  # fmt: skip
         """Return the route along cells [L, 2], from the point `begin` [m] in the first to one of `ends` in the last.
 
-        reach [m]: how much of it is made drivable.
+        reach [m]: how much of it is drivable.
         """
         end = facing(ends, cells) if ends else None
         return Route(cells, self._lay(cells, begin, reach, end), reach, end, len(ends) > 1)

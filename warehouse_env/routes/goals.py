@@ -1,9 +1,8 @@
-"""Goals as poses: where a robot's front axle is to stand in a goal's cell, and which way it is to face.
+"""Goals as poses: the front axle's position in a goal's cell, and the heading.
 
-A pick face or a station is served from its side, so a robot stands beside it in parallel, either way round, with the
-middle of its body in the middle of the cell: it drives on without a turn, lets others pass, and in an aisle of one cell
-nothing else fits. Vehicles that face a shelf are forklifts, which put their forks into it; this one's load lies on its
-back, and whoever hands it over stands beside it (paper 000 has no fork).
+A pick face or a station is served from the side, so a robot stands parallel to it, either way round, with the middle of
+its body in the middle of the cell. It drives on without a turn, others can pass, and in an aisle of one cell nothing
+else fits. Only forklifts face a shelf; this robot carries its load on its back (paper 000 has no fork).
 """
 
 from __future__ import annotations
@@ -24,24 +23,24 @@ _EAST, _NORTH, _WEST, _SOUTH = (0, 1), (-1, 0), (0, -1), (1, 0)  # (row, column)
 
 
 class Goal(NamedTuple):
-    """Where a robot is to arrive: in a cell, at any of some poses; none: at its centre, facing anywhere."""
+    """A goal: a cell, and the poses that count; without poses its centre at any heading."""
 
     cell: Cell
     poses: tuple[Pose, ...] = ()
 
 
 def facing(poses: Sequence[Pose], cells: NDArray[np.integer[Any]]) -> Pose:
-    """Return which of the poses a robot faces that comes along cells int[L, 2]: of equals the first."""
+    """Return the pose that faces along the end of a path int[L, 2]; of equals the first."""
     row, column = (cells[-1] - cells[max(len(cells) - 3, 0)]).tolist()
     along = [column * math.cos(heading) - row * math.sin(heading) for _, _, heading in poses]
     return poses[int(np.argmax(along))]
 
 
 def face(grid: GridMap, cell: Cell, robot: RobotSpec) -> Goal:
-    """Return the goal at an endpoint: in parallel to what is beside it, either way round.
+    """Return the goal at an endpoint: parallel to the obstacle beside it, either way round.
 
-    Nothing beside it, or no way on along that: at the cell's centre, facing anywhere. A body longer than a cell that
-    would touch something so: with its axle at the cell's centre, at a heading at which it does not.
+    Without an obstacle, or without a way on along it: at the cell's centre, at any heading. If a body longer than a
+    cell would touch something: with its axle at the cell's centre, at a heading that is free.
     """
     barred = {side: _is_barred(grid, cell, side) for side in (_EAST, _NORTH, _WEST, _SOUTH)}
     for ahead, left in ((_EAST, _NORTH), (_NORTH, _WEST)):
@@ -59,14 +58,14 @@ def face(grid: GridMap, cell: Cell, robot: RobotSpec) -> Goal:
 
 
 def _is_barred(grid: GridMap, cell: Cell, side: tuple[int, int]) -> bool:
-    """Whether there is a shelf, the rim, or floor too near to them on a side of a cell."""
+    """Whether a side of a cell is a shelf, the rim, or tight floor."""
     row, column = cell[0] + side[0], cell[1] + side[1]
     rows, columns = grid.shape
     return not (0 <= row < rows and 0 <= column < columns) or bool(grid.closed[row, column])
 
 
 def _middle(grid: GridMap, cell: Cell, robot: RobotSpec, heading: float) -> Pose:
-    """Return the pose whose body has its middle in a cell's centre."""
+    """Return the pose that puts the body's middle in a cell's centre."""
     x, y = grid.centre(np.array(cell)).tolist()
     ahead = robot.rear_reach - robot.length / 2
     return x + ahead * math.cos(heading), y + ahead * math.sin(heading), heading

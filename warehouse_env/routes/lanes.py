@@ -1,8 +1,8 @@
 """From a path of cells to a drivable line: smooth, off the shelves, and in the right-hand lane.
 
-A lattice path runs beside shelves and turns on the spot; a rear-steer robot needs room for its tail, and
-robots that meet need a side each. The line is relaxed like an elastic band: every point is drawn to its
-lane, to its neighbours' middle, and away from shelves that are nearer than CLEARANCE.
+A lattice path runs beside shelves and turns on the spot; a rear-steer robot needs room for its tail, and meeting robots
+need a side each. The line is relaxed like an elastic band: every point is drawn to its lane, to the middle of its
+neighbours, and away from shelves nearer than CLEARANCE.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ import numpy as np
 from warehouse_env.kernel import inline, kernel
 from warehouse_env.maps.clearance import nearest_shelf
 
-# lengths are those of the default body, in proportion for wider ones
+# lengths for the default body, in proportion for wider ones
 SPACING = 0.5  # [m] between way-points
 LANE_CLEARANCE = 0.55  # [m] from the right-hand wall in the narrowest two-way aisle
 CLEARANCE = 0.6  # [m] from shelves, where there is room
-SIGHT = 2.8  # [m] to either side within which a wall makes an aisle: aisles of up to 3 cells have two lanes
+SIGHT = 2.8  # [m] to either side within which a wall makes an aisle; aisles of up to 3 cells have two lanes
 TWO_WAY = 1.2  # [m] of free width from which there are two lanes
 FADE = 1.5  # [m] at both ends over which the lane is reached
-NARROWER = 0.02  # [m] less than half the free width is asked for as clearance
+NARROWER = 0.02  # [m] by which the clearance is less than half the free width
 EASE = 0.15  # [m/m] sideways where a lane widens or narrows
 ALONG = 0.9  # cosine of the angle to a one-way cell's direction up to which a line leads along it
 ITERATIONS = 60
@@ -30,7 +30,7 @@ PULL, SMOOTH, PUSH = 0.12, 0.45, 0.5  # shares of the way to lane, neighbours an
 
 
 class LaneFloor(NamedTuple):
-    """What lanes keep to."""
+    """The floor as lanes see it."""
 
     solid: Any  # uint8[H + 2, W + 2], padded shelves, y up
     one_way: Any  # uint8[H + 2, W + 2], likewise the directions of one-way cells
@@ -58,7 +58,7 @@ def _free_to(floor, mine, x, y, ux, uy, sight):
 
 @kernel
 def _lane_shift(left, right, keep_right, wider):
-    """Metres to the right of the path where the lane is, from the free widths to both sides; nan beside a crossing."""
+    """Return the lane's offset to the right of the path [m], from the free widths to both sides; nan at a crossing."""
     width, sight = left + right, SIGHT * wider
     if width < TWO_WAY * wider:
         return 0.5 * (right - left)
@@ -92,7 +92,7 @@ def _fill_gaps(shift, keep_right):
 
 @kernel
 def _ease_into_single_lanes(shift, room, wider):
-    """Let the lane leave and enter single lanes (fixed) with no more than EASE metres sideways per metre."""
+    """Limit the lane's sideways change to EASE metres per metre around single lanes, which are fixed."""
     n = shift.shape[0]
     two_way, spacing = (0.5 * TWO_WAY - NARROWER) * wider, SPACING * wider
     for fixed in range(n):
@@ -119,7 +119,7 @@ def _along_one_way(one_way, x, y, ux, uy, cell):
 
 @kernel
 def _lane_targets(points, floor, keep_right, wider, shift, room, out):
-    """Write where each point should be (right of the middle where there are two lanes), and its possible clearance."""
+    """Write each point's target (right of the middle if there are two lanes), and its possible clearance."""
     n = points.shape[0]
     for k in range(n):
         ux, uy = _direction(points, k)
@@ -195,9 +195,8 @@ def drivable_line(points, solid, one_way, cell, keep_right, reach=np.inf, wider=
 
     points: float64[L, 2] [m], the planned path's cell centres; solid: uint8[H + 2, W + 2], padded shelves, y up;
     one_way: uint8[H + 2, W + 2], likewise the directions of one-way cells, in the middle of which lines run;
-    keep_right [m]: how far to the right on open floor the default body keeps, 0 for no lanes; reach [m]: how much of
-    the line is made drivable, the rest leads along the path as planned; wider: how many times as wide as the default
-    the body is.
+    keep_right [m]: offset of the default body to the right on open floor, 0 for no lanes; reach [m]: how much of the
+    line is drivable, the rest follows the planned path; wider: width of the body over the default.
     """
     spacing, keep_right = SPACING * wider, keep_right * wider
     line = resample(points, spacing)

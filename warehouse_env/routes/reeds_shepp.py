@@ -1,4 +1,4 @@
-"""Reeds-Shepp curves: the shortest way of a car that drives both ways from pose to pose, on open floor.
+"""Reeds-Shepp curves: the shortest path between poses of a car that drives forwards and backwards, on open floor.
 
 A curve is a word of two to five segments: arcs of the least turning radius to the left or to the right, and straight
 lines, each forwards or backwards. Reeds and Shepp, "Optimal paths for a car that goes both forwards and backwards",
@@ -28,7 +28,7 @@ from warehouse_env.kernel import inline, part
 
 WORDS, SEGMENTS = 44, 5
 _L, _R, _S = 1, -1, 0
-# Of each family its segments for forwards and left first, and whether it is found from the goal backwards.
+# the segments of each family, for forwards and left first
 _FAMILIES = (
     (_L, _S, _L), (_L, _S, _R), (_L, _R, _L), (_L, _R, _L), (_L, _R, _L, _R), (_L, _R, _L, _R), (_L, _R, _S, _L),
     (_L, _R, _S, _R), (_L, _S, _R, _L), (_R, _S, _R, _L), (_L, _R, _S, _L, _R),

@@ -1,1 +1,1 @@
-"""Several robots' routes: where they meet, what that costs, planning them together, and alternatives."""
+"""Routes of several robots: conflicts and their cost, joint planning, and alternatives."""

@@ -1,4 +1,4 @@
-"""Several good routes for one task instead of one: how different routes are, a varied choice, and penalised search."""
+"""Several good routes for one task: differences between routes, a varied choice, and penalised search."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from warehouse_env.traffic.conflicts import Route
 
 
 def differences(routes: Sequence[Route], shape: tuple[int, int]) -> NDArray[np.float64]:
-    """Return float64[N, N]: the share of the cells of two routes together that only one visits (Jaccard distance)."""
+    """Return float64[N, N]: the Jaccard distances of the routes' cells."""
     visits = np.zeros((len(routes), shape[0] * shape[1]))
     for row, route in zip(visits, routes, strict=True):
         row[route[:, 0] * shape[1] + route[:, 1]] = 1.0
@@ -29,8 +29,8 @@ def varied(
 ) -> list[int]:
     """Return the indices of up to k routes that differ much among those within (1 + slack) of the cheapest.
 
-    cost: float64[N] of each route. The first is the cheapest; each next one is the one whose difference from the
-    nearest of those taken is largest, ties to the cheaper.
+    cost: float64[N] of each route. The first is the cheapest; each next one has the largest difference from the
+    nearest of those taken, ties to the cheaper.
     """
     if k < 1 or slack < 0:
         raise ConfigError(f"k={k} must be at least 1 and slack={slack} at least 0")
@@ -59,7 +59,7 @@ def penalty_routes(
     penalty: float = 0.2,
     searches: int = 24,
 ) -> list[Route]:
-    """Return up to k different routes, the shortest first, by searching again with what was used made dearer.
+    """Return up to k different routes, the shortest first, by repeated searches with used cells made dearer.
 
     Iterated penalties (Johnson, Joy, Clarke & Jacobi 1993) with any planner that takes a cost map: each found route
     adds `penalty` [cells] to the cost of entering its inner cells; of all routes found in `searches` searches within

@@ -1,4 +1,4 @@
-"""Where routes of several robots get into each other's way, and what that costs: measures, and cost maps from them.
+"""Conflicts between routes of several robots: measures, and cost maps from them.
 
 Two routes share a stretch where both visit the same cells one after another, in the same or in the opposite order
 (paper 001, section 2.3, tells node from opposing conflicts so). All robots drive at one cell a unit of time, and a
@@ -10,7 +10,7 @@ robot keeps others off a cell for HOLD units around its arrival there:
 - an opposing conflict: a shared stretch of length l > 0 in opposite directions. They conflict if they enter its two
   ends within l + HOLD of each other.
 
-How often that happens depends on what is known of time:
+How often they happen depends on what is known of time:
 
 - "count": nothing; every shared place counts once.
 - "start": all robots start at time 0 and drive their route once; a place counts if they conflict there.
@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +34,7 @@ from warehouse_env.maps.grid_map import MOVES
 Timing = Literal["count", "start", "lifelong"]
 Route = NDArray[np.int64]  # [L, 2] cells (row, col)
 
-HOLD = 1.0  # [cells of driving] a robot of 0.9 m fills a cell of 1 m for about as long as it takes to drive it
+HOLD = 1.0  # [cells of driving] a robot of 0.9 m occupies a cell of 1 m for about as long as it takes to cross it
 
 _COUNT, _START, _LIFELONG = range(3)
 _SQRT2 = math.sqrt(2.0)
@@ -54,7 +54,7 @@ class Conflicts(NamedTuple):
 
 
 class Flat(NamedTuple):
-    """Routes end to end, as the kernels want them."""
+    """Routes end to end, for the kernels."""
 
     cell: NDArray[np.int64]  # [S] row * columns + column
     at: NDArray[np.float64]  # [S] arrival, in cells driven
@@ -76,7 +76,7 @@ def flatten(routes: Sequence[Route], columns: int) -> Flat:
 
 
 @kernel
-def _arrive(flat: Any) -> None:
+def _arrive(flat):
     """Fill the arrivals. Steps are counted apart and added once, so that equal lengths are equal numbers."""
     for i in range(len(flat.first) - 1):
         straight = diagonal = 0
@@ -113,7 +113,7 @@ def conflicts(routes: Sequence[Route], shape: tuple[int, int], timing: Timing = 
 
 
 @kernel
-def _pairs(flat: Any, duration: Any, cells: int, timing: int, hold: float, table: Any) -> None:
+def _pairs(flat, duration, cells, timing, hold, table):
     """Fill the upper and the lower half of the table."""
     place = np.full(cells, -1, np.int64)  # index of a cell in route i
     for i in range(len(duration)):
@@ -127,7 +127,7 @@ def _pairs(flat: Any, duration: Any, cells: int, timing: int, hold: float, table
 
 
 @kernel
-def _meet(flat: Any, place: Any, first: int, end: int, timing: int, hold: float, rate: float) -> Any:
+def _meet(flat, place, first, end, timing, hold, rate):
     """Crossings and opposing conflicts, float64[2], of the route first..end-1 with the one that `place` holds."""
     found = np.zeros(2)
     last = first - 1  # of the stretch at hand
@@ -147,7 +147,7 @@ def _meet(flat: Any, place: Any, first: int, end: int, timing: int, hold: float,
 
 
 @kernel
-def _stretch(flat: Any, place: Any, k: int, end: int) -> Any:
+def _stretch(flat, place, k, end):
     """Last index of the shared stretch that begins at index k, and its direction: 1, -1, or 0 for a single cell."""
     step = 0
     while k + 1 < end:
@@ -161,7 +161,7 @@ def _stretch(flat: Any, place: Any, k: int, end: int) -> Any:
 
 
 @kernel
-def _changeover(flat: Any, place: Any, cell: int, to: int) -> int:
+def _changeover(flat, place, cell, to):
     """Index at which the other route begins the diagonal that crosses the diagonal step cell -> to; else -1."""
     d_row, d_column = to // flat.columns - cell // flat.columns, to % flat.columns - cell % flat.columns
     if d_row * d_column == 0:
@@ -171,7 +171,7 @@ def _changeover(flat: Any, place: Any, cell: int, to: int) -> int:
 
 
 @kernel
-def _weight(apart: float, window: float, timing: int, rate: float) -> float:
+def _weight(apart, window, timing, rate):
     """What a shared place counts, entered `apart` from each other."""
     if timing == _LIFELONG:
         return window * rate
@@ -181,7 +181,7 @@ def _weight(apart: float, window: float, timing: int, rate: float) -> float:
 def congestion(
     routes: Sequence[Route], shape: tuple[int, int], crossing: float = 1.0, opposing: float | None = None
 ) -> NDArray[np.float64]:
-    """Return what other robots on these routes cost a robot that is planned next: a cost map for `Planner.plan`.
+    """Return the cost map for the robot planned next, from other robots' routes (`Planner.plan`).
 
     crossing, opposing: cells of detour that avoiding one conflict is worth.
 
@@ -203,7 +203,7 @@ def congestion(
 
 
 @kernel
-def _charge(flat: Any, duration: Any, enter: float, against: float, cost: Any) -> None:
+def _charge(flat, duration, enter, against, cost):
     """Add the price of meeting each route to cost float64[C, 8]; moves that are not legal are charged as well."""
     rows, columns = len(cost) // flat.columns, flat.columns
     for j in range(len(duration)):

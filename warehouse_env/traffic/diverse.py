@@ -1,7 +1,7 @@
 """Several good routes for one task from a colony's final pheromone.
 
-Beyond the papers. Ants lay pheromone on all that they found good, not on the best path alone, so ants that walk over
-the final pheromone, tempered (planning/ants/warm.py), draw other near-optimal routes from it.
+Beyond the papers. Pheromone lies on all good paths, not only on the best, so ants that walk over the tempered final
+pheromone (planning/ants/warm.py) find other near-optimal routes.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def routes(
     whatever its patience: until its pheromone has settled, ants stray too far from every good route.
     """
     system = replace(system, patience=None)
-    floor, search = system.search(grid, [start], goal, rng, cost)
+    floor, search = system.search(grid, start, goal, rng, cost)
     best = cells_of(floor, search.best, 0)
     if len(best) < 2:
         return [best] if len(best) else []
@@ -70,9 +70,9 @@ def _sample(
     rng: np.random.Generator,
 ) -> Walks:
     """Let ants walk from the search's start over a trail that they leave as it is."""
-    start = np.full(samples, search.best.start[0])
+    start = int(search.best.start[0])
     turning, straight = system.colony(grid, floor, start).attraction(system.iterations - 1)
-    walks = empty_walks(start, len(floor.height))
+    walks = empty_walks(start, samples, len(floor.height))
     seeds = rng.integers(1, 2**63, samples, dtype=np.uint64)
     visited = np.zeros(len(floor.height), np.int64)
     edges, rule = EdgeWeights(trail, turning, straight), WalkRule(backtrack=system.dead_end == "backtrack")

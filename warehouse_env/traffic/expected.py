@@ -1,8 +1,8 @@
-"""A cost map of the traffic to be expected on a floor, made once, and a planner that always plans with it.
+"""A cost map of the expected traffic on a floor, and a planner that always uses it.
 
-Plans that depend on the other robots cannot be kept; a cost map that depends on the floor alone can. Tasks are drawn as
-lifelong robots get them and planned around each other until lanes settle: since driving behind others is free and
-driving against them is dear, aisles turn into one-way streets where there is another way back.
+Plans that depend on other robots cannot be cached; a cost map of the floor alone can. Tasks are drawn as for lifelong
+robots and planned around each other until lanes settle. Driving behind others is free and driving against them is dear,
+so aisles become one-way streets if there is another way back.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.planning.graph_search import AStarTurns
-from warehouse_env.planning.plan import Plan, Planner, edge_cost
+from warehouse_env.planning.plan import CostMap, Plan, Planner, edge_cost
 from warehouse_env.traffic.conflicts import congestion
 from warehouse_env.traffic.together import Task, plan_together
 
@@ -27,9 +27,9 @@ ROUNDS = 3
 
 
 def endpoint_tasks(grid: GridMap, count: int, rng: np.random.Generator) -> list[Task]:
-    """Return tasks between pick faces and stations, to and fro in turn; ConfigError where a floor has too few.
+    """Return tasks between pick faces and stations, alternating in direction; ConfigError if a floor has too few.
 
-    Endpoints are dealt in random order, and again from the beginning where all have been.
+    Endpoints are dealt in random order, repeatedly if there are fewer than tasks.
     """
     if len(np.unique(np.concatenate([grid.picks, grid.stations]), axis=0)) < 2:
         raise ConfigError(f"map {grid.name!r} has a single endpoint; a task needs two")
@@ -45,7 +45,7 @@ def endpoint_tasks(grid: GridMap, count: int, rng: np.random.Generator) -> list[
 def expected_traffic(
     grid: GridMap, robots: int, price: float, seed: int = 0, *, directed: bool = True
 ) -> NDArray[np.float64]:
-    """Return the cost map float64[H, W, 8] (float64[H, W] if not directed) that `robots` robots make for one more.
+    """Return the cost map float64[H, W, 8] (float64[H, W] if not directed) of `robots` robots for one more.
 
     price: cells of detour that avoiding one expected conflict is worth.
     """
@@ -77,14 +77,7 @@ class WithCost:
         content = blake2b(np.ascontiguousarray(self.cost, dtype=np.float64).tobytes(), digest_size=16).hexdigest()
         return f"{self.planner.key} with cost {content}"
 
-    def plan(
-        self,
-        grid: GridMap,
-        start: Cell,
-        goal: Cell,
-        rng: np.random.Generator,
-        cost: NDArray[np.float64] | None = None,
-    ) -> Plan:
+    def plan(self, grid: GridMap, start: Cell, goal: Cell, rng: np.random.Generator, cost: CostMap = None) -> Plan:
         """Plan with the cost map, and with `cost` on top of it."""
         if cost is None:
             return self.planner.plan(grid, start, goal, rng, self.cost)

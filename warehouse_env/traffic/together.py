@@ -1,4 +1,4 @@
-"""Planning for several robots one after another, each around the traffic of the others' routes."""
+"""Joint planning: robots are planned one after another, each around the others' routes."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ def plan_together(
     directed: bool = True,
     rounds: int = 2,
 ) -> list[Plan]:
-    """Return a plan a task (start, goal), each made on the cost map of the other robots' routes at the time.
+    """Return a plan for each task (start, goal), each on the cost map of the other robots' current routes.
 
     price: cells of detour that avoiding one expected conflict is worth. directed: a cost a move, so that driving behind
-    others is free and driving against them is dear; otherwise a cost a cell. rounds: in the first a robot knows of the
-    robots before it, in each further one it is planned anew around all others. With an exact planner every step after
-    the first round lowers length + price * the robot's expected conflicts, or leaves it. ConfigError for a planner that
-    takes no cost map, PlanError for a task without a path.
+    others is free and driving against them is dear; otherwise a cost a cell. rounds: in the first a robot knows only
+    the robots before it; in each further one it is planned again around all others. With an exact planner no step
+    after the first round raises length + price * the robot's expected conflicts. ConfigError for a planner that takes
+    no cost map, PlanError for a task without a path.
     """
     if rounds < 1:
         raise ConfigError(f"rounds={rounds} must be at least 1")

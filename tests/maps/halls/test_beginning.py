@@ -10,14 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from tests.maps.halls.test_map_server import REAL, YAML, hall, room
-from warehouse_env.errors import ConfigError
-from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.maps.halls.beginning import _steps
+from tests.maps.halls.test_map_server import REAL, hall, room
 from warehouse_env.maps.halls.cells import Raster, spread
 from warehouse_env.maps.halls.hall import Hall, read_hall
 from warehouse_env.maps.halls.map_server import Occupancy, write_occupancy
-from warehouse_env.maps.halls.saved import write_hall
 from warehouse_env.render.hall_map import cell_kinds
 
 RACKS = np.array([list(row) for row in (
@@ -57,7 +53,6 @@ def test_an_aisle_that_lies_badly_stays_open(tmp_path: Path) -> None:
     found = read_hall(name)
     assert len(found.grid.free_cells) == (~RACKS).sum() == 26
     assert "0.5 m to the right of and 0.5 m below the picture's upper left corner (begin=0.5+0.5)" in told(found)
-    assert "+26 m² of floor" in told(found)
     assert (cell_kinds(found)[tuple(found.grid.free_cells.T)] == 0).all()
     same = read_hall(f"{name}:begin=0.5+0.5")
     assert same.grid.key == found.grid.key
@@ -74,32 +69,7 @@ def test_an_aisle_is_worth_more_than_a_strip_of_floor(tmp_path: Path) -> None:
     corner, found = read_hall(hall(tmp_path, grey) + ":begin=corner"), read_hall(hall(tmp_path, grey))
     assert (len(corner.grid.free_cells), len(found.grid.free_cells)) == (52, 50)
     assert "aisles close: 1 place" in "\n".join(corner.report)
-    assert told(found).endswith(
-        "(begin=0.5+0); against cells from the corner -2 m² of floor, -1 place where aisles close"
-    )
-
-
-def test_a_strip_of_floor_without_an_aisle_counts(tmp_path: Path) -> None:
-    """Three pixels of .5 m hold one cell, with what stands in the first or in the last."""
-    grey = room(4, 3)
-    assert "nowhere else" in told(read_hall(hall(tmp_path, grey)))
-    grey[:2, 0] = 0
-    found = read_hall(hall(tmp_path, grey))
-    assert found.grid.origin == (-2.5, 2.0)
-    assert told(found).endswith("(begin=0.5+0); against cells from the corner +1 m² of floor")
-
-
-def test_clean_floor_is_worth_more_than_floor_full_of_specks(tmp_path: Path) -> None:
-    """From the corner ten cells, each with a speck of 4%; a pixel lower nine without."""
-    grey = room(6, 50)
-    grey[0, ::5] = grey[5, 45:] = 0
-    name = hall(tmp_path, grey, YAML.replace("resolution: 0.5", "resolution: 0.2"))
-    assert len(read_hall(f"{name}:begin=corner").grid.free_cells) == 10
-    found = read_hall(name)
-    assert len(found.grid.free_cells) == 9
-    assert told(found).endswith(
-        "(begin=0+0.2); against cells from the corner -1 m² of floor, -0.4 m² of what stands in it"
-    )
+    assert told(found).endswith("(begin=0.5+0)")
 
 
 walled = hnp.arrays(np.bool_, st.tuples(st.integers(1, 6), st.integers(1, 6))).map(
@@ -116,31 +86,6 @@ def test_a_hall_is_the_same_wherever_its_picture_begins(tmp_path_factory, occupi
     assert driven(read_hall(f"{shifted(folder, occupied, above, left)}:share={share}")) == plain
 
 
-@given(
-    hnp.arrays(np.bool_, st.tuples(st.integers(1, 7), st.integers(1, 7))),
-    st.sampled_from([(1.0, 1), (1.0, 2), (0.75, 3), (1.0, 7), (0.5, 10)]),
-    st.tuples(st.floats(-50, 50), st.floats(-50, 50)),
-)
-@settings(max_examples=60, deadline=None)
-def test_what_is_saved_keeps_its_cells(tmp_path_factory, occupied, sizes, origin) -> None:  # type: ignore[no-untyped-def]
-    """Nothing says where they begin, and no arrows lie beside."""
-    occupied[0, 0] = False
-    cell, fine = sizes
-    grid = GridMap(occupied, cell_size=cell, origin=origin, name="hall")
-    name = write_hall(grid, tmp_path_factory.mktemp("h") / "hall.yaml", cell / fine)
-    found = read_hall(name)
-    assert found.grid.key == grid.key
-    assert found.grid.origin == pytest.approx(origin)
-    assert "nowhere else" in told(found)
-
-
-def test_what_was_chosen_is_saved(tmp_path: Path) -> None:
-    found = read_hall(shifted(tmp_path, RACKS, above=3, left=1)).grid
-    for resolution in (None, 0.25):
-        again = read_hall(write_hall(found, tmp_path / "again.yaml", resolution)).grid
-        assert (again.key, again.origin) == (found.key, found.origin)
-
-
 def test_arrows_count_cells_from_the_corner(tmp_path: Path) -> None:
     occupied = np.zeros((4, 5), np.bool_)
     name = shifted(tmp_path, occupied, above=3, left=3)
@@ -149,22 +94,6 @@ def test_arrows_count_cells_from_the_corner(tmp_path: Path) -> None:
     found = read_hall(name)
     assert found.grid.origin == (-0.75, 0.75)
     assert told(found) == "cells begin at the picture's upper left corner, as hall.oneway counts them"
-
-
-def test_masks_do_not_move_cells(tmp_path: Path) -> None:
-    """A mask in cells of the floor bars just these, whatever is left."""
-    name = shifted(tmp_path, RACKS, above=3, left=2)
-    found = read_hall(name).grid
-    barred = np.zeros(found.shape, np.int8)
-    barred[tuple(found.free_cells[:7].T)] = 100
-    write_occupancy(Occupancy(barred, 1.0, found.origin), tmp_path / "m.yaml")
-    write_occupancy(Occupancy(barred // 2, 1.0, found.origin), tmp_path / "s.yaml")
-    masked = read_hall(f"{name}:keepout=m.yaml")
-    assert masked.grid.origin == found.origin
-    assert np.array_equal(masked.barred, barred == 100)
-    slow = read_hall(f"{name}:speed=s.yaml").grid
-    assert slow.speed is not None
-    assert np.array_equal(slow.speed == 0.75, barred == 100)
 
 
 @given(
@@ -190,20 +119,6 @@ def test_sums_are_those_of_the_pixels(weights: np.ndarray, sizes: tuple[float, f
     assert spread(occupancy, weights, raster).tolist() == expected
 
 
-def test_fine_pixels_are_skipped() -> None:
-    steps = list(_steps(100_000, 0.001, 1.0))
-    assert steps[:2] == [0.0, 0.016]
-    assert len(steps) <= 64
-    assert list(_steps(3, 0.5, 1.0)) == [0.0, 0.5]
-    assert list(_steps(2, 0.5, 1.0)) == list(_steps(2, 3.0, 1.0)) == [0.0]  # no more than one is whole
-
-
-@pytest.mark.parametrize("begin", ["x", "1", "0.5", "1+0", "0+1", "-0.5+0", "0.5+", "0.5+0.5+0.5", "nan+0", "1e-1+0"])
-def test_a_wrong_beginning_is_one_sentence(tmp_path: Path, begin: str) -> None:
-    with pytest.raises(ConfigError, match="begin"):
-        read_hall(f"{hall(tmp_path, room())}:begin={begin}")
-
-
 @pytest.mark.skipif(not REAL.exists(), reason="the real halls are not here")
 @pytest.mark.parametrize(("name", "floor"), [("depot", (318, 373, 629, 663)), ("warehouse", (1039, 1086, 2000, 2063))])
 def test_real_halls_keep_more(name: str, floor: tuple[int, ...]) -> None:
@@ -213,14 +128,3 @@ def test_real_halls_keep_more(name: str, floor: tuple[int, ...]) -> None:
     assert tuple(int((~one.grid.occupied).sum()) for one in found) == floor
     closes = [any("aisles close:" in line for line in one.report) for one in found]
     assert closes == [name == "depot", False, False, False]
-
-
-@pytest.mark.skipif(not REAL.exists(), reason="the real halls are not here")
-def test_a_gap_of_a_real_hall_is_two_cells_wide() -> None:
-    """The way to the room in the north-west of warehouse, 2.16 m wide: one cell from the corner, two now."""
-    widths = []
-    for begin in ("corner", "best"):
-        found = read_hall(f"{REAL / 'warehouse.yaml'}:begin={begin}")
-        column = int(found.raster.cells(np.array([-10.6, 23.7]))[1])
-        widths.append(int((~found.grid.occupied[:3, column]).sum()))
-    assert widths == [1, 2]

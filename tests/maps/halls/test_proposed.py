@@ -46,18 +46,6 @@ def test_racks_that_touch_a_wall_as_cells_only_have_faces(tmp_path: Path) -> Non
     assert picks(joined) == picks(found)[4:]
 
 
-def test_pillars_and_short_faces_have_none(tmp_path: Path) -> None:
-    """A pillar of 0.6 m takes four cells where it lies on their corner; a pallet of 1.2 m is a rack."""
-    assert picks(drawn(tmp_path, (2.7, 2.7, 3.3, 3.3), (6, 6, 7, 7.2))) == [(5, 6), (5, 7), (7, 6), (7, 7)]
-
-
-@pytest.mark.parametrize("begin", ["corner", "best", "0.5+0.5"])
-def test_a_hall_of_pallets_has_faces_however_its_cells_lie(tmp_path: Path, begin: str) -> None:
-    """Six stacks, 1.4 m square, in two rows: what is left of them as cells must not decide."""
-    stacks = [(top, left, top + 1.4, left + 1.4) for top in (1.8, 5.4) for left in (1.6, 4.6, 7.6)]
-    assert len(drawn(tmp_path, *stacks, read=f"begin={begin}").grid.picks) >= 12
-
-
 @pytest.mark.skipif(not REAL.exists(), reason="the public halls are not here")
 @pytest.mark.filterwarnings("ignore::warehouse_env.errors.MapWarning")
 def test_a_public_hall_has_faces_however_its_cells_lie() -> None:

@@ -14,7 +14,7 @@ EAST, SOUTH_EAST, SOUTH, WEST = 0, 7, 6, 4
 
 def walked(floor: Floor, *paths: list[int], start: int = 0) -> Walks:
     """Measured walks from a flat cell along the given moves."""
-    walks = empty_walks(np.full(len(paths), start), len(floor.height))
+    walks = empty_walks(start, len(paths), len(floor.height))
     walks.steps[:] = [len(path) for path in paths]
     for ant, path in enumerate(paths):
         walks.moves[ant, : len(path)] = path

@@ -15,7 +15,7 @@ from warehouse_env.planning.ants.floor import make_floor
 
 def test_distance_heuristic_of_the_traditional_colony() -> None:
     grid = GridMap(np.zeros((4, 5), dtype=bool))
-    floor, start = make_floor(grid, (3, 4)), np.zeros(1, np.int64)
+    floor, start = make_floor(grid, (3, 4)), 0
     to_goal, straight = Aco(exponent=1).colony(grid, floor, start).attraction(0)
     assert straight is to_goal
     assert to_goal[0, SOUTH_EAST] == pytest.approx(1 / math.sqrt(13))  # from (1, 1) to (3, 4)
@@ -28,7 +28,7 @@ def test_distance_heuristic_of_the_traditional_colony() -> None:
 def test_update_of_the_traditional_colony_by_hand() -> None:
     grid = GridMap(np.zeros((2, 3), dtype=bool))
     floor = make_floor(grid, (1, 2))
-    colony = Aco().colony(grid, floor, np.zeros(2, np.int64))
+    colony = Aco().colony(grid, floor, 0)
     pheromone = colony.pheromone.copy()
     colony.update(0, pheromone, walked(floor, [EAST, SOUTH_EAST], [EAST, EAST, SOUTH]), walked(floor))
     diagonal = 1 / (1 + math.sqrt(2))

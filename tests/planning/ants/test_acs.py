@@ -7,11 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from tests.planning.ants.colonies import EAST, SOUTH, SOUTH_EAST, walked
-from warehouse_env.errors import ConfigError
+from tests.planning.ants.colonies import EAST, SOUTH_EAST, walked
 from warehouse_env.maps.generators import random_floor
 from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.planning.ants.acs import Acs, ShaaAcs, draw_towards_best
+from warehouse_env.planning.ants.acs import ShaaAcs, draw_towards_best
 from warehouse_env.planning.ants.floor import make_floor
 from warehouse_env.planning.ants.shunting import rise, settle
 from warehouse_env.planning.plan import path_length, validate
@@ -31,17 +30,6 @@ def test_only_the_best_path_is_marked() -> None:
     assert pheromone[0, EAST] == pytest.approx(marked)
     assert pheromone[1, SOUTH_EAST] == pytest.approx(marked)
     assert (pheromone == 0.5).sum() == 46
-
-
-def test_start_level_and_slots() -> None:
-    grid = open_floor(4, 5)
-    floor = make_floor(grid, (3, 4))
-    colony = Acs().colony(grid, floor, np.zeros(3, np.int64))
-    assert colony.local_level == colony.pheromone[0, 0] == pytest.approx(1 / (20 * (5 + 1)))
-    assert colony.greedy is not None
-    assert colony.greedy(7) == 0.8
-    assert Acs().heuristic_table(floor)[0, SOUTH_EAST] == pytest.approx(1 / 13)
-    assert Acs(heuristic="next_cell").heuristic_table(floor)[0, [EAST, SOUTH_EAST]] == pytest.approx([1, 1 / 2])
 
 
 def test_evaporation_rises_from_first_to_last_iteration() -> None:
@@ -80,12 +68,6 @@ def test_the_network_rests(weights: str, excitation: str) -> None:
         assert x[row, column] == pytest.approx(excited / (10 + excited), rel=2e-3)
 
 
-def test_activity_of_a_corridor_by_hand() -> None:
-    x = states(open_floor(1, 3), (0, 0), ShaaAcs())
-    assert x[0, 0] == pytest.approx(100 / 110)
-    assert x[0, 1] == pytest.approx(x[0, 0] / (10 + x[0, 0]))
-
-
 def test_activity_reaches_beyond_the_range_of_floats() -> None:
     floor = make_floor(open_floor(1, 2000), (0, 0))
     for planner in (ShaaAcs(), ShaaAcs(excitation="sum")):
@@ -97,15 +79,6 @@ def test_activity_reaches_beyond_the_range_of_floats() -> None:
     assert path_length(plan.cells) == 1999
 
 
-def test_unreached_cells_do_not_rise() -> None:
-    grid = GridMap(np.array([[0, 1, 0]], dtype=bool))
-    floor = make_floor(grid, (0, 0))
-    planner = ShaaAcs()
-    ratio = rise(floor, settle(floor, planner.network_weights(floor), 10.0, 100.0, True))
-    assert (ratio[2] == 1.0).all()
-    assert np.isfinite(ratio).all()
-
-
 @pytest.mark.parametrize("local_search", [True, False])
 def test_it_is_optimal_on_cluttered_floors(local_search: bool) -> None:
     for seed in range(6):
@@ -114,18 +87,3 @@ def test_it_is_optimal_on_cluttered_floors(local_search: bool) -> None:
         plan = ShaaAcs(local_search=local_search).plan(grid, start, goal, np.random.default_rng(seed))
         validate(grid, plan.cells, start, goal)
         assert path_length(plan.cells) == pytest.approx(grid.distance_to(goal)[start])
-
-
-def test_a_cost_map_bends_the_network() -> None:
-    cost = np.zeros((9, 9))
-    cost[1:8, 4] = 1000.0
-    plan = ShaaAcs(ants=5, iterations=5).plan(open_floor(9, 9), (4, 0), (4, 8), np.random.default_rng(0), cost)
-    assert cost[plan.cells[:, 0], plan.cells[:, 1]].sum() == 0
-    floor = make_floor(open_floor(9, 9), (4, 8), 0.0, cost)
-    assert ShaaAcs().network_weights(floor)[4 * 9 + 3, EAST] == 1e-300
-    assert ShaaAcs(weights="inverse").network_weights(floor)[4 * 9 + 3, [EAST, SOUTH]] == pytest.approx([1 / 1001, 1])
-
-
-def test_saturating_networks_are_refused() -> None:
-    with pytest.raises(ConfigError, match=r"decay=6.5 must be more than 6.828"):
-        ShaaAcs(decay=6.5)

@@ -12,10 +12,9 @@ from warehouse_env.maps.grid_map import MOVES, GridMap
 from warehouse_env.maps.layouts import NAMED_TASKS, make_layout
 from warehouse_env.planning import path_length, validate
 from warehouse_env.planning.ants.floor import make_floor
-from warehouse_env.planning.ants.fusion_aco import FusionAco, stuck_cells
-from warehouse_env.planning.potential_field import improved_force, repulsion_parts
+from warehouse_env.planning.ants.fusion_aco import FusionAco
 
-START = np.array([0])
+START = 0
 
 
 @pytest.mark.parametrize(("iteration", "fr"), [(0, 1.0), (25, 0.75), (99, 0.01)])
@@ -57,18 +56,6 @@ def wall() -> GridMap:
     return GridMap(occupied)
 
 
-def test_stuck_cells_are_where_walks_end() -> None:
-    grid, goal = wall(), (0, 4)
-    planner = FusionAco(repulsion_gain=0.0)
-    assert stuck_cells(grid, planner.force(grid, goal), goal) == [(3, 4)]
-    empty = GridMap(np.zeros((5, 5), dtype=bool))
-    assert stuck_cells(empty, planner.force(empty, (2, 2)), (2, 2)) == []
-    # A walker that is pushed back and pulled on goes round: all cells of the round are stuck.
-    to_and_fro = np.zeros((1, 4, 2))
-    to_and_fro[0, :, 1] = 1, 1, -1, -1
-    assert stuck_cells(GridMap(np.zeros((1, 4), dtype=bool)), to_and_fro, (0, 0)) == [(0, 1), (0, 2)]
-
-
 def test_the_intermediate_point_turns_the_force_round_the_wall() -> None:
     grid, goal = wall(), (0, 4)
     bare = FusionAco(repulsion_gain=0.0).force(grid, goal)
@@ -83,14 +70,6 @@ def test_the_intermediate_point_turns_the_force_round_the_wall() -> None:
     assert cosine_to_the_side == pytest.approx(3 / math.sqrt(10))
 
 
-def test_without_local_minima_the_intermediate_point_changes_nothing() -> None:
-    grid = GridMap(np.zeros((6, 8), dtype=bool))
-    push, energy = repulsion_parts(grid.occupied, 0.3, 2.0)
-    np.testing.assert_array_equal(
-        FusionAco(intermediate_point=True).force(grid, (2, 3)), improved_force(push, energy, (2, 3), 1.0, 1.0)
-    )
-
-
 @pytest.mark.parametrize("intermediate_point", [False, True])
 @pytest.mark.parametrize("task", NAMED_TASKS["paper46"])
 def test_close_to_the_optimum_on_the_named_tasks(task: str, intermediate_point: bool) -> None:
@@ -101,16 +80,3 @@ def test_close_to_the_optimum_on_the_named_tasks(task: str, intermediate_point: 
     for plan in plans:
         validate(grid, plan.cells, start, goal)
     assert np.mean([path_length(plan.cells) for plan in plans]) <= 1.02 * optimum
-
-
-def test_the_field_is_what_helps() -> None:
-    grid = make_layout("narrow")
-    pairs = np.random.default_rng(1).integers(0, len(grid.free_cells), (12, 2))
-    gaps: dict[float, list[float]] = {0.0: [], 1.0: []}
-    for weight, seen in gaps.items():
-        planner = FusionAco(field_weight=weight, ants=40, iterations=30)
-        for a, b in pairs:
-            start, goal = tuple(grid.free_cells[a].tolist()), tuple(grid.free_cells[b].tolist())
-            plan = planner.plan(grid, start, goal, np.random.default_rng(0))
-            seen.append(path_length(plan.cells) / grid.distance_to(goal)[start] - 1)
-    assert np.mean(gaps[1.0]) < 0.6 * np.mean(gaps[0.0])

@@ -21,7 +21,7 @@ TASK = NAMED_TASKS["paper46"]["in_zone_1"]
 
 def test_attraction_of_equation_7() -> None:
     floor = make_floor(GridMap(np.zeros((4, 5), dtype=bool)), (3, 4))
-    colony = Iaco().colony(GridMap(np.zeros((4, 5), dtype=bool)), floor, np.zeros(1, np.int64))
+    colony = Iaco().colony(GridMap(np.zeros((4, 5), dtype=bool)), floor, 0)
     turning, straight = colony.attraction(3)
     assert turning is straight
     assert turning[0, SOUTH_EAST] == pytest.approx((10 / math.sqrt(13)) ** 7)
@@ -44,7 +44,7 @@ def test_evaporation_of_equation_9() -> None:
 
 def test_update_by_hand() -> None:
     floor = make_floor(GridMap(np.zeros((2, 3), dtype=bool)), (1, 2))
-    colony = Iaco().colony(GridMap(np.zeros((2, 3), dtype=bool)), floor, np.zeros(2, np.int64))
+    colony = Iaco().colony(GridMap(np.zeros((2, 3), dtype=bool)), floor, 0)
     pheromone, kept = colony.pheromone.copy(), 1 - 0.5 * math.exp(-3 / 400)
     colony.update(0, pheromone, walked(floor, [EAST, SOUTH_EAST], [EAST, EAST, SOUTH]), walked(floor))
     diagonal = 100 / (1 + math.sqrt(2))
@@ -64,18 +64,3 @@ def test_the_line_is_the_smoothed_path(where: str, norms: str) -> None:
     validate_line(grid, plan.line, start, goal, 0.35 - 1e-6)
     np.testing.assert_array_equal(plan.line, smooth(plan.cells, grid.occupied, power=2 if norms == "squared" else 1))
     assert plan.line_length < path_length(plan.cells)
-
-
-def test_the_line_does_not_change_the_search() -> None:
-    grid = make_layout("paper46")
-    smoothed = search("iaco", grid, TASK.start, TASK.goal, seed=4)
-    plain = search("iaco", grid, TASK.start, TASK.goal, seed=4, smoothing=False)
-    np.testing.assert_array_equal(smoothed.cells, plain.cells)
-    assert plain.line is None
-    assert plain.line_length == path_length(plain.cells)
-
-
-def test_it_is_near_the_optimum_in_the_zone() -> None:
-    grid = make_layout("paper46")
-    lengths = [path_length(search("iaco", grid, TASK.start, TASK.goal, seed).cells) for seed in range(10)]
-    assert np.mean(lengths) < 1.03 * grid.distance_to(TASK.goal)[TASK.start]

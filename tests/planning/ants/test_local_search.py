@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
 from warehouse_env.planning import climb, make_planner, path_length, turns, validate
 from warehouse_env.planning.ants.floor import make_floor
-from warehouse_env.planning.ants.local_search import improve, shorten, straight_runs
-from warehouse_env.planning.ants.walks import empty_walks
+from warehouse_env.planning.ants.local_search import shorten, straight_runs
 
 
 def moves_of(cells: list[Cell]) -> NDArray[np.int8]:
@@ -31,13 +30,6 @@ def test_a_zigzag_on_open_floor_becomes_one_turn() -> None:
     cells = improved(GridMap(np.zeros((4, 6), dtype=bool)), zigzag)
     assert path_length(cells) == 3 + 2 * math.sqrt(2)
     assert turns(cells) == 1
-
-
-def test_a_corner_is_not_cut() -> None:
-    occupied = np.zeros((3, 3), dtype=bool)
-    occupied[1, 1] = True
-    around = [(0, 0), (1, 0), (2, 0), (2, 1), (2, 2)]
-    assert improved(GridMap(occupied), around).tolist() == [list(cell) for cell in around]
 
 
 def test_a_detour_round_a_bump_stays_if_it_is_worth_it() -> None:
@@ -70,17 +62,3 @@ def test_never_worse_and_always_valid_on_the_paths_of_ants() -> None:
             assert after <= before + 1e-5  # heights are rounded to micrometres
             again = improved(grid, [(int(row), int(column)) for row, column in cells], gentleness)
             assert path_length(again) + gentleness * climb(grid, again) <= after + 1e-5
-
-
-def test_the_best_paths_that_differ_are_shortened_and_the_rest_left() -> None:
-    floor = make_floor(GridMap(np.zeros((3, 5), dtype=bool)), (0, 4))
-    walks = empty_walks(np.zeros(4, np.int64), 15)
-    paths = ([6, 0, 0, 0, 0, 2], [7, 0, 0, 1], [1, 7], [6, 6, 0, 0, 0, 0, 2, 2])  # 6, 2 + 2 sqrt 2 and 8 cells long
-    for ant, moves in enumerate(paths):
-        walks.moves[ant, : len(moves)], walks.steps[ant] = moves, len(moves)
-    walks.steps[2] = -1  # did not arrive
-    runs = straight_runs(floor)
-    assert improve(floor, runs, 1, walks, 0, 4) == 1
-    assert walks.length.tolist() == [6, 4, math.inf, 8]
-    assert improve(floor, runs, 3, walks, 0, 4) == 0
-    assert walks.length.tolist() == [4, 4, math.inf, 4]

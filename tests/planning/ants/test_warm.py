@@ -5,9 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import pytest
 
-from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.maps.layouts import make_layout
 from warehouse_env.planning import validate
@@ -35,13 +33,6 @@ def test_tempering_by_hand() -> None:
     np.testing.assert_array_equal(tempered(np.array([[16.0, 1.0]]), 0.0), [[1.0, 1.0]])
 
 
-def test_bad_numbers_are_refused() -> None:
-    with pytest.raises(ConfigError, match="temper"):
-        tempered(np.ones((4, 8)), 2.0)
-    with pytest.raises(ConfigError, match="pheromone of shape"):
-        replan(SMALL, two_ways(), (3, 0), (3, 12), fresh(), np.ones((4, 8)))
-
-
 def blocked(grid: GridMap, *cells: Cell) -> GridMap:
     occupied = grid.occupied.copy()
     for cell in cells:
@@ -57,13 +48,6 @@ def test_replanning_finds_the_other_side_of_the_block() -> None:
     validate(blocked(grid, (row, 6)), now.cells, (3, 0), (3, 12))
     assert now.cells[6, 0] == 6 - row
     assert len(now.elapsed) == len(now.best_by_iteration)
-
-
-def test_replanning_of_a_cut_off_goal_says_so() -> None:
-    grid = two_ways()
-    _, pheromone = replan(SMALL, grid, (3, 0), (3, 12), fresh(), None)
-    plan, _ = replan(SMALL, blocked(grid, (0, 6), (6, 6)), (3, 0), (3, 12), fresh(), pheromone)
-    assert not plan.found
 
 
 def test_a_warm_colony_without_local_search_is_ahead_from_the_first_iteration() -> None:

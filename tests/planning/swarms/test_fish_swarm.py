@@ -2,24 +2,13 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 
 from tests.planning.swarms.recorder import TARGET, Recorder
-from warehouse_env.maps.generators import random_floor
 from warehouse_env.maps.layouts import NAMED_TASKS, make_layout
 from warehouse_env.planning.plan import path_length, validate
 from warehouse_env.planning.swarms.fish_swarm import FishSwarm
-
-
-def test_vision_narrows() -> None:
-    swarm = FishSwarm(iterations=50, vision_first=0.4, vision_last=1.5, fading=6.0)
-    assert swarm.vision(0, 46) == pytest.approx(18.4)
-    assert swarm.vision(25, 46) == pytest.approx(1.5 + 16.9 * math.exp(-1.5))
-    assert swarm.vision(49, 46) == pytest.approx(1.5 + 16.9 * math.exp(-6 * 0.98**2))
-    assert swarm.vision(0, 2) == swarm.vision(49, 2) == 1.5
 
 
 def met(swarm: FishSwarm, places: list[tuple[float, float]], vision: float) -> tuple[np.ndarray, np.ndarray]:
@@ -51,50 +40,6 @@ def test_a_fish_swarms_to_the_middle_where_that_is_better() -> None:
         assert cost[k] == np.abs(new[k] - TARGET).sum() < 4.0
 
 
-def test_a_crowded_place_is_avoided_and_a_step_is_no_longer_than_told() -> None:
-    places = [(2.0, 3.0), (2.0, 9.0), (2.0, 9.5)]
-    assert np.isinf(met(FishSwarm(waypoints=1, crowding=0.5), places, 8.0)[1]).all()  # two of three in sight
-    new, _ = met(FishSwarm(waypoints=1, crowding=1.0, step=0.1), places, 8.0)
-    assert 0 < 9.0 - new[1, 1] <= 0.8
-
-
-def preyed(swarm: FishSwarm, seed: int = 0) -> tuple[np.ndarray, np.ndarray, Recorder]:
-    place, paths = np.full((20, 1, 2), 8.0), Recorder()
-    cost = paths.cost(place)
-    swarm._prey(paths, place, cost, np.arange(10), 3.0, np.random.default_rng(seed))
-    return place[:, 0], cost, paths
-
-
-def test_hungry_fish_go_to_the_first_better_place_in_sight() -> None:
-    place, cost, paths = preyed(FishSwarm(waypoints=1, tries=4, roam=0.0))
-    assert (place[10:] == 8.0).all()
-    assert (cost == np.abs(place - TARGET).sum(axis=1)).all()
-    assert (cost[:10] < 11.0).sum() >= 8
-    assert np.abs(place - 8.0).max() <= 3.0
-    assert [len(code) for code in paths.tried[1:]] == sorted([len(code) for code in paths.tried[1:]], reverse=True)
-
-
-def test_a_fish_that_finds_nothing_may_roam() -> None:
-    best, paths = np.full((20, 1, 2), TARGET), Recorder()
-    stay, cost = best.copy(), np.zeros(20)
-    FishSwarm(waypoints=1, roam=0.0)._prey(paths, stay, cost, np.arange(20), 2.0, np.random.default_rng(0))
-    assert (stay == best).all()
-    FishSwarm(waypoints=1, roam=1.0, step=0.5)._prey(paths, stay, cost, np.arange(20), 2.0, np.random.default_rng(0))
-    assert (stay != best).any(axis=(1, 2)).all()
-    assert np.abs(stay - best).max() <= 1.0
-    assert (cost > 0).all()
-
-
-def test_the_swarm_gathers_at_the_target() -> None:
-    paths = Recorder()
-    first = np.random.default_rng(0).uniform(0, 10, (12, 2, 2))
-    FishSwarm(iterations=60, fish=12, waypoints=2, vision_last=0.1, roam=0.0).search(
-        paths, first, np.random.default_rng(0)
-    )
-    assert min(np.abs(code - TARGET).sum(axis=(1, 2)).min() for code in paths.tried) < 0.2
-    assert len(paths.history) == 60
-
-
 @pytest.mark.parametrize("task", NAMED_TASKS["paper46"])
 def test_it_finds_the_shortest_paths_of_the_warehouse(task: str) -> None:
     grid = make_layout("paper46")
@@ -104,10 +49,3 @@ def test_it_finds_the_shortest_paths_of_the_warehouse(task: str) -> None:
     assert path_length(plan.cells) <= 1.03 * optimum
     assert len(plan.best_by_iteration) == len(plan.elapsed) == 50
     assert (np.diff(plan.best_by_iteration) <= 0).all()
-
-
-def test_clutter_is_within_six_per_cent_on_average() -> None:
-    grid = random_floor(46, 46, 0.25, 5)
-    start, goal = (tuple(grid.free_cells[k].tolist()) for k in (0, -1))
-    lengths = [path_length(FishSwarm().plan(grid, start, goal, np.random.default_rng(s)).cells) for s in range(5)]
-    assert np.mean(lengths) < 1.06 * grid.distance_to(goal)[start]

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from tests.planning.swarms.recorder import TARGET, Recorder
-from warehouse_env.maps.generators import random_floor
 from warehouse_env.maps.layouts import NAMED_TASKS, make_layout
 from warehouse_env.planning.plan import path_length, validate
 from warehouse_env.planning.swarms.particle_swarm import ParticleSwarm
@@ -30,19 +29,6 @@ def test_velocity_and_place_by_hand() -> None:
     assert third[1] == pytest.approx(np.clip(second[1] + np.clip(velocity, -5.5, 5.5), 0, 10))
 
 
-def test_speed_is_limited_and_the_edge_holds() -> None:
-    paths = Recorder()
-    first = np.random.default_rng(0).uniform(0, 10, (8, 3, 2))
-    ParticleSwarm(iterations=30, particles=8, waypoints=3, speed_limit=0.1).search(
-        paths, first, np.random.default_rng(0)
-    )
-    tried = np.array(paths.tried)
-    assert np.abs(np.diff(tried, axis=0)).max() <= 1.1 + 1e-12
-    assert tried.min() >= 0
-    assert tried.max() <= 10
-    assert np.abs(tried[-1] - TARGET).max() < np.abs(tried[0] - TARGET).max() / 4
-
-
 @pytest.mark.parametrize("task", NAMED_TASKS["paper46"])
 def test_it_finds_the_shortest_paths_of_the_warehouse(task: str) -> None:
     grid = make_layout("paper46")
@@ -53,10 +39,3 @@ def test_it_finds_the_shortest_paths_of_the_warehouse(task: str) -> None:
     assert len(plan.best_by_iteration) == len(plan.elapsed) == 100
     assert (np.diff(plan.best_by_iteration) <= 0).all()
     assert 0 < plan.elapsed[0] < plan.elapsed[-1] <= plan.seconds
-
-
-def test_clutter_is_within_six_per_cent_on_average() -> None:
-    grid = random_floor(46, 46, 0.25, 5)
-    start, goal = (tuple(grid.free_cells[k].tolist()) for k in (0, -1))
-    lengths = [path_length(ParticleSwarm().plan(grid, start, goal, np.random.default_rng(s)).cells) for s in range(5)]
-    assert np.mean(lengths) < 1.06 * grid.distance_to(goal)[start]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 
 import numpy as np
@@ -14,7 +13,7 @@ from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.planning.ants.colony import cells_of
 from warehouse_env.planning.ants.floor import make_floor
 from warehouse_env.planning.plan import path_length, validate
-from warehouse_env.planning.swarms.waypoints import Paths, first_codes
+from warehouse_env.planning.swarms.waypoints import Paths
 
 
 def drawn(*lines: str) -> GridMap:
@@ -36,22 +35,9 @@ OPEN = drawn(".....", ".....", ".....", ".....")
 WALL = drawn(".....", ".###.", "...#.", ".....")
 
 
-def test_from_tight_floor_the_walk_goes_by_the_nearest_points_that_are_not() -> None:
-    """No way leads back there: the walker ran out of cells to go back to, and read the one before its first."""
-    tight = np.zeros((4, 5), np.bool_)
-    tight[1:3, 0] = True
-    grid = dataclasses.replace(OPEN, tight=tight)
-    assert decoded(grid, (1, 0), (1, 4), (1.0, 2.0), (2.0, 0.0)) == [(1, k) for k in range(5)]
-
-
 def test_the_walk_goes_by_its_points_and_diagonally_while_it_can() -> None:
     assert decoded(OPEN, (0, 0), (0, 4), (2.4, 1.6)) == [(0, 0), (1, 1), (2, 2), (1, 3), (0, 4)]
     assert decoded(OPEN, (0, 0), (3, 1), (0.0, 0.0)) == [(0, 0), (1, 1), (2, 1), (3, 1)]
-
-
-def test_a_blind_alley_is_left_out() -> None:
-    # From (2, 1) the walker first runs into the corner (2, 2) next to the shelf, then round below.
-    assert decoded(WALL, (2, 1), (0, 4), (2.0, 1.0)) == [(2, 1), (3, 2), (3, 3), (3, 4), (2, 4), (1, 4), (0, 4)]
 
 
 def test_a_point_on_a_shelf_or_outside_counts_as_the_nearest_cell_that_can_be_reached() -> None:
@@ -76,22 +62,6 @@ def test_cost_is_length_and_tolls_of_each_code_and_the_best_is_kept() -> None:
     assert paths.best.cost[0] == cost[1]
     assert paths.cost(np.array([straight], dtype=np.float64)) == pytest.approx([9.0])
     assert paths.best.cost[0] == cost[1]
-
-
-def test_local_search_straightens_the_best_but_not_the_codes_cost() -> None:
-    zigzag = np.array([[(2.0, 1.0), (0.0, 2.0), (2.0, 3.0)]])
-    plain, searched = paths_of(OPEN, (0, 0), (0, 4)), paths_of(OPEN, (0, 0), (0, 4), local=True)
-    assert searched.cost(zigzag) == plain.cost(zigzag)
-    assert searched.best.length[0] == 4.0 < plain.best.length[0]
-
-
-def test_first_codes_are_on_the_line_and_around_it() -> None:
-    codes = first_codes((10, 40), (0, 0), (9, 39), 50, 2, np.random.default_rng(0))
-    assert codes.shape == (50, 2, 2)
-    assert codes[0] == pytest.approx(np.array([[3, 13], [6, 26]]))
-    assert ((codes >= 0) & (codes <= (9, 39))).all()
-    away = np.abs(codes[:, 0] - (3, 13)).max(axis=1)
-    assert away[:10].max() < 6 < away[25:].max() <= 20
 
 
 @given(seed=st.integers(0, 10_000), share=st.floats(0.0, 0.5), rows=st.integers(1, 9), columns=st.integers(2, 9))

@@ -1,85 +1,58 @@
-"""Where the cells of a hall begin: anywhere within the first, by whole pixels, so that most of the hall is kept.
+"""Choose where the cells of a hall begin, by whole pixels, so that most of the hall is kept.
 
-Cells that begin badly cut a strip off every aisle, and close those that are hardly wider than a cell. What counts is
-the floor that robots drive on, what stands in it by the map, and aisles that close. Masks, discs and lanes do not
-count: whoever edits one finds the cells where they were.
+A bad choice cuts a strip off every aisle and closes aisles that are hardly wider than a cell. What counts is the floor
+that robots drive on, obstacles in it, and closed aisles. Masks, discs and lanes do not count, so editing them does not
+move the cells.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from warehouse_env.maps.endpoints import largest_region
 from warehouse_env.maps.halls.cells import Sums, closed, exceeds, not_free, raster_of, room_of
 from warehouse_env.maps.halls.map_server import Occupancy
 
-_STANDS = 5  # times its area that what stands in a cell counts against it: cells keep off walls where there is floor
-_CLOSED = 2  # cells of floor that a closed cell of an aisle is worth, besides its own: goods stand on both sides of it
+_STANDS = 5  # weight of an obstacle's area in a cell against floor, so that cells keep off walls
+_CLOSED = 2  # cells of floor that a closed aisle cell costs besides its own: goods lie on both sides of it
 _MOST_STEPS = 64  # along a cell's side; finer pixels are skipped
 
 
-class Kept(NamedTuple):
-    """What cells keep of a hall that begin somewhere [m], to the right of and below its picture's corner."""
+def choose(occupancy: Occupancy, cell: float, share: float, unknown_free: bool) -> tuple[float, float]:
+    """Return where the cells that keep most of a hall begin [m], to the right of and below the picture's corner.
 
-    begin: tuple[float, float]
-    worth: float  # [% of pixels], of what is kept
-    driven: int  # cells of the largest region
-    stands: float  # [cells], of what is not free in them
-    closed: NDArray[np.bool_]  # [H, W], cells where an aisle closes
-
-
-class Choice(NamedTuple):
-    """What the best cells keep, and those that begin at the corner."""
-
-    best: Kept
-    corner: Kept
-
-
-class _Judge:
-    def __init__(self, occupancy: Occupancy, cell: float, share: float, unknown_free: bool) -> None:
-        self._occupancy, self._cell, self._share = occupancy, cell, share
-        self._taken = Sums(occupancy, not_free(occupancy.values, unknown_free), cell)
-        self._room = Sums(occupancy, room_of(occupancy, unknown_free), cell)
-
-    def kept(self, begin: tuple[float, float], least: float = -math.inf) -> Kept | None:
-        """Return what cells keep that begin there; None if it is worth no more than the least."""
-        raster = raster_of(self._occupancy, self._cell, begin)
-        taken, count = self._taken.over(raster)
-        floor = ~exceeds(taken / np.maximum(count, 1), self._share)
-        gain = np.maximum(100 * count - _STANDS * taken, 0)  # so that all floor has no less than what is driven on
-        if gain[floor].sum() <= least:  # whatever is cut off or closes; most end here
-            return None
-        driven = largest_region(floor)
-        worth = float(gain[driven].sum())
-        lost = closed(self._room.over(raster)[0] > 0, floor)
-        worth -= _CLOSED * 100.0 * (self._cell / self._occupancy.resolution) ** 2 * int(lost.sum())
-        stands = float((taken / np.maximum(100 * count, 1))[driven].sum())
-        return Kept(begin, worth, int(driven.sum()), stands, lost) if worth > least else None
-
-
-def choose(occupancy: Occupancy, cell: float, share: float, unknown_free: bool) -> Choice:
-    """Return the cells that keep most of a hall; of equals those that begin nearest to the top, then to the left.
-
-    So a map that was drawn in whole cells keeps them: begun elsewhere, they hold no more.
+    Ties go to the topmost, then the leftmost, so a map drawn in whole cells keeps its cells.
     """
-    judge = _Judge(occupancy, cell, share, unknown_free)
-    corner = judge.kept((0.0, 0.0))
-    assert corner is not None
-    best = corner
+    taken = Sums(occupancy, not_free(occupancy.values, unknown_free), cell)
+    room = Sums(occupancy, room_of(occupancy, unknown_free), cell)
+    aisle = _CLOSED * 100.0 * (cell / occupancy.resolution) ** 2
+
+    def worth(begin: tuple[float, float], least: float) -> float:
+        """Return what cells that begin there keep [% of pixels], or any number up to `least`."""
+        raster = raster_of(occupancy, cell, begin)
+        here, count = taken.over(raster)
+        floor = ~exceeds(here / np.maximum(count, 1), share)
+        gain = np.maximum(100 * count - _STANDS * here, 0)  # so that all floor is worth no less than its region
+        if gain[floor].sum() <= least:  # even if nothing is cut off or closed; most end here
+            return least
+        lost = closed(room.over(raster)[0] > 0, floor)
+        return float(gain[largest_region(floor)].sum() - aisle * int(lost.sum()))
+
+    best, most = (0.0, 0.0), worth((0.0, 0.0), -math.inf)
     height, width = occupancy.values.shape
     for down in _steps(height, occupancy.resolution, cell):
         for right in _steps(width, occupancy.resolution, cell):
-            best = judge.kept((right, down), best.worth) or best
-    return Choice(best, corner)
+            found = worth((right, down), most)
+            if found > most:
+                best, most = (right, down), found
+    return best
 
 
 def _steps(pixels: int, resolution: float, cell: float) -> Iterator[float]:
-    """Yield where cells may begin [m] along a side, so that one of them is whole."""
+    """Yield where cells may begin [m] along a side so that at least one is whole."""
     wide = math.ceil(cell / resolution - 1e-6)
     for k in range(0, wide, math.ceil(wide / _MOST_STEPS)):
         if k * resolution <= pixels * resolution - cell * (1 - 1e-6):

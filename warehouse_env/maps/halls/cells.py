@@ -1,4 +1,4 @@
-"""From a map's pixels to cells, and what is lost on the way."""
+"""From a map's pixels to cells, and what is lost."""
 
 from __future__ import annotations
 
@@ -12,9 +12,11 @@ from numpy.typing import NDArray
 from warehouse_env.config import RobotSpec
 from warehouse_env.errors import MapError
 from warehouse_env.maps.discs import cells_near
+from warehouse_env.maps.endpoints import beside
 from warehouse_env.maps.generators import LARGEST
 from warehouse_env.maps.halls.map_server import UNKNOWN, Occupancy
 from warehouse_env.maps.halls.picture import MOST_PIXELS
+from warehouse_env.maps.moves import beyond
 
 
 @dataclass(frozen=True)
@@ -46,7 +48,7 @@ class Raster:
 
 
 def raster_of(occupancy: Occupancy, cell: float, begin: tuple[float, float] = (0.0, 0.0)) -> Raster:
-    """Return the whole cells that a picture holds; MapError where there is none, or too many.
+    """Return the whole cells in a picture; MapError if there are none, or too many.
 
     begin: where the first cell begins [m], to the right of and below the picture's upper left corner.
     """
@@ -61,10 +63,10 @@ def raster_of(occupancy: Occupancy, cell: float, begin: tuple[float, float] = (0
 
 
 class Sums:
-    """Sums of a weight over a map's pixels, from which cells have theirs wherever they begin.
+    """Sums of a weight over a map's pixels, from which the sum of any cell follows.
 
-    weights: int[h, w], of the pixels; whole numbers, so that sums are exact. Pixels wider than a cell count for each
-    cell that they cover, so it is said here how wide cells are.
+    weights: int[h, w], of the pixels; whole numbers, so sums are exact. cell: width of the cells [m]; a wider pixel
+    counts for each cell that it covers.
     """
 
     def __init__(self, occupancy: Occupancy, weights: NDArray[Any], cell: float) -> None:
@@ -111,7 +113,7 @@ def not_free(values: NDArray[np.int8], unknown_free: bool) -> NDArray[np.int64]:
 
 
 def exceeds(percent: NDArray[np.float64], share: float) -> NDArray[np.bool_]:
-    """Return bool[H, W]: the cells of which more than a share is taken, as rounding allows."""
+    """Return bool[H, W]: the cells of which more than a share is taken, up to rounding."""
     return percent > 100 * (share + 1e-9)
 
 
@@ -126,26 +128,23 @@ def within(discs: NDArray[np.float64], occupancy: Occupancy) -> NDArray[np.bool_
 
 
 def room_of(occupancy: Occupancy, unknown_free: bool) -> NDArray[np.bool_]:
-    """Return bool[h, w]: pixels round which a robot has room, a free square as wide as it is."""
+    """Return bool[h, w]: pixels in the middle of a free square as wide as a robot."""
     free = not_free(occupancy.values, unknown_free) == 0
     return _square_fits(free, RobotSpec.width / occupancy.resolution)
 
 
 def closed(room: NDArray[np.bool_], floor: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return bool[H, W]: cells where a robot finds room in the map, but there is no floor beside them in any direction.
+    """Return bool[H, W]: cells where a robot has room in the map but no floor in any neighbouring cell.
 
-    room: bool[H, W], cells that hold a pixel with room round it. Single cells are left out: they are corners.
+    room: bool[H, W], cells with a pixel of `room_of`. Single cells are left out: they are corners.
     """
     found = room & ~around(floor)
-    padded = np.pad(found, 1)
-    several = padded[:-2, 1:-1] | padded[2:, 1:-1] | padded[1:-1, :-2] | padded[1:-1, 2:]
-    return np.asarray(found & several)
+    return np.asarray(found & beside(found))
 
 
 def around(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return bool[H, W]: the cells of a mask and those beside them in any direction."""
-    near, (rows, columns) = np.pad(mask, 1), mask.shape
-    return np.asarray(np.any([near[a : a + rows, b : b + columns] for a in (0, 1, 2) for b in (0, 1, 2)], axis=0))
+    return np.asarray(mask | beyond(mask).any(axis=-1))
 
 
 def _square_fits(free: NDArray[np.bool_], side: float) -> NDArray[np.bool_]:

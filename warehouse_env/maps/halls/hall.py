@@ -1,8 +1,8 @@
-"""A hall: a robot's map of it and what lies beside, as a floor of cells, with a report of what was lost.
+"""A hall: a robot's map and the files beside it, read as a floor of cells, with a report of what was lost.
 
-A name carries how it is read, as those of layouts do: "hall.yaml:cell=0.75,keepout=hall_keepout.yaml". Robots drive on
-the largest region: maps that scanners made nearly always show specks of free floor behind walls and windows, so that
-to refuse these would refuse most maps; `Hall.notes` says what was cut off.
+A name carries parameters as layouts do: "hall.yaml:cell=0.75,keepout=hall_keepout.yaml". Robots drive on the largest
+region; `Hall.notes` says what was cut off. Scanned maps nearly always show specks of free floor behind walls and
+windows, so they are not an error.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from warehouse_env.maps.endpoints import largest_region
 from warehouse_env.maps.going import DEAREST
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.halls import lif, picture, places, route_graph, told
-from warehouse_env.maps.halls.beginning import Choice, choose
+from warehouse_env.maps.halls.beginning import choose
 from warehouse_env.maps.halls.cells import Raster, Sums, around, exceeds, not_free, raster_of, spread, within
 from warehouse_env.maps.halls.lanes import Lanes, lay, prices
 from warehouse_env.maps.halls.map_server import YAMLS, Occupancy, beside, image_of, read_occupancy
@@ -41,52 +41,52 @@ EXAMPLE = "hall.yaml:cell=0.75"
 
 @dataclass(frozen=True, eq=False)
 class Hall:
-    """A hall as it was understood."""
+    """A hall as read."""
 
     grid: GridMap
     occupancy: Occupancy
     raster: Raster
     places: places.Places  # picks and stations by name, as the grid has them
     barred: NDArray[np.bool_]  # [H, W], floor of the map that masks or lanes close
-    notes: tuple[str, ...]  # what the floor does not hold, one sentence each
-    report: tuple[str, ...]  # what was read, and lost in cells
+    notes: tuple[str, ...]  # what the floor does not represent, one sentence each
+    report: tuple[str, ...]  # what was read, and what cells lose
 
 
 def is_hall(name: object) -> bool:
-    """Whether a name is that of a hall's map, with or without parameters."""
+    """Whether a name is a hall's map, with or without parameters."""
     return isinstance(name, str) and name.partition(":")[0].lower().endswith(SUFFIXES)
 
 
 def parse(name: str) -> tuple[Path, Reading]:
-    """Return where a hall's map lies, and how it is to be read; ConfigError or MapError."""
+    """Return the path of a hall's map and how to read it; ConfigError or MapError."""
     given, parameters = parse_named(name, "map", EXAMPLE)
     return path_of(STAGED.get(name, given), MapError), from_plain(Reading, parameters)
 
 
 def files_of(name: str) -> Iterator[Path]:
-    """Yield the files that a hall is read from, its map first, so that they can travel; those there are."""
+    """Yield the files of a hall, its map first, so that they can travel with jobs."""
     path, how = parse(name)
     named = [beside(path, other, "file") for other in (how.keepout, how.speed, how.lanes, how.discs) if other]
     for one in (path, *named):
         yield one
         if one.suffix.lower() in YAMLS:
-            with contextlib.suppress(MapError):  # who reads it says what is wrong
+            with contextlib.suppress(MapError):  # reported when it is read
                 yield image_of(one)
     yield from (companion(path, suffix) for suffix in (places.SUFFIX, one_way.SUFFIX))
 
 
 def read_floor(name: str) -> GridMap:
-    """Return the floor of a hall; what it does not hold is warned of (MapWarning)."""
+    """Return the floor of a hall; warn of what it does not represent (MapWarning)."""
     hall = read_hall(name)
-    for note in hall.notes if multiprocessing.parent_process() is None else ():  # workers' parents have said it
+    for note in hall.notes if multiprocessing.parent_process() is None else ():  # a worker's parent has warned already
         warnings.warn(f"{hall.grid.name}: {note}", MapWarning, stacklevel=2)
     return hall.grid
 
 
 def read_hall(name: str, edited: bool = True) -> Hall:
-    """Return a hall as it is understood; ConfigError or MapError in one sentence where it cannot be.
+    """Return a hall; ConfigError or MapError in one sentence if it cannot be read.
 
-    edited: whether the file of places beside it is read, if there is one.
+    edited: whether to read the file of places beside it, if there is one.
     """
     path, how = parse(name)
     try:
@@ -103,7 +103,7 @@ class _Reader:
         self._path, self._how, self._edited = path, how, edited
         self._notes: list[str] = []
         self._occupancy = read_occupancy(path, how.resolution)
-        self._begin, self._choice = self._beginning()
+        self._begin = self._beginning()
         self._raster = raster_of(self._occupancy, how.cell, self._begin)
         self._discs = self._round_ones()
         self._taken = not_free(self._occupancy.values, how.unknown == "floor")
@@ -111,7 +111,7 @@ class _Reader:
         self._walls = exceeds(spread(self._occupancy, self._taken, self._raster), how.share)
 
     def hall(self) -> Hall:
-        """Read all that lies beside, and put it together."""
+        """Read the files beside the map, and put all together."""
         speed = self._speeds()
         barred = self._keepout()
         self._check_floor(~(self._walls | barred), "keepout leaves")
@@ -138,19 +138,18 @@ class _Reader:
             np.where(taken, 0, arrows), self._raster.origin, discs, None, speed, price,  # type: ignore[arg-type]
         )  # fmt: skip
         self._note_regions(taken)
-        laid = told.Laid(self._occupancy, self._begin, self._choice, self._raster, self._walls)
+        laid = told.Laid(self._occupancy, self._begin, self._raster, self._walls)
         report = tuple(told.report(self._path, self._how, laid, grid, barred))
         return Hall(grid, self._occupancy, self._raster, named, barred, tuple(self._notes), report)
 
-    def _beginning(self) -> tuple[tuple[float, float], Choice | None]:
-        """Return where cells begin [m], and the choice of it, if there is one; arrows count cells from the corner."""
+    def _beginning(self) -> tuple[float, float]:
+        """Return where cells begin [m]; arrows beside the map count cells from the corner."""
         how = self._how
         if (given := how.beginning) is not None:
-            return given, None
+            return given
         if companion(self._path, one_way.SUFFIX).exists():
-            return (0.0, 0.0), None
-        choice = choose(self._occupancy, how.cell, how.share, how.unknown == "floor")
-        return choice.best.begin, choice
+            return 0.0, 0.0
+        return choose(self._occupancy, how.cell, how.share, how.unknown == "floor")
 
     def _round_ones(self) -> NDArray[np.float64]:
         """Return float64[K, 3], the discs (x, y, radius) [m] in the map's frame whose centres are on its cells."""
@@ -172,25 +171,20 @@ class _Reader:
             raise MapError(f"{who} no cell of floor")
 
     def _note_mask(self, name: str, mask: Occupancy, marked: NDArray[np.bool_], kept: NDArray[np.bool_]) -> None:
-        """Note what a mask does not mark, though it seems to; kept: bool[H, W], cells that keep its marks."""
+        """Note marks of a mask that cells lose; kept: bool[H, W], cells that keep its marks."""
         marks, pixels = Sums(mask, marked, self._how.cell).over(self._raster)
-        more = 100 * marks > np.maximum(pixels, 1) * (
-            spread(self._occupancy, self._taken, self._raster) + 1
-        )  # than walls
-        out, lost = (pixels == 0) & ~self._walls, more & ~around(kept) & ~self._walls
-        if not pixels.any():
-            self._notes.append(f"mask {name} lies off the map and marks nothing")
-        elif not marked.any():
-            self._notes.append(f"mask {name} marks no pixel")
-        elif not marks.any():
-            self._notes.append(f"mask {name} marks only what lies off the map")
+        walls = spread(self._occupancy, self._taken, self._raster)
+        lost = (100 * marks > np.maximum(pixels, 1) * (walls + 1)) & ~around(kept) & ~self._walls
+        if not marks.any():
+            self._notes.append(f"mask {name} marks nothing of the map")
         elif lost.any():
             x, y = self._raster.centres(np.argwhere(lost)[0]).tolist()
             cells = f"{counted(lost.sum(), 'cell')} of {self._how.cell:g} m"
             self._notes.append(
                 f"mask {name}: too little of {cells} is marked, as near ({x:.1f}, {y:.1f}) m; try a smaller cell="
             )
-        if pixels.any() and out.any():
+        out = (pixels == 0) & ~self._walls
+        if out.any():
             floor = int((~self._walls).sum())
             self._notes.append(
                 f"mask {name} leaves {out.sum():,} of {floor:,} cells of floor out, which count as unmarked"
@@ -212,7 +206,7 @@ class _Reader:
         return np.asarray(taken & ~self._walls)
 
     def _speeds(self) -> NDArray[np.float64]:
-        """Return float64[H, W], [m/s] at most by the mask: the mean of a cell's pixels with a limit; 0 is none."""
+        """Return float64[H, W], the mask's speed limits [m/s]: the mean of a cell's limited pixels; inf for none."""
         if self._how.speed is None:
             return np.full(self._walls.shape, np.inf)
         mask = read_occupancy(beside(self._path, self._how.speed, "speed"))
@@ -233,7 +227,7 @@ class _Reader:
         raise MapError(f"{path} must end in .json (LIF) or {route_graph.SUFFIX} (route graph)")
 
     def _one_way(self) -> NDArray[np.uint8]:
-        """Return the directions that stand beside the map as beside a MovingAI file; none where there are none."""
+        """Return the directions in the file NAME.oneway beside the map, if there is one."""
         path = companion(self._path, one_way.SUFFIX)
         if not path.exists():
             return np.zeros(self._walls.shape, np.uint8)
@@ -246,7 +240,7 @@ class _Reader:
     def _places(
         self, lanes: Lanes | None, occupied: NDArray[np.bool_]
     ) -> tuple[list[NDArray[np.int64]], places.Places]:
-        """Return the cells of picks and stations, and both by name: of the file, else the lanes, else proposed."""
+        """Return the cells of picks and stations, and both by name: from the file, the lanes, or proposed."""
         path = companion(self._path, places.SUFFIX)
         given = dict(lanes.places) if lanes is not None else {}
         if self._edited and path.exists():

@@ -1,8 +1,8 @@
-"""Lanes of a hall: a graph in metres, laid on cells as directions, and made of a floor.
+"""Lanes of a hall: a graph in metres, laid on cells as directions; and a floor as lanes.
 
-Of each lane's line the cells it crosses are taken in steps to a neighbour. A step that no lane takes back is one way.
-A cell gets a direction if one-way steps lead into it and on out of it; what that does not yet keep, the step's first
-cell does, or its second, where that bars no other step. Steps that no lane takes cost planners more (`prices`).
+A lane's line becomes steps between neighbouring cells. A step that no lane takes back is one-way. A cell gets a
+direction if one-way steps lead through it. A one-way step not yet kept gives its direction to its first or second cell,
+if that bars no other step. Steps without a lane cost planners more (`prices`).
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.halls.cells import Raster
 from warehouse_env.maps.halls.places import Place
+from warehouse_env.maps.moves import shifted
 
 STEPS = ((0, 1), (-1, 0), (0, -1), (1, 0))  # east, north, west, south, as one_way.ARROWS from 1 on
 _FINE = 8  # points of a line looked at per cell
@@ -24,7 +25,7 @@ MOST = 200_000  # nodes or edges of a file
 
 
 class Lane(NamedTuple):
-    """A way from one node to another, and not back."""
+    """A directed way from one node to another."""
 
     name: str
     start: str
@@ -36,7 +37,7 @@ class Lane(NamedTuple):
 
 @dataclass
 class Lanes:
-    """Nodes by name, at (x, y) [m], lanes between them, places, and notes of what was read liberally, with counts."""
+    """Nodes by name, at (x, y) [m], lanes between them, places, and counted notes on the reading."""
 
     nodes: dict[str, tuple[float, float]] = field(default_factory=dict)
     lanes: list[Lane] = field(default_factory=list)
@@ -49,7 +50,7 @@ class Lanes:
 
 
 class OnCells(NamedTuple):
-    """Lanes as cells hold them."""
+    """Lanes on cells."""
 
     one_way: NDArray[np.uint8]  # [H, W], as in GridMap
     used: NDArray[np.bool_]  # [H, W], cells with a lane
@@ -58,7 +59,7 @@ class OnCells(NamedTuple):
 
 
 def lay(lanes: Lanes, floor: NDArray[np.bool_], raster: Raster) -> OnCells:
-    """Return what cells of floor hold of lanes; what they cannot hold goes into the notes."""
+    """Lay lanes on cells of floor; what cells cannot represent goes into the notes."""
     steps = np.zeros((*floor.shape, 4), dtype=np.bool_)
     speed, price, astray = np.full(floor.shape, np.inf), np.full(steps.shape, np.inf), []
     for lane in lanes.lanes:
@@ -75,19 +76,19 @@ def lay(lanes: Lanes, floor: NDArray[np.bool_], raster: Raster) -> OnCells:
         on = tuple(cells[good].T)
         speed[on] = np.minimum(speed[on], lane.speed)
     if astray:
-        lead = f"{len(astray)} of {len(lanes.lanes)} lanes lead over what is no floor, and hold on floor only"
+        lead = f"{len(astray)} of {len(lanes.lanes)} lanes leave the floor, and hold on floor only"
         lanes.notes[f"{lead}: the first is {astray[0]}"] += 1
     one_way, open_steps = arrows(steps)
     if open_steps:
         lanes.notes["one-way steps cross or meet so closely that cells cannot keep them"] += open_steps
     used: NDArray[np.bool_] = np.asarray(steps.any(axis=2))
     for move, (row, column) in enumerate(STEPS):
-        used |= np.asarray(_from(steps[..., move], -row, -column))
+        used |= shifted(steps[..., move], -row, -column)
     return OnCells(np.where(floor, one_way, 0).astype(np.uint8), used, speed, price)
 
 
 def _steps_of(cells: NDArray[np.int64], good: NDArray[np.bool_]) -> tuple[NDArray[np.int64], ...]:
-    """Return (rows, columns, numbers in STEPS) of the steps between neighbouring cells of a walk, both on floor."""
+    """Return (rows, columns, indices into STEPS) of the steps of a walk whose cells are both on floor."""
     moves = (cells[1:] - cells[:-1])[:, None] == STEPS
     along = moves.all(axis=2) & (good[1:] & good[:-1])[:, None]
     at, move = np.nonzero(along)
@@ -95,10 +96,10 @@ def _steps_of(cells: NDArray[np.int64], good: NDArray[np.bool_]) -> tuple[NDArra
 
 
 def prices(on_cells: OnCells, prefer: float) -> NDArray[np.float64]:
-    """Return float64[H, W, 8], times their length that moves cost (GridMap.price): `prefer` times on floor off lanes.
+    """Return float64[H, W, 8], price factors of moves (GridMap.price): `prefer` off lanes.
 
-    A diagonal move costs what the cheaper pair of steps does that leads there. Lanes may cost less than their length;
-    what is cheapest then costs that much, and all else in proportion.
+    A diagonal move costs the mean of the cheaper pair of steps that leads there. If a lane costs less than its length,
+    all prices are scaled so that the cheapest is 1.
     """
     steps = np.where(np.isfinite(on_cells.price), on_cells.price, prefer)
     steps = steps / min(1.0, steps.min())
@@ -119,7 +120,7 @@ def _seen(values: NDArray[np.float64], by: tuple[int, int]) -> NDArray[np.float6
 
 
 def _cells_along(lane: Lane, raster: Raster) -> NDArray[np.int64]:
-    """Return int64[K, 2], the cells that a line crosses, each a neighbour of the one before; none if it is far away."""
+    """Return int64[K, 2], the cells that a line crosses, each a neighbour of the last; none if it is far away."""
     reach = 4 * (raster.rows + raster.columns + 8) * raster.cell
     lengths = np.hypot(*np.diff(lane.line, axis=0).T)
     if not np.isfinite(lane.line).all() or lengths.sum() > reach:
@@ -138,20 +139,14 @@ def _cells_along(lane: Lane, raster: Raster) -> NDArray[np.int64]:
     return np.array(walk)
 
 
-def _from(mask: NDArray[np.bool_], row: int, column: int) -> NDArray[np.bool_]:
-    """Return bool[H, W]: the mask as seen from each cell so many rows and columns on; False outside."""
-    rows, columns = mask.shape
-    return np.pad(mask, 1)[1 + row : 1 + row + rows, 1 + column : 1 + column + columns]
-
-
 def arrows(steps: NDArray[np.bool_]) -> tuple[NDArray[np.uint8], int]:
-    """Return uint8[H, W], directions that keep one-way steps, and how many steps they cannot keep.
+    """Return uint8[H, W], directions that keep one-way steps, and the number of steps that they cannot keep.
 
-    steps: bool[H, W, 4], steps that lanes take from each cell.
+    steps: bool[H, W, 4], the steps of lanes from each cell.
     """
-    back = np.stack([_from(steps[..., (m + 2) % 4], *by) for m, by in enumerate(STEPS)], axis=-1)
+    back = np.stack([shifted(steps[..., (m + 2) % 4], *by) for m, by in enumerate(STEPS)], axis=-1)
     single = steps & ~back
-    into = np.stack([_from(single[..., m], -r, -c) for m, (r, c) in enumerate(STEPS)], axis=-1)
+    into = np.stack([shifted(single[..., m], -r, -c) for m, (r, c) in enumerate(STEPS)], axis=-1)
     through = single & into
     lone = through.sum(axis=2) == 1
     held = np.where(lone, np.argmax(through, axis=2) + 1, 0).astype(np.uint8)
@@ -169,7 +164,7 @@ def arrows(steps: NDArray[np.bool_]) -> tuple[NDArray[np.uint8], int]:
 
 
 def _bars(steps: NDArray[np.bool_], cell: tuple[int, int], move: int) -> bool:
-    """Whether a direction on a cell would bar a step that lanes take, out of it or into it."""
+    """Whether a direction on a cell would bar a lane's step out of it or into it."""
     row, column = cell[0] + STEPS[move][0], cell[1] + STEPS[move][1]
     inside = 0 <= row < steps.shape[0] and 0 <= column < steps.shape[1]
     back = (move + 2) % 4
@@ -177,7 +172,7 @@ def _bars(steps: NDArray[np.bool_], cell: tuple[int, int], move: int) -> bool:
 
 
 def of_floor(grid: GridMap) -> Lanes:
-    """Return a floor as lanes: a node in the middle of each cell that robots reach, a lane for each step they take."""
+    """Return a floor as lanes: a node in the middle of each reachable cell, a lane for each legal step."""
     speed = grid.speed
     centres = grid.world(grid.centre(grid.free_cells)).round(6)
     names = {(r, c): f"r{r}c{c}" for r, c in grid.free_cells.tolist()}

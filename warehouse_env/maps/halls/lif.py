@@ -1,15 +1,14 @@
 """Lanes in the Layout Interchange Format, LIF 1.0.0 (VDMA, 2024): read liberally, written as its schema asks.
 
-Its drafts (0.11.0, as in its own examples) are read, too; version 2 has other names and is refused.
-
-A node or edge without an entry for a type of vehicle is closed to it; a trajectory is a NURBS.
+Its drafts (0.11.0, as in its own examples) are read, too; version 2 has other names and is refused. A node or edge
+without an entry for a type of vehicle is closed to that type; a trajectory is a NURBS.
 """
 
 from __future__ import annotations
 
 import json
+import math
 import os
-from collections import Counter
 from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path
@@ -19,28 +18,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.errors import MapError, shown
-from warehouse_env.files import path_of, read_json, write_text
+from warehouse_env.files import as_number, path_of, read_json, write_text
 from warehouse_env.format_version import major_of
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.halls.lanes import MOST, Lane, Lanes, of_floor
-from warehouse_env.maps.halls.places import KINDS, Place, is_number
+from warehouse_env.maps.halls.places import KINDS, Place
 
 SUFFIX = ".lif.json"
 VERSION = "1.0.0"
-_LISTS = ("nodes", "edges", "stations")
 VEHICLE = "robot"  # type of what is written
+_LISTS = ("nodes", "edges", "stations")
 _LARGEST_FILE = 64_000_000  # [bytes]
-_UNREAD = "is not read; versions 0 and 1 are"
-_NEWER = "mobileRobotType"  # what version 2 puts before names in place of vehicleType
 _MOST_POINTS = 1000  # of a trajectory
 _FAR = 1.0  # [m] from its nodes up to which a trajectory is joined to them
-_ALONG = 0.05  # sine of half the angle between a heading and a lane up to which it is along it
+_FARTHEST = 1e300  # [m] of a coordinate
 
 
 def read_lif(path: Path, vehicle: str | None = None) -> Lanes:
-    """Return the lanes of a file, of the level of its first layout; those open to a type of vehicle if one is named.
+    """Return the lanes of a file on the level of its first layout; only those open to `vehicle`, if given.
 
-    MapError in one sentence where it cannot be used; what breaks the format and is understood all the same is noted.
+    MapError in one sentence if it cannot be used; deviations from the format are noted.
     """
     data = read_json(path, "LIF file", _LARGEST_FILE)
     if not isinstance(data, dict) or not isinstance(data.get("layouts"), list) or not data["layouts"]:
@@ -57,30 +54,26 @@ class _Reading:
         self._path, self._vehicle, self._made = path, vehicle, Lanes()
         self._actions: dict[str, set[str]] = {}  # node -> types of what is done there
         self._elsewhere: set[str] = set()  # nodes of other levels
-        self._given: dict[str, set[str]] = {}  # name of an id -> those that stand for something
+        self._given: set[tuple[str, str]] = set()  # name of an id, and its value, that stands for something
 
     def check_version(self, about: Any) -> None:
-        """Raise MapError for a file of a version that is not read; note one that does not say its version."""
+        """Raise MapError for a version that is not read; note a missing one."""
         version = about.get("lifVersion") if isinstance(about, dict) else None
         major = major_of(version)
         if major is None:
             self._note(f"lifVersion is missing or none, and taken for {VERSION}")
         elif major > 1:
-            raise self._bad(f"lifVersion {shown(version)} {_UNREAD}")
+            raise self._bad(f"lifVersion {shown(version)} is not read; versions 0 and 1 are")
 
     def layouts(self, layouts: list[Any]) -> Lanes:
         """Return the lanes of the level of the first layout."""
-        level: Any = None
-        for number, layout in enumerate(layouts):
+        for layout in layouts:
             self._object(layout, "layout")
-            level = layout.get("layoutLevelId") if number == 0 else level
-            if layout.get("layoutId") is not None:
-                self._own_id(layout, "layoutId")
-            if layout.get("layoutLevelId") != level:
-                self._note(f"a layout of another level than {shown(level)} is left out")
-                ids = {key: {self._own_id(one, f"{key[:-1]}Id") for one in self._each(layout, key)} for key in _LISTS}
-                self._elsewhere |= ids["nodes"]
+        level = layouts[0].get("layoutLevelId")
         chosen = [layout for layout in layouts if layout.get("layoutLevelId") == level]
+        for layout in (layout for layout in layouts if layout.get("layoutLevelId") != level):
+            self._note(f"a layout of another level than {shown(level)} is left out")
+            self._elsewhere |= {self._own_id(node, "nodeId") for node in self._each(layout, "nodes")}
         for key, take in zip(_LISTS, (self._node, self._edge, self._station), strict=True):
             for layout in chosen:
                 for entry in self._each(layout, key):
@@ -105,7 +98,6 @@ class _Reading:
 
     def _list(self, owner: dict[str, Any], key: str) -> list[Any]:
         if owner.get(key) is None:
-            self._note(f"{key} are missing, and taken for none")
             return []
         if not isinstance(owner[key], list) or len(owner[key]) > MOST:
             raise self._bad(f"{key} must be a list of at most {MOST:,}")
@@ -117,46 +109,35 @@ class _Reading:
             yield entry
 
     def _id(self, name: Any, key: str) -> str:
-        if is_number(name):
-            self._note(f"{key} is a number, and taken for its text")
-            name = str(name)
+        name = str(name) if math.isfinite(as_number(name)) else name
         if not isinstance(name, str) or not 1 <= len(name) <= 1000:
             raise self._bad(f"{key} {shown(name)} must be a text")
         return name
 
     def _own_id(self, entry: dict[str, Any], key: str) -> str:
-        """Return the id by which an entry is called, which must be its own in all of the file."""
-        name, given = self._id(entry.get(key), key), self._given.setdefault(key, set())
-        if name in given:
+        """Return the id of an entry, which no other of its kind may have."""
+        name = self._id(entry.get(key), key)
+        if (key, name) in self._given:
             raise self._bad(f"{key} {shown(name)} stands for two {key[:-2]}s; give each its own")
-        given.add(name)
+        self._given.add((key, name))
         return name
 
-    def _number(self, value: Any, what: str, default: float | None = None) -> float:
-        value = default if value is None else value
-        if isinstance(value, str):
-            try:
-                value = float(value)
-            except ValueError:
-                raise self._bad(f"{what} {shown(value)} must be a number") from None
-            self._note(f"a number is written as text: {what.rpartition(' ')[2]}")
-        if not is_number(value):
+    def _number(self, value: Any, what: str, default: float = math.nan) -> float:
+        number = default if value is None else as_number(value)
+        if not abs(number) < _FARTHEST:
             raise self._bad(f"{what} {shown(value)} must be a finite number")
-        return float(value)
+        return number
 
     def _point(self, where: Any, what: str) -> tuple[float, float]:
         self._object(where, f"position of {what}")
         return self._number(where.get("x"), f"{what}: x"), self._number(where.get("y"), f"{what}: y")
 
     def _for_us(self, entry: dict[str, Any], key: str) -> dict[str, Any] | None:
-        """Return the first entry for our vehicle, or for any; None where there is none, as the thing is closed then."""
-        newer = [name for name in entry if name.startswith(_NEWER)]
-        if newer and entry.get(key) is None:
-            raise self._bad(f"it holds {shown(newer[0])[1:-1]}, a name of LIF 2, which {_UNREAD}")
+        """Return the first entry for our vehicle, or for any; None if the node or edge is closed to it."""
+        newer = next((name for name in entry if name.startswith("mobileRobotType")), None)  # in place of vehicleType
+        if newer is not None and entry.get(key) is None:
+            raise self._bad(f"it holds {shown(newer)[1:-1]}, a name of LIF 2, which is not read; versions 0 and 1 are")
         listed = [one for one in self._list(entry, key) if isinstance(one, dict)]
-        types = Counter(str(one["vehicleTypeId"]) for one in listed if one.get("vehicleTypeId") is not None)
-        if types and (most := types.most_common(1)[0])[1] > 1:
-            raise self._bad(f"vehicleTypeId {shown(most[0])} stands twice in {key}; give each type one entry")
         return next((one for one in listed if self._vehicle in (None, one.get("vehicleTypeId"))), None)
 
     def _node(self, entry: dict[str, Any]) -> None:
@@ -171,14 +152,10 @@ class _Reading:
 
     def _edge(self, entry: dict[str, Any]) -> None:
         name = self._own_id(entry, "edgeId")
-        ends = self._id(entry.get("startNodeId"), "startNodeId"), self._id(entry.get("endNodeId"), "endNodeId")
-        for end in ends:
-            if end not in self._actions and end not in self._elsewhere:
-                raise self._bad(f"edge {shown(name)} leads to node {shown(end)}, which there is not")
+        ends = self._known(entry.get("startNodeId"), name), self._known(entry.get("endNodeId"), name)
         ours = self._for_us(entry, "vehicleTypeEdgeProperties")
         if ours is None or not all(end in self._made.nodes for end in ends):
             return
-        self._note_unkept(ours)
         straight = np.array([self._made.nodes[end] for end in ends])
         line, speed = self._course(ours.get("trajectory"), name, straight), np.inf
         if ours.get("maxSpeed") is not None:
@@ -187,17 +164,15 @@ class _Reading:
                 raise self._bad(f"edge {shown(name)}: maxSpeed {speed:g} must be above 0")
         self._made.lanes.append(Lane(name, *ends, line, speed))
 
-    def _note_unkept(self, ours: dict[str, Any]) -> None:
-        """Note what an edge asks for that robots do not keep: another heading than along it, or no turning on it."""
-        heading: Any = ours.get("vehicleOrientation")
-        along = ours.get("orientationType") in (None, "TANGENTIAL")
-        if is_number(heading) and not (along and abs(np.sin(0.5 * float(heading))) < _ALONG):
-            self._note("a lane asks for another heading than forwards along it, which robots do not keep")
-        if ours.get("rotationAllowed") is False:
-            self._note("a lane allows no rotation; robots turn in curves, there as elsewhere")
+    def _known(self, node: Any, owner: str) -> str:
+        """Return the id of a node that an edge or a station names."""
+        name = self._id(node, "node")
+        if name not in self._actions and name not in self._elsewhere:
+            raise self._bad(f"{shown(owner)} names node {shown(name)}, which there is not")
+        return name
 
     def _course(self, trajectory: Any, name: str, straight: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return float64[K, 2], the points of an edge's course; the straight one where it names none that is sound."""
+        """Return float64[K, 2], the points of an edge's course; a straight line if it has no sound trajectory."""
         if trajectory is None:
             return straight
         self._object(trajectory, f"trajectory of edge {shown(name)}")
@@ -211,22 +186,15 @@ class _Reading:
         sound = sound and len(knot) == len(places) + degree + 1 and (np.diff(knot) >= 0).all()
         sound = sound and knot[int(degree)] < knot[len(places)] and np.abs(places).max() <= 1e9
         curve = _nurbs(places, weights, knot, int(degree)) if sound else np.full((1, 2), np.nan)
-        if not np.isfinite(curve).all():
-            self._note("a trajectory is no NURBS that can be followed, and taken for straight")
-            return straight
-        if np.hypot(*(curve[[0, -1]] - straight).T).max() > _FAR:
-            self._note(f"a trajectory begins or ends over {_FAR:g} m from its nodes, and is taken for straight")
+        if not np.isfinite(curve).all() or np.hypot(*(curve[[0, -1]] - straight).T).max() > _FAR:
+            self._note("a trajectory is no NURBS between its nodes, and taken for straight")
             return straight
         return np.concatenate([straight[:1], curve, straight[1:]])
 
     def _station(self, entry: dict[str, Any]) -> None:
-        name, height = self._own_id(entry, "stationId"), entry.get("stationHeight")
-        if height is not None:
-            self._number(height, f"station {shown(name)}: stationHeight")
+        name = self._own_id(entry, "stationId")
         for given in self._list(entry, "interactionNodeIds"):
-            node = self._id(given, "interactionNodeIds")
-            if node not in self._actions and node not in self._elsewhere:
-                raise self._bad(f"station {shown(name)} names node {shown(node)}, which there is not")
+            node = self._known(given, name)
             if node not in self._made.nodes:
                 continue
             kind = KINDS[0] if self._actions[node] == {"pick"} else KINDS[1]
@@ -259,7 +227,7 @@ def _nurbs(
 def write_lif(grid: GridMap, path: str | os.PathLike[str], when: datetime | None = None) -> None:
     """Write a floor's lanes, one-way rules, speed limits, picks and stations as LIF, whole or not at all.
 
-    when: the time that the file says it was made, now if not given. LIF has no prices of lanes.
+    when: the time stamp of the file, now if not given. LIF has no prices of lanes.
     """
     lanes = of_floor(grid)
     words = zip(KINDS, ("pick", "drop"), strict=True)

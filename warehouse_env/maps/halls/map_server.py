@@ -1,4 +1,4 @@
-"""Maps as ROS 2's map_server keeps them: a YAML file and a picture beside it, read and written.
+"""Maps of ROS 2's map_server: a YAML file and a picture beside it, read and written.
 
 Rules of nav2_map_server: a level is p = grey / 255, occ = p with `negate`, else 1 - p. trinary: occupied from
 `occupied_thresh` on, free up to `free_thresh`, else unknown. scale: the same, and between them a share. raw: the level
@@ -17,7 +17,7 @@ import yaml
 from numpy.typing import NDArray
 
 from warehouse_env.errors import MapError, shown
-from warehouse_env.files import write_text
+from warehouse_env.files import as_number, write_text
 from warehouse_env.maps.halls.picture import SUFFIXES, Picture, read_picture, write_pgm
 from warehouse_env.maps.plain_yaml import read_yaml
 
@@ -32,7 +32,7 @@ _FARTHEST = 1e7  # [m] of an origin
 
 @dataclass(frozen=True, eq=False)
 class Occupancy:
-    """What a map says of each pixel: int8[H, W], per cent occupied, or UNKNOWN; row 0 is the north edge.
+    """A map: int8[H, W], per cent occupied or UNKNOWN for each pixel; row 0 is the north edge.
 
     resolution: [m] of a pixel. origin: (x, y) [m] of the lower left corner.
     """
@@ -48,11 +48,12 @@ class Occupancy:
 
 
 def read_occupancy(path: Path, resolution: float | None = None) -> Occupancy:
-    """Return a YAML file's map, or that of a plain picture, whose resolution [m/pixel] must be told; MapError."""
+    """Return the map of a YAML file, or of a plain picture, which needs a resolution [m/pixel]; MapError."""
     if path.suffix.lower() in YAMLS:
         if resolution is not None:
             raise MapError(f"{path} says its resolution itself; leave resolution={resolution} out")
-        return _read_yaml(path)
+        about = _mapping(path)
+        return _interpreted(path, read_picture(_image(path, about)), about)
     if resolution is None:
         raise MapError(f"{path} is a plain picture, so say how wide a pixel is in metres: {path.name}:resolution=0.05")
     about = {"resolution": resolution, "free_thresh": FREE_THRESH, "occupied_thresh": OCCUPIED_THRESH}
@@ -60,20 +61,15 @@ def read_occupancy(path: Path, resolution: float | None = None) -> Occupancy:
 
 
 def beside(path: Path, name: Any, what: str) -> Path:
-    """Return where a file lies that another names: in its folder or below, so that both can travel; else MapError."""
+    """Return the path of a file named in another: in its folder or below, so that both can travel; MapError."""
     inside = isinstance(name, str) and name.strip() and len(name) < 200 and name.isprintable()
     if not inside or Path(name).is_absolute() or ".." in Path(name).parts or "\\" in name:
         raise MapError(f"{path}: {what} {shown(name)} must be the name of a file in the same folder; copy it there")
     return path.parent / str(name)
 
 
-def _read_yaml(path: Path) -> Occupancy:
-    about = _mapping(path)
-    return _interpreted(path, read_picture(_image(path, about)), about)
-
-
 def image_of(path: Path) -> Path:
-    """Return where the picture of a YAML file lies; MapError where it names none."""
+    """Return the path of a YAML file's picture; MapError if it names none."""
     return _image(path, _mapping(path))
 
 
@@ -90,30 +86,19 @@ def _mapping(path: Path) -> dict[Any, Any]:
     return about
 
 
-def _number(path: Path, about: dict[Any, Any], name: str, low: float, high: float) -> float:
-    if name not in about:
-        raise MapError(f"{path} has no entry {name}")
-    return _within(path, about[name], name, low, high)
-
-
-def _within(path: Path, value: Any, name: str, low: float, high: float) -> float:
-    if isinstance(value, str):  # YAML 1.1 takes 5e-2 for a word
-        try:
-            value = float(value)
-        except ValueError:
-            value = None
-    # Python compares whole numbers of any length
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not low <= value <= high:
+def _number(path: Path, value: Any, name: str, low: float, high: float) -> float:
+    number = as_number(value)  # YAML 1.1 takes 5e-2 for a word
+    if not low <= number <= high:
         raise MapError(f"{path}: {name} must be a number from {low:g} to {high:g}")
-    return float(value)
+    return number
 
 
 def _interpreted(path: Path, picture: Picture, about: dict[Any, Any]) -> Occupancy:
-    resolution = _number(path, about, "resolution", 1e-3, 100.0)
+    resolution = _number(path, about.get("resolution"), "resolution", 1e-3, 100.0)
     origin = about.get("origin")
     if not isinstance(origin, list) or len(origin) != 3:
         raise MapError(f"{path}: origin must be a list of x, y and yaw, as [0.0, 0.0, 0.0]")
-    x, y, yaw = (_within(path, value, "origin", -_FARTHEST, _FARTHEST) for value in origin)
+    x, y, yaw = (_number(path, value, "origin", -_FARTHEST, _FARTHEST) for value in origin)
     if abs(math.remainder(yaw, math.tau)) > 1e-3:
         raise MapError(f"{path}: origin has a yaw of {yaw:g} rad; only 0 is read, so turn the picture instead")
     mode, negate = about.get("mode", "trinary"), about.get("negate", 0)
@@ -124,7 +109,8 @@ def _interpreted(path: Path, picture: Picture, about: dict[Any, Any]) -> Occupan
     if mode == "raw":
         free, occupied = 0.0, 1.0
     else:
-        free, occupied = (_number(path, about, name, 0.0, 1.0) for name in ("free_thresh", "occupied_thresh"))
+        names = ("free_thresh", "occupied_thresh")
+        free, occupied = (_number(path, about.get(name), name, 0.0, 1.0) for name in names)
         if free >= occupied:
             raise MapError(f"{path}: free_thresh {free:g} must be below occupied_thresh {occupied:g}")
     values = _levels(mode, bool(negate), free, occupied)[picture.grey]
@@ -134,7 +120,7 @@ def _interpreted(path: Path, picture: Picture, about: dict[Any, Any]) -> Occupan
 
 
 def _levels(mode: str, negate: bool, free: float, occupied: float) -> NDArray[np.int8]:
-    """Return int8[256]: what each grey level says."""
+    """Return int8[256]: the value of each grey level."""
     grey = np.arange(256)
     if mode == "raw":
         return np.where(grey <= 100, grey, UNKNOWN).astype(np.int8)

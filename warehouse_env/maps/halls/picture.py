@@ -1,6 +1,6 @@
-"""Grey pictures: PGM is read and written here, PNG and BMP by Pillow, if it is installed.
+"""Grey pictures: PGM of bytes (P5) is read and written here; PNG, BMP and PGM of text (P2) need Pillow.
 
-PGM: Poskanzer, "pgm(5)", Netpbm; P2 (text) and P5 (bytes) with at most 255 levels.
+PGM: Poskanzer, "pgm(5)", Netpbm; with at most 255 levels.
 """
 
 from __future__ import annotations
@@ -21,22 +21,22 @@ SUFFIXES = (".pgm", ".png", ".bmp")
 MOST_PIXELS = 32_000_000
 _LARGEST_FILE = 256_000_000  # [bytes]
 _GAP = rb"(?:\s|#[^\n]*\n)+"
-_HEADER = re.compile(_GAP.join([rb"(P[25])", *3 * [rb"(\d{1,9})"]]) + rb"(?:#[^\n]*\n)?\s")
+_HEADER = re.compile(_GAP.join([rb"P5", *3 * [rb"(\d{1,9})"]]) + rb"(?:#[^\n]*\n)?\s")
 
 
 class Picture(NamedTuple):
-    """Levels uint8[H, W] from 0 (black) to 255, and opaque bool[H, W], or None where all of it is."""
+    """Levels uint8[H, W] from 0 (black) to 255, and opaque bool[H, W], or None if all are."""
 
     grey: NDArray[np.uint8]
     opaque: NDArray[np.bool_] | None = None
 
 
 def read_picture(path: Path) -> Picture:
-    """Return a picture of a file; MapError in one sentence if it is none, or too large."""
+    """Return the picture in a file; MapError in one sentence if it is none or too large."""
     if path.suffix.lower() not in SUFFIXES:
         raise MapError(f"{path} is no picture of a map; known are {', '.join(SUFFIXES)}")
     content = read_bytes(path, "picture", _LARGEST_FILE)
-    return _pgm(path, content) if content[:1] == b"P" else _by_pillow(path, content)
+    return _by_pillow(path, content) if content[:2] == b"P2" or content[:1] != b"P" else _pgm(path, content)
 
 
 def write_pgm(grey: NDArray[np.uint8], path: Path) -> None:
@@ -55,23 +55,17 @@ def _pgm(path: Path, content: bytes) -> Picture:
     header = _HEADER.match(content)
     if header is None:
         raise MapError(f"{path} is no PGM: it must begin with P5 or P2, width, height and the highest level")
-    columns, rows, highest = (int(header[k]) for k in (2, 3, 4))
+    columns, rows, highest = map(int, header.groups())
     _check_size(path, columns, rows)
     if not 1 <= highest <= 255:
         raise MapError(f"{path} has levels up to {highest}; a map has at most 255, so save it with 8 bits a pixel")
     count = rows * columns
-    if header[1] == b"P5":
-        levels = np.frombuffer(content, np.uint8, min(count, len(content) - header.end()), header.end())
-    else:
-        words = re.sub(rb"#[^\n]*", b"", content[header.end() :]).split(None, count)[:count]
-        if not all(word.isdigit() and len(word) < 4 for word in words):
-            raise MapError(f"{path} holds something else than whole numbers from 0 to {highest}")
-        levels = np.array([int(word) for word in words])
+    levels = np.frombuffer(content, np.uint8, min(count, len(content) - header.end()), header.end())
     if len(levels) < count:
         raise MapError(f"{path} holds {len(levels):,} of its {count:,} pixels; copy it again")
     if levels.max() > highest:
         raise MapError(f"{path} holds level {levels.max()}, above its highest, {highest}")
-    grey = levels.reshape(rows, columns).astype(np.uint8)
+    grey = levels.reshape(rows, columns)
     return Picture(grey if highest == 255 else np.rint(grey * (255.0 / highest)).astype(np.uint8))
 
 
@@ -82,7 +76,7 @@ def _by_pillow(path: Path, content: bytes) -> Picture:
         raise MapError(f"{path} needs Pillow: pip install pillow, or save the picture as a PGM") from None
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of large pictures, whose size is checked here
+            warnings.simplefilter("ignore")  # about large pictures, whose size is checked here
             with Image.open(io.BytesIO(content), formats=("PNG", "BMP", "PPM")) as image:
                 _check_size(path, *image.size)
                 return _grey(image)
@@ -93,7 +87,7 @@ def _by_pillow(path: Path, content: bytes) -> Picture:
 
 
 def _grey(image: Any) -> Picture:
-    """Return the mean of the colours, as map_server takes it, and where a picture is opaque."""
+    """Return the mean of the colours, as map_server does, and where a picture is opaque."""
     if image.mode.startswith("I;16") or image.mode == "I":
         wide = np.asarray(image).astype(np.int64)
         return Picture((np.clip(wide, 0, 65535) // 257).astype(np.uint8))

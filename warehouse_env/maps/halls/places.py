@@ -1,7 +1,7 @@
-"""Where robots fetch and bring in a hall: proposed, and kept in a small file that a person edits.
+"""Picks and stations of a hall: proposed, and kept in a small file that a person edits.
 
 NAME.places.json beside the map: {"picks": [{"id": 1, "x": 3.5, "y": 2.5}, ...], "stations": [...]}, in metres of the
-map's own frame, so that it holds for any size of cells.
+map's own frame, so it is valid for any size of cells.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.errors import MapError, shown
-from warehouse_env.files import read_json, write_text
+from warehouse_env.files import as_number, read_json, write_text
 from warehouse_env.maps.halls.cells import Raster
 
 SUFFIX = ".places.json"
@@ -26,7 +26,7 @@ MOST = 100_000
 
 
 class Place(NamedTuple):
-    """A pick face or a station, by its name and where it is in the map's frame [m]."""
+    """A pick face or a station: its name and position in the map's frame [m]."""
 
     name: str
     x: float
@@ -34,11 +34,11 @@ class Place(NamedTuple):
 
 
 Places = dict[str, tuple[Place, ...]]
-"""Kind, of KINDS -> places; a kind that is missing is proposed."""
+"""Kind, of KINDS -> places; a missing kind is proposed."""
 
 
 def read_places(path: Path) -> Places:
-    """Return the places of a file; MapError in one sentence, naming the place, where it is damaged."""
+    """Return the places in a file; MapError in one sentence, naming the damaged place."""
     data = read_json(path, "places file", _LARGEST_FILE)
     if not isinstance(data, dict) or not data.keys() & set(KINDS):
         raise MapError(f'{path} must hold "picks" and "stations", each a list of places')
@@ -55,23 +55,17 @@ def _listed(path: Path, kind: str, entries: Any) -> tuple[Place, ...]:
     places: dict[str, Place] = {}
     for number, entry in enumerate(entries, start=1):
         name = str(entry.get("id", number))[:80] if isinstance(entry, dict) else str(number)
-        where: list[Any] = [entry.get(axis) for axis in "xy"] if isinstance(entry, dict) else [None, None]
-        if not all(is_number(value) for value in where):
+        where = [as_number(entry.get(axis)) if isinstance(entry, dict) else math.nan for axis in "xy"]
+        if not all(map(math.isfinite, where)):
             raise MapError(f"{path}: {kind[:-1]} {shown(name)} must have numbers x and y, in metres")
         if name in places:
             raise MapError(f"{path}: {kind} names {shown(name)} twice; give each its own id")
-        places[name] = Place(name, float(where[0]), float(where[1]))
+        places[name] = Place(name, *where)
     return tuple(places.values())
 
 
-def is_number(value: Any) -> bool:
-    """Whether a value of a JSON file is a finite number."""
-    plain = isinstance(value, (int, float)) and not isinstance(value, bool)
-    return plain and abs(value) < 1e300 and math.isfinite(value)
-
-
 def write_places(places: Places, path: Path) -> None:
-    """Write a file of places, one a line, as a person edits it."""
+    """Write a file of places, one a line, for a person to edit."""
     kinds = []
     for kind, listed in places.items():
         lines = [f'    {{"id": {json.dumps(place.name)}, "x": {place.x:g}, "y": {place.y:g}}}' for place in listed]
@@ -80,7 +74,7 @@ def write_places(places: Places, path: Path) -> None:
 
 
 def places_at(raster: Raster, cells: NDArray[np.int64], names: Iterable[str] | None = None) -> tuple[Place, ...]:
-    """Return cells (row, column) as places, numbered from 1 where they have no names."""
+    """Return cells (row, column) as places, numbered from 1 if they have no names."""
     points = np.round(raster.centres(cells), 6).tolist()
     named = map(str, range(1, len(points) + 1)) if names is None else names
     return tuple(Place(name, x, y) for name, (x, y) in zip(named, points, strict=True))
@@ -89,9 +83,9 @@ def places_at(raster: Raster, cells: NDArray[np.int64], names: Iterable[str] | N
 def cells_of(
     places: tuple[Place, ...], kind: str, floor: NDArray[np.bool_], raster: Raster
 ) -> tuple[NDArray[np.int64], list[str], list[str]]:
-    """Return int64[K, 2], the nearest cell of floor to each place, each once, their names, and notes on the others.
+    """Return int64[K, 2], the nearest cell of floor to each place, each once; their names; and notes on the others.
 
-    A place farther than a cell from any floor is left out; MapError where none is left.
+    A place farther than a cell from any floor is left out; MapError if none is left.
     """
     names: dict[tuple[int, int], str] = {}
     lost, same = [], 0
@@ -118,7 +112,7 @@ def cells_of(
 
 
 def _nearest(point: NDArray[np.float64], floor: NDArray[np.bool_], raster: Raster) -> tuple[int, int] | None:
-    """Return the cell of floor that a point [m] lies in, or else the nearest beside that; None if there is none."""
+    """Return the cell of floor that contains a point [m], or that cell's nearest neighbour; None without either."""
     row, column = raster.cells(point).tolist()
     around = np.array([(row + a, column + b) for a in (0, -1, 1) for b in (0, -1, 1)], dtype=np.int64)
     around = around[raster.inside(around)]

@@ -1,4 +1,4 @@
-"""Where robots may fetch and bring in a hall that does not say so: beside straight obstacles, and along the rim."""
+"""Propose picks and stations in a hall without any: beside straight obstacles, and along the rim."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 from warehouse_env.maps.endpoints import beside, default_endpoints, largest_region, shelves
 from warehouse_env.maps.halls.cells import Raster, exceeds, spread
 from warehouse_env.maps.halls.map_server import Occupancy
+from warehouse_env.maps.moves import beyond
 
-RACK = 1.0  # [m] long at least: pillars and what lies about are shorter
-FACE = 1.2  # [m] of an obstacle's face in line, from which on goods may stand there: a pallet's length
-_SOLID = 50  # [%] not free, from which on a pixel belongs to an obstacle
+RACK = 1.0  # [m] least length: pillars and clutter are shorter
+FACE = 1.2  # [m] least straight face for goods: a pallet's length
+_SOLID = 50  # [%] occupied, above which a pixel belongs to an obstacle
 
 
 def propose(
@@ -21,14 +22,13 @@ def propose(
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return picks int64[K, 2] and stations int64[S, 2] of a bare map.
 
-    Picks are floor beside straight obstacles, of the first of these kinds that has any: goods, what stands free among
-    the cells, what stands there at all, what is closed. Where a robot that stands would cut floor off, as in the only
-    way to a room, there is none, if there are others (well-formed infrastructures: Cap et al. 2015); nor at the end of
-    a blind alley, from which it has to back out. Stations stand along the west and the east rim of the floor that
-    robots drive on. What a map is too small or too odd for is as on other maps.
+    Picks are floor beside straight obstacles, of the first of these kinds that has any: goods, free-standing walls, any
+    walls, any closed cell. If there are others, no pick lies where a standing robot would cut floor off (well-formed
+    infrastructures: Cap et al. 2015) or in a dead end. Stations lie along the west and east rim of the floor that
+    robots drive on. Maps too small or odd for this get `default_endpoints`.
 
-    occupied, goods, walls: bool[H, W], cells that are no floor, those with something of a rack (`racks`), and those
-    where something stands; cell: their side [m].
+    occupied, goods, walls: bool[H, W], cells that are no floor, cells with part of a rack (`racks`), and cells with an
+    obstacle; cell: their side [m].
     """
     from warehouse_env.maps.distance import cut_cells
 
@@ -55,9 +55,9 @@ def racks(
 ) -> NDArray[np.bool_]:
     """Return bool[H, W]: the cells of `walls` with more than `share` of a rack in them.
 
-    A rack is what is connected among the map's pixels, RACK long or longer, with floor that robots drive on beyond it
-    on all four sides. Cells would not do: racks a little apart from a wall, or from each other, touch as cells.
-    weights: int[h, w], how much of each pixel is not free [%].
+    A rack is a connected set of pixels at least RACK long, with floor that robots drive on beyond it on all four sides.
+    Pixels, not cells, because racks close to a wall or to each other touch as cells. weights: int[h, w], how much of
+    each pixel is not free [%].
     """
     from warehouse_env.maps.distance import label_regions
 
@@ -88,29 +88,18 @@ def _boxes(label: NDArray[np.int32]) -> NDArray[np.int64]:
 
 
 def _ends_blindly(floor: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return bool[H, W]: floor with floor on one side at most; what leads there are cells that would cut it off."""
-    near = np.pad(floor, 1).astype(np.int8)
-    return floor & (near[:-2, 1:-1] + near[2:, 1:-1] + near[1:-1, :-2] + near[1:-1, 2:] < 2)
+    """Return bool[H, W]: dead ends, floor with floor on one side at most."""
+    return np.asarray(floor & (beyond(floor)[..., ::2].sum(axis=-1) < 2))
 
 
 def _beside_straight(obstacles: NDArray[np.bool_], floor: NDArray[np.bool_], long: int) -> NDArray[np.bool_]:
-    """Return bool[H, W]: floor in a row of `long` cells of floor, all with obstacles on the same side."""
+    """Return bool[H, W]: floor in a row of at least `long` cells with obstacles on the same side."""
     found = np.zeros_like(floor)
     for turns in range(4):
         near, free = np.rot90(obstacles, turns), np.rot90(floor, turns)
         face = np.zeros_like(free)
         face[1:] = free[1:] & near[:-1]
-        for first in range(long):
-            run = np.ones_like(face)
-            for k in range(-first, long - first):
-                run &= _shifted(face, k)
-            found |= np.rot90(run, -turns)
+        runs = np.lib.stride_tricks.sliding_window_view(np.pad(face, ((0, 0), (long - 1, long - 1))), long, axis=1)
+        ends = np.lib.stride_tricks.sliding_window_view(runs.all(axis=-1), long, axis=1)
+        found |= np.rot90(ends.any(axis=-1), -turns)
     return found
-
-
-def _shifted(mask: NDArray[np.bool_], k: int) -> NDArray[np.bool_]:
-    """Return a mask as seen k columns further; False outside."""
-    moved = np.zeros_like(mask)
-    if abs(k) < mask.shape[1]:
-        moved[:, max(0, -k) : mask.shape[1] - max(0, k)] = mask[:, max(0, k) : mask.shape[1] - max(0, -k)]
-    return moved

@@ -1,4 +1,4 @@
-"""How a hall is read: what stands behind the colon of its name."""
+"""How to read a hall: the parameters after the colon of its name."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ _BEGIN = re.compile(r"(\d{1,3}(?:\.\d{1,9})?)\+(\d{1,3}(?:\.\d{1,9})?)", re.ASCI
 
 @dataclass(frozen=True)
 class Reading(Checked):
-    """How a hall is read; files are named as they lie beside the map."""
+    """How to read a hall; files are named relative to the map."""
 
     cell: float = 1.0  # [m], side of the cells
-    begin: str = "best"  # where cells begin: where most is kept, at the picture's corner, or X+Y [m] from there
-    share: float = 0.05  # of a cell that may be not free for it to be floor
-    unknown: Literal["wall", "floor"] = "wall"  # what pixels count as of which the map knows nothing
+    begin: str = "best"  # where cells begin: "best" keeps most, "corner" is the picture's corner, X+Y [m] from there
+    share: float = 0.05  # of a floor cell that may be not free
+    unknown: Literal["wall", "floor"] = "wall"  # what unknown pixels count as
     resolution: float | None = None  # [m/pixel] of a plain picture
-    keepout: str | None = None  # mask of where nobody drives: a map of map_server
-    speed: str | None = None  # mask of how fast, in per cent
+    keepout: str | None = None  # mask of closed floor: a map of map_server
+    speed: str | None = None  # mask of speed limits in per cent
     lanes: str | None = None  # LIF (.json) or route graph (.geojson)
-    vehicle: str | None = None  # type whose lanes these are (LIF)
-    lanes_only: bool = False  # nobody drives off the lanes
-    lanes_prefer: float = 1.5  # times its length that a way off the lanes costs planners
-    discs: str | None = None  # round obstacles (.json or .csv); pixels in them are theirs
+    vehicle: str | None = None  # only lanes open to this type (LIF)
+    lanes_only: bool = False  # close all floor off the lanes
+    lanes_prefer: float = 1.5  # price factor of floor off the lanes
+    discs: str | None = None  # round obstacles (.json or .csv), instead of the pixels in them
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -44,7 +44,7 @@ class Reading(Checked):
 
     @property
     def beginning(self) -> tuple[float, float] | None:
-        """Where cells begin [m], to the right of and below the picture's corner; None where that is to be chosen."""
+        """Where cells begin [m], to the right of and below the picture's corner; None: to be chosen."""
         if self.begin == CORNER:
             return 0.0, 0.0
         if not (found := _BEGIN.fullmatch(self.begin)):

@@ -1,13 +1,14 @@
-"""Lanes as the route graph of nav2_route, a GeoJSON file: read and written.
+"""Lanes as a route graph of nav2_route, a GeoJSON file: read and written.
 
 Points are nodes, with an id; LineStrings are directed edges, with id, startid and endid. `metadata` of an edge may hold
-`abs_speed_limit` [m/s] or `speed_limit` [per cent of the robot's highest speed]; of a node, what we write, its `place`.
-An edge's `cost` is what a route along it costs in place of its length [m].
+`abs_speed_limit` [m/s] or `speed_limit` [per cent of the robot's highest speed]; of a node, its `place`, which is ours.
+An edge's `cost` replaces its length [m] in the cost of a route.
 """
 
 from __future__ import annotations
 
 import json
+import math
 import os
 from pathlib import Path
 from typing import Any
@@ -17,11 +18,11 @@ from numpy.typing import NDArray
 
 from warehouse_env.config import RobotSpec
 from warehouse_env.errors import MapError, shown
-from warehouse_env.files import path_of, read_json, write_text
+from warehouse_env.files import as_number, path_of, read_json, write_text
 from warehouse_env.maps.going import CHEAPEST, DEAREST
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.halls.lanes import MOST, Lane, Lanes, of_floor
-from warehouse_env.maps.halls.places import KINDS, Place, is_number
+from warehouse_env.maps.halls.places import KINDS, Place
 
 SUFFIX = ".geojson"
 _LARGEST_FILE = 64_000_000  # [bytes]
@@ -29,9 +30,9 @@ _FARTHEST = 1e9  # [m] of a coordinate
 
 
 def read_route_graph(path: Path) -> Lanes:
-    """Return the lanes of a file; MapError in one sentence where it cannot be used.
+    """Return the lanes of a file; MapError in one sentence if it cannot be used.
 
-    Nodes at the ends of dead-end lanes are stations, unless nodes say what they are.
+    Nodes at dead ends are stations, unless nodes name their place.
     """
     data = read_json(path, "route graph", _LARGEST_FILE)
     features = data.get("features") if isinstance(data, dict) else None
@@ -69,17 +70,17 @@ def _id(path: Path, properties: dict[str, Any], key: str) -> str:
 
 
 def _line(path: Path, what: str, coordinates: Any) -> NDArray[np.float64]:
-    """Return float64[K, 2] of coordinates that may have heights behind them."""
+    """Return float64[K, 2] of coordinates, without heights."""
     points = coordinates if isinstance(coordinates, list) else []
     if len(points) == 1 and isinstance(points[0], list) and points[0] and isinstance(points[0][0], list):
         points = points[0]  # MultiLineString of one line
     good = bool(points) and all(
-        isinstance(point, list) and len(point) >= 2 and all(is_number(v) and abs(v) < _FARTHEST for v in point[:2])
+        isinstance(point, list) and len(point) >= 2 and all(abs(as_number(v)) < _FARTHEST for v in point[:2])
         for point in points
     )
     if not good:
         raise MapError(f"{path}: {what} has coordinates {shown(coordinates)}, not [x, y] in metres")
-    return np.array([point[:2] for point in points], dtype=np.float64)
+    return np.array([[as_number(v) for v in point[:2]] for point in points])
 
 
 def _take_node(path: Path, made: Lanes, properties: dict[str, Any], coordinates: Any) -> None:
@@ -116,9 +117,9 @@ def _price(path: Path, made: Lanes, name: str, properties: dict[str, Any], line:
     cost, length = properties.get("cost"), float(np.hypot(*np.diff(line, axis=0).T).sum())
     if cost is None or (cost == 0 and properties.get("overridable", True)) or length == 0:
         return 1.0  # 0 is what Nav2 takes a cost for that is not given, and puts the length in its place
-    if not is_number(cost) or cost < 0:
+    if not 0 <= as_number(cost) < math.inf:
         raise MapError(f"{path}: edge {name}: cost {shown(cost)} must be a number of at least 0")
-    asked = float(cost) / length
+    asked = as_number(cost) / length
     price = min(max(asked, CHEAPEST), DEAREST)
     if price != asked:
         made.notes[f"a cost is not within {CHEAPEST:g} to {DEAREST:g} times its lane's length, and counts as that"] += 1
@@ -129,9 +130,9 @@ def _speed(path: Path, name: str, metadata: dict[str, Any]) -> float:
     for key, unit in (("abs_speed_limit", 1.0), ("speed_limit", RobotSpec.max_speed / 100)):
         value = metadata.get(key)
         if value is not None:
-            if not is_number(value) or value <= 0:
+            if not 0 < as_number(value) < math.inf:
                 raise MapError(f"{path}: edge {name}: {key} {shown(value)} must be a number above 0")
-            return float(value) * unit
+            return as_number(value) * unit
     return float(np.inf)
 
 

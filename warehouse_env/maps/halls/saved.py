@@ -1,4 +1,4 @@
-"""A floor written as map_server keeps it: map, keepout and speed masks, and the places and arrows beside them."""
+"""Write a floor for map_server: map, keepout and speed masks, and the places and arrows beside them."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ def write_hall(
     resolution: float | None = None,
     barred: NDArray[np.bool_] | None = None,
 ) -> str:
-    """Write a floor as NAME.yaml with all that belongs to it beside it; return the name by which it is read again.
+    """Write a floor as NAME.yaml with its files beside it; return the name that reads it back.
 
-    resolution: [m/pixel], a whole share of a cell; a pixel a cell if not given. barred: bool[H, W], floor that a
-    keepout mask closes. Prices of lanes are not in it.
+    resolution: [m/pixel], a whole fraction of a cell; by default a pixel a cell. barred: bool[H, W], floor that a
+    keepout mask closes. Prices of lanes are lost.
     """
     if path.suffix.lower() not in YAMLS:
         raise MapError(f"{path} must end in {YAMLS[0]}")

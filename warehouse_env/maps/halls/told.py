@@ -1,4 +1,4 @@
-"""What is told of a hall: what was read, and what its cells do not keep of it."""
+"""The report on a hall: what was read, and what its cells lose."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from warehouse_env.maps import disc_report, one_way
+from warehouse_env.files import companion
+from warehouse_env.maps import one_way
 from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.maps.halls.beginning import Choice, Kept
 from warehouse_env.maps.halls.cells import Raster, closed, exceeds, not_free, room_of, spread
 from warehouse_env.maps.halls.map_server import Occupancy
 from warehouse_env.maps.halls.reading import BEST, Reading
@@ -22,15 +22,14 @@ class Laid(NamedTuple):
 
     occupancy: Occupancy
     begin: tuple[float, float]  # [m], to the right of and below the picture's corner
-    choice: Choice | None  # None where nothing was chosen
     raster: Raster
     walls: NDArray[np.bool_]  # [H, W]
 
 
 def report(path: Path, how: Reading, laid: Laid, grid: GridMap, barred: NDArray[np.bool_]) -> Iterator[str]:
-    """Yield what was read of a hall, and lost in cells, one sentence each.
+    """Yield what was read of a hall, and what its cells lose, one sentence each.
 
-    barred: bool[H, W], floor of the map that masks or lanes close.
+    barred: bool[H, W], floor that masks or lanes close.
     """
     pixel = laid.occupancy.resolution**2
     occupied, free, unknown = laid.occupancy.counts
@@ -41,8 +40,6 @@ def report(path: Path, how: Reading, laid: Laid, grid: GridMap, barred: NDArray[
         f"free: {driven:,} are driven on, {driven * how.cell**2:,.0f} of the map's {free * pixel:,.0f} m² of free floor"
     )
     yield f"cells begin {_beginning(path, how, laid)}"
-    if len(grid.discs):
-        yield disc_report.lost(grid)
     if barred.any():
         yield f"closed by keepout, or off the lanes: {counted(barred.sum(), 'cell')}"
     yield from _aisles(how, laid)
@@ -59,25 +56,14 @@ def report(path: Path, how: Reading, laid: Laid, grid: GridMap, barred: NDArray[
 
 
 def _beginning(path: Path, how: Reading, laid: Laid) -> str:
-    """Say where cells begin, and what that brings."""
+    """Say where cells begin."""
     right, down = laid.begin
     corner = "the picture's upper left corner"
-    where = f"{right:.9g} m to the right of and {down:.9g} m below {corner}" if max(laid.begin) > 0 else f"at {corner}"
-    if laid.choice is None:
-        return f"{where}, as {path.stem}{one_way.SUFFIX} counts them" if how.begin == BEST else where
-    if laid.choice.best is laid.choice.corner:
-        return f"{where}; nowhere else do they keep more of the hall"
-    return f"{where} (begin={right:.9g}+{down:.9g}); against cells from the corner {_gain(*laid.choice, how.cell)}"
-
-
-def _gain(best: Kept, corner: Kept, cell: float) -> str:
-    """Say what the best cells keep more or less than those that begin at the corner."""
-    floor, stands = (best.driven - corner.driven) * cell**2, round((best.stands - corner.stands) * cell**2, 1)
-    aisles = _places(best.closed) - _places(corner.closed)
-    parts = [f"{round(floor, 1):+,g} m² of floor"] if floor else []
-    parts += [f"{stands:+,g} m² of what stands in it"] if stands else []
-    parts += [f"{aisles:+} place{'' if abs(aisles) == 1 else 's'} where aisles close"] if aisles else []
-    return ", ".join(parts) or "as much floor"
+    if max(laid.begin) > 0:
+        where = f"{right:.9g} m to the right of and {down:.9g} m below {corner}"
+        return f"{where} (begin={right:.9g}+{down:.9g})" if how.begin == BEST else where
+    counted_so = how.begin == BEST and companion(path, one_way.SUFFIX).exists()
+    return f"at {corner}" + (f", as {path.stem}{one_way.SUFFIX} counts them" if counted_so else "")
 
 
 def _places(cells: NDArray[np.bool_]) -> int:

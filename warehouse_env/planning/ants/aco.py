@@ -7,7 +7,6 @@ from functools import partial
 from typing import ClassVar, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning.ants.colony import Colony
@@ -36,7 +35,7 @@ class Aco(AntSystem):
     name: ClassVar[str] = "aco"
     shares: ClassVar[tuple[str, ...]] = ("evaporation",)
 
-    def colony(self, grid: GridMap, floor: Floor, start: NDArray[np.int64]) -> Colony:
+    def colony(self, grid: GridMap, floor: Floor, start: int) -> Colony:
         """Slots of eqs. 1-3 (paper 000): one heuristic for all iterations, all arrived ants deposit."""
         distance = STEP if self.heuristic == "next_cell" else goal_distance(floor)[floor.neighbour]
         eta = power(np.broadcast_to(1.0 / distance, floor.neighbour.shape), self.exponent)

@@ -7,7 +7,6 @@ from functools import partial
 from typing import ClassVar, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from warehouse_env.errors import ConfigError
 from warehouse_env.kernel import kernel
@@ -27,14 +26,12 @@ _LEAST_WEIGHT = 1e-300  # so that no toll, however high, cuts the network in two
 class Acs(AntSystem):
     """The ant colony system (Dorigo & Gambardella 1997), the baseline of paper 003.
 
-    - Transition: with probability q0 the best edge by pheromone * (1/d)^beta, else roulette over the same. d: to the
-      goal ("goal"), or to the next cell ("next_cell": "only the distance between the next node and the current node",
-      says paper 003 of the classical system). The latter knows nothing of the goal.
-    - Local update: each step moves its edge towards tau0 by a share.
-    - Global update: the edges of the best path so far, and no others, move towards 1 / cost by a share.
-    - tau0 = 1 / (n * (d_sg + 1)), n the free cells and d_sg the straight distance from start to goal: the original's
-      1 / (n * L), for which a first tour gives L there. Without n a mark of 1 / cost would lie below the level to
-      which it evaporates, and the best path would repel the ants.
+    With probability q0 an ant takes the best edge by pheromone * (1/d)^beta, otherwise it draws. Each step moves its
+    edge towards tau0 by a share. After an iteration the edges of the best path so far, and no others, move towards
+    1 / cost by a share. heuristic: d is the distance to the goal, or to the next cell, which knows nothing of the goal.
+
+    tau0 = 1 / (n * (d_sg + 1)), n the free cells and d_sg the straight distance from start to goal. Without n a mark
+    of 1 / cost would lie below the level to which it evaporates, and the best path would repel ants.
     """
 
     ants: int = 30
@@ -47,11 +44,11 @@ class Acs(AntSystem):
     name: ClassVar[str] = "acs"
     shares: ClassVar[tuple[str, ...]] = ("greed", "local_decay", "evaporation")
 
-    def colony(self, grid: GridMap, floor: Floor, start: NDArray[np.int64]) -> Colony:
+    def colony(self, grid: GridMap, floor: Floor, start: int) -> Colony:
         """Slots: one heuristic and one q0 for all iterations, a local update, marks on the best path only."""
         eta = self.heuristic_table(floor)
         free = int(floor.legal.any(axis=1).sum())
-        level = 1.0 / (max(free, 1) * (float(goal_distance(floor)[start].mean()) + 1.0))
+        level = 1.0 / (max(free, 1) * (float(goal_distance(floor)[start]) + 1.0))
         return Colony(
             np.full_like(eta, level),
             lambda iteration: (eta, eta),
@@ -79,18 +76,13 @@ class ShaaAcs(Acs):
     """The adaptive ant colony system with a shunting network of paper 003; its equations are lost in the text.
 
     So this is a reconstruction: x_j / x_i, by which activity rises along a move (shunting.py), times d_ij^-beta is
-    the heuristic of eqs. 13-14 ("the shorter the distance and the larger the activation, the greater the
-    probability"); the share of the global update rises from first to last iteration (eqs. 6-7: diversity early,
-    convergence late). All constants are ours; A must exceed 4 + 4/sqrt 2.
+    the heuristic (eqs. 13-14). The share of the global update rises from first to last iteration (eqs. 6-7). All
+    constants are ours; A must exceed 4 + 4/sqrt 2. Tolls of a cost map count as length.
 
-    The paper's own system is weights="inverse", excitation="sum", local_search=False. On large cluttered maps it falls
-    short of the optimum in half of the runs, for two reasons. With w_ij = 1/d_ij a diagonal move costs as much activity
-    as a straight one of 1.15 cells, not 1.41. And activities that arrive on different ways add up, so that wide ways
-    seem nearer than they are; ants and local search do not always make up for that, even where A is 1000. So here
-    w_ij = A^(1 - length), by which activity falls along a way as A^-length, and only the strongest neighbour excites.
-    Then log x is, but for saturation beside the goal, the true field of distances to the goal: a hybrid that knows the
-    answer beforehand, and one greedy ant finds a shortest path. Local search is left to straighten it.
-    Tolls of a cost map count as length, in both.
+    The paper's own system is weights="inverse", excitation="sum", local_search=False. It misses the optimum in half of
+    the runs on large cluttered maps: with w_ij = 1/d_ij a diagonal move costs as much activity as 1.15 straight ones,
+    and activities that arrive on different ways add up. So here w_ij = A^(1 - length), and only the strongest
+    neighbour excites. Then log x is nearly the true distance to the goal: a hybrid that knows the answer beforehand.
     """
 
     local_search: bool = True
@@ -126,7 +118,7 @@ class ShaaAcs(Acs):
 
 
 @kernel
-def draw_towards_best(floor: Floor, pheromone: Table, best: Walks, share: float) -> None:
+def draw_towards_best(floor, pheromone, best, share):
     """Move the edges of each best path towards 1 / cost by a share, in place."""
     for row in range(len(best.steps)):
         cell = best.start[row]

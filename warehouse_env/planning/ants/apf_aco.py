@@ -7,7 +7,6 @@ from functools import partial
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning.ants.aco import power
@@ -22,23 +21,11 @@ from warehouse_env.planning.potential_field import descent_length, improved_pote
 class ApfAco(AntSystem):
     """The fusion of improved potential field and ant colony of paper 001 (Han & He 2022), eqs. 9-17.
 
-    p ~ pheromone * eta^beta with eta = 1 / (d_jg + R_jg) (eq. 16), d_jg the straight distance from the next cell to the
-    goal, R_jg the length of the potential field's way from there. The paper prints ants, iterations, rho, Q and
-    alpha = 1; the other constants are ours. Where the print is doubtful, it is read so:
-
-    - R_jg: the steepest descent on the improved potential (eq. 9; eq. 5's lost square restored, n = 0.5 though it is
-      called an integer). A way that ends in a local minimum, of which the paper says nothing, goes on straight to the
-      goal at `stuck_penalty` times the distance.
-    - eq. 16's factor (N_max - N_c) / N_max is the same for all moves and cancels in eq. 14; it is left out.
-    - beta: not printed. 7 of ours; with a small one the heuristic hardly tells neighbours apart.
-    - eq. 15: all arrived ants deposit rho * Q / L.
-    - eq. 17 (wolf-pack rule): as printed, the change of the best and worst path is a number of metres beside Q / L; it
-      drives pheromone below zero. So the difference of the two deposits stands in its place, Q * |1/L_b - 1/L_w|,
-      times rho and M, the number of ants as good as the best (as bad as the worst); and pheromone keeps to a range,
-      [`least_pheromone`, `most_pheromone`]. Best and worst are those of the iteration. `wolf_pack` weighs the rule;
-      0 leaves eq. 15 alone.
-
-    With a cost map or a floor that climbs, L is the cost.
+    p ~ pheromone * eta^beta with eta = 1 / (d_jg + R_jg) (eq. 16): d_jg the straight distance from the next cell to
+    the goal, R_jg the length of the steepest descent from there on the improved potential. All arrived ants deposit
+    rho * Q / L (eq. 15); the best path of an iteration gets more and the worst less (eq. 17, weighed by `wolf_pack`).
+    The paper prints ants, iterations, rho, Q and alpha = 1; the other constants are ours. docs/planners.md tells how
+    doubtful equations are read. With a cost map or a floor that climbs, L is the cost.
     """
 
     exponent: int = 7  # beta, of eta
@@ -56,7 +43,7 @@ class ApfAco(AntSystem):
     name: ClassVar[str] = "apf_aco"
     shares: ClassVar[tuple[str, ...]] = ("evaporation",)
 
-    def colony(self, grid: GridMap, floor: Floor, start: NDArray[np.int64]) -> Colony:
+    def colony(self, grid: GridMap, floor: Floor, start: int) -> Colony:
         """Slots: one heuristic for all iterations; all ants deposit, the best more, the worst takes away."""
         goal = (floor.goal // floor.columns, floor.goal % floor.columns)
         energy = repulsive_potential(grid.occupied, self.repulsion_gain, self.repulsion_reach)

@@ -1,8 +1,8 @@
-"""The one ant loop: every ant system is an assembly of slots around `run`.
+"""The one ant loop: every ant system is a set of slots around `run`.
 
-Systems differ in the slots of `Colony`: attraction tables, greed and pheromone update. They share the ants, which are
-compiled: `send` lets one walk cell by cell over the moves of eq. 26 (paper 000) with its own tabu list. Ants on the way
-(simulation/traffic/ants.py) walk by `send` as well; only what weighs their moves is another function.
+Systems differ in the slots of `Colony`: attraction tables, greed and pheromone update. They share the compiled ants:
+`send` lets one walk cell by cell over the moves of eq. 26 (paper 000) with its own tabu list. Live replanning
+(simulation/traffic/ants.py) uses `send` with another weighing function.
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -42,7 +41,7 @@ class Colony:
 
 
 class EdgeWeights(NamedTuple):
-    """The tables that ants choose their moves by."""
+    """The tables by which ants choose their moves."""
 
     trail: Table  # pheromone^alpha; the local update writes it
     turning: Table  # eta^beta of an edge at a turn
@@ -59,10 +58,10 @@ class WalkRule(NamedTuple):
 
 
 class Search(NamedTuple):
-    """What `run` found, S starts."""
+    """What `run` found."""
 
-    best: Walks  # [S], the best path from each start; steps -1 where none was found
-    best_by_iteration: NDArray[np.float64]  # [S, I] length [cells] of the best path so far, inf before any
+    best: Walks  # [1], the best path; steps -1 where none was found
+    best_by_iteration: NDArray[np.float64]  # [I] length [cells] of the best path so far, inf before any
     elapsed: NDArray[np.float64]  # [I] seconds since the loop began
     pheromone: Table  # at the end
 
@@ -70,78 +69,56 @@ class Search(NamedTuple):
 def run(
     floor: Floor,
     colony: Colony,
-    start: NDArray[np.int64],
+    start: int,
+    ants: int,
     iterations: int,
     rng: np.random.Generator,
     *,
     patience: int | None = None,
     backtrack: bool = True,
-    appraise: Callable[[Walks, int, int], int] | None = None,
+    appraise: Callable[[Walks], int] | None = None,
 ) -> Search:
-    """Let ants walk to the goal, appraise their paths, and mark.
+    """Let ants walk from a cell to the goal on a floor of C cells, appraise their paths, and mark.
 
-    Ants of several starts share the pheromone; best paths are kept for each start. The best path has the least
-    (cost, turns). All random numbers follow from one draw of `rng`.
-
-    Args:
-        floor: of C cells.
-        colony: the slots.
-        start: int64[m], the cell from which each ant starts; ants of one start stand side by side.
-        iterations: how often the ants walk.
-        rng: the only source of chance.
-        patience: stop after so many iterations without a better path; None: never before the last.
-        backtrack: at a dead end ants step back, and the cell stays tabu; False: they die.
-        appraise: (walks, first, last) -> the best of ants first..last-1, -1 if none arrived; measures their paths, and
-            may improve them first. By default `measure`.
+    The best path has the least (cost, turns). All random numbers follow from one draw of `rng`. patience: stop after so
+    many iterations without a better path. backtrack: at a dead end ants step back, and the cell stays tabu; False: they
+    die. appraise: measures the walks, may improve them, and returns the best ant, -1 if none; `measure` by default.
     """
-    begin, m = time.perf_counter(), len(start)
-    first = np.flatnonzero(np.diff(start, prepend=-1))  # ants of the s-th start: first[s] to last[s] - 1
-    last = np.append(first[1:], m)
-    cells = len(floor.height)
-    walks, best = empty_walks(start.copy(), cells), empty_walks(start[first], cells)
+    begin, cells = time.perf_counter(), len(floor.height)
+    walks, best = empty_walks(start, ants, cells), empty_walks(start, 1, cells)
     pheromone = colony.pheromone.copy()
-    seeds = rng.integers(1, 2**63, size=(iterations, m), dtype=np.uint64)
+    seeds = rng.integers(1, 2**63, size=(iterations, ants), dtype=np.uint64)
     visited = np.zeros(cells, np.int64)
-    history, elapsed = np.full((len(first), iterations), np.inf), np.zeros(iterations)
-    appraise, changed = appraise or partial(measure, floor), 0
+    history, elapsed = np.full(iterations, np.inf), np.zeros(iterations)
+    changed = 0
     for iteration in range(iterations):
         trail = _raised(pheromone, colony.trail_power)
         turning, straight = colony.attraction(iteration)
         q0 = colony.greedy(iteration) if colony.greedy else 0.0
         rule = WalkRule(q0, backtrack, colony.local_decay, colony.local_level)
         edges = EdgeWeights(trail, turning, straight)
-        walk(floor, edges, rule, seeds[iteration], visited, 1 + iteration * m, walks)
-        for row in range(len(first)):
-            winner = appraise(walks, first[row], last[row])
-            if winner >= 0 and (walks.cost[winner], walks.turns[winner]) < (best.cost[row], best.turns[row]):
-                keep(walks, winner, best, row)
-                changed = iteration
-        if iteration == 0:
-            _stay_at_home(walks, first, last, backtrack)
-        history[:, iteration:], elapsed[iteration:] = best.length[:, None], time.perf_counter() - begin
-        if (walks.start < 0).all():
+        walk(floor, edges, rule, seeds[iteration], visited, 1 + iteration * ants, walks)
+        winner = appraise(walks) if appraise else measure(floor, walks, 0, ants)
+        if winner >= 0 and (walks.cost[winner], walks.turns[winner]) < (best.cost[0], best.turns[0]):
+            keep(walks, winner, best)
+            changed = iteration
+        history[iteration:], elapsed[iteration:] = best.length[0], time.perf_counter() - begin
+        # an ant that steps back and does not arrive has visited all in its reach: the goal is cut off
+        if iteration == 0 and (walks.steps[0] == 0 or (backtrack and walks.steps[0] < 0)):
             break
         colony.update(iteration, pheromone, walks, best)
         if patience and iteration - changed >= patience and iteration + 1 < iterations:
-            history, elapsed = history[:, : iteration + 1], elapsed[: iteration + 1]
+            history, elapsed = history[: iteration + 1], elapsed[: iteration + 1]
             break
     return Search(best, history, elapsed, pheromone)
 
 
 def _raised(table: Table, power: float) -> Table:
-    """table^power; 1.5, that of paper 002, by a root, which takes an eighth of the time."""
+    """Return table^power; 1.5 (paper 002) by a root, in an eighth of the time."""
     if power == 1.0:
         return table
     raised: Table = table * np.sqrt(table) if power == 1.5 else table**power
     return raised
-
-
-def _stay_at_home(walks: Walks, first: NDArray[np.int64], last: NDArray[np.int64], backtrack: bool) -> None:
-    """Retire starts that are the goal, and those cut off: an ant that steps back then has visited all in its reach."""
-    for a, b in zip(first, last, strict=True):
-        if walks.steps[a] == 0 or (backtrack and walks.steps[a] < 0):
-            walks.start[a:b] = walks.steps[a:b] = -1
-            walks.length[a:b] = walks.cost[a:b] = np.inf
 
 
 def cells_of(floor: Floor, walks: Walks, ant: int) -> NDArray[np.int64]:
@@ -191,14 +168,14 @@ def _drawn(chance, left):
 
 
 class Trip(NamedTuple):
-    """One ant's way."""
+    """One ant's walk."""
 
     start: int  # cell
-    ant: int  # its number, which no other ant of the search has
+    ant: int  # its number, unique in the search
     columns: int  # of the floor
-    trail: Table  # pheromone, of which the walk changes what WalkRule.local_decay says
-    moves: NDArray[np.int8]  # where its moves are written; as long as a path may be
-    chance: NDArray[np.float64]  # [8], room for the weights of the moves of a cell
+    trail: Table  # pheromone, which the walk changes by WalkRule.local_decay
+    moves: NDArray[np.int8]  # output: its moves; as long as a path may be
+    chance: NDArray[np.float64]  # [8], scratch for the weights of a cell's moves
 
 
 def sender(weigh: Any) -> Any:
@@ -210,7 +187,7 @@ def sender(weigh: Any) -> Any:
     """
 
     @part
-    def send(ground: Any, rule: WalkRule, trip: Trip, random: np.uint64) -> Any:
+    def send(ground, rule, trip, random):
         """Let an ant walk; return (its moves, whether it arrived, its generator).
 
         A move's chance is its share of the weights; with probability q0 the ant takes the largest instead (pseudo-
@@ -276,15 +253,7 @@ _send = sender(_weigh)
 
 
 @kernel
-def walk(
-    floor: Floor,
-    edges: EdgeWeights,
-    rule: WalkRule,
-    seeds: NDArray[np.uint64],
-    visited: NDArray[np.int64],
-    stamp: int,
-    walks: Walks,
-) -> None:
+def walk(floor, edges, rule, seeds, visited, stamp, walks):
     """Send every ant from its start to the goal; writes walks.moves and walks.steps.
 
     seeds: uint64[m], one generator an ant. visited: int64[C], holds numbers below `stamp`.
@@ -292,8 +261,7 @@ def walk(
     chance, ground = np.zeros(8), (floor, edges, visited)
     for ant in range(len(seeds)):
         walks.steps[ant] = -1
-        if walks.start[ant] >= 0:
-            trip = Trip(walks.start[ant], stamp + ant, floor.columns, edges.trail, walks.moves[ant], chance)
-            steps, arrived, _ = _send(ground, rule, trip, seeds[ant])
-            if arrived:
-                walks.steps[ant] = steps
+        trip = Trip(walks.start[ant], stamp + ant, floor.columns, edges.trail, walks.moves[ant], chance)
+        steps, arrived, _ = _send(ground, rule, trip, seeds[ant])
+        if arrived:
+            walks.steps[ant] = steps

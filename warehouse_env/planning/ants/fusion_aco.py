@@ -31,16 +31,8 @@ class FusionAco(AntSystem):
 
     p ~ pheromone^1.5 * (1/d_jg)^3 * exp(gamma * fr * cos theta), fr = 1 - iteration / iterations, theta between the
     move and the resultant force of eqs. 12 and 17-20: the field leads the first ants, the pheromone the last. All
-    arrived ants deposit Q / L. The paper prints ants, alpha, beta, rho and Q; the other constants are ours. Where the
-    print is doubtful, it is read so:
-
-    - eq. 22's factor (D_max - D) / D_max is the same for all moves and would cancel in a product with a power; so the
-      field's factor of eq. 23 is an exponential, with eq. 22 in its exponent, as the print's "e" suggests.
-    - eq. 22 multiplies cos theta by the size of the force, some tens far from the goal, which makes ants greedy and
-      leads them into traps; the direction alone counts.
-    - eq. 6 takes the distance to the next cell, 1 or sqrt 2, which knows nothing of the goal; here it is that from the
-      next cell to the goal.
-    - n of eq. 16 is not printed: 1.
+    arrived ants deposit Q / L. The paper prints ants, alpha, beta, rho and Q; the other constants are ours.
+    docs/planners.md tells how doubtful equations are read.
 
     intermediate_point: the paper's way out of local minima. On cells where a walker along the force is stuck, and on
     its way from there to the point P (`potential_field.intermediate_point`), the force points to P.
@@ -61,7 +53,7 @@ class FusionAco(AntSystem):
     name: ClassVar[str] = "fusion_aco"
     shares: ClassVar[tuple[str, ...]] = ("evaporation",)
 
-    def colony(self, grid: GridMap, floor: Floor, start: NDArray[np.int64]) -> Colony:
+    def colony(self, grid: GridMap, floor: Floor, start: int) -> Colony:
         """Slots: distance times the fading pull of the field; all arrived ants deposit."""
         near = power(1.0 / goal_distance(floor), self.exponent)[floor.neighbour]
         cosine = alignment(self.force(grid, divmod(floor.goal, floor.columns))).reshape(-1, 8)
@@ -75,16 +67,16 @@ class FusionAco(AntSystem):
     def force(self, grid: GridMap, goal: Cell) -> NDArray[np.float64]:
         """The resultant force on every cell float64[H, W, 2] (eq. 24), diverted round local minima if asked."""
         parts = repulsion_parts(grid.occupied, self.repulsion_gain, self.repulsion_reach)
-        force = improved_force(*parts, goal, self.attraction_gain, self.distance_exponent)
+        force: NDArray[np.float64] = improved_force(*parts, goal, self.attraction_gain, self.distance_exponent)
         if not self.intermediate_point:
             return force
-        diverted, none_tried = force.copy(), np.zeros(grid.shape, np.bool_)
+        diverted: NDArray[np.float64] = force.copy()
+        none_tried = np.zeros(grid.shape, np.bool_)
         for cell in stuck_cells(grid, force, goal):
             point = intermediate_point(grid.closed, cell, goal, none_tried)
             if point[0] >= 0:
-                way, _ = follow(
-                    grid.legal_moves, *parts, cell, point, goal, self.attraction_gain, self.distance_exponent
-                )
+                gain, exponent = self.attraction_gain, self.distance_exponent
+                way, _ = follow(grid.legal_moves, *parts, cell, point, goal, gain, exponent)
                 ahead = np.array(point) - way
                 going = ahead.any(axis=1)
                 diverted[way[going, 0], way[going, 1]] = ahead[going]

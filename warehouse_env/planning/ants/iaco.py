@@ -30,15 +30,9 @@ class Iaco(AntSystem):
 
     p ~ pheromone * (zeta / distance of the next cell to the goal)^7 (eqs. 5, 7); with probability q0 an ant takes the
     best edge (eq. 8), q0 by eq. 14; all arrived ants deposit Q / length (eq. 4) on trails that evaporate by a share
-    that falls (eq. 9). The path of cells is then smoothed (eq. 13, smoothing.py) into the plan's line; its length, and
-    not that of the cells, is what the paper's tables give.
-
-    Readings. Eq. 9, c exp(-iteration^2), gives 1.84 with the printed c = 5 at the first iteration, and nothing from the
-    fourth on: schedule="scaled" takes c exp(-decay (iteration / iterations)^2), the curve of the paper's figure 3;
-    "printed" takes eq. 9 itself, at most 1 (with evaporation=5). Eq. 8 chooses at random otherwise: with the
-    probabilities of eq. 5 here, since a uniform choice forgets pheromone and goal for 85% of the moves.
-    Eq. 13 with norms="printed" cannot move a corner of 45 degrees. The clearance holds for whole segments; the paper's
-    0.707 (to obstacles' centres, and for nodes only) lets a line cut a shelf's corner.
+    that falls (eq. 9). The path of cells is then smoothed (eq. 13, smoothing.py) into the plan's line, whose length
+    the paper's tables give. schedule="printed" is eq. 9 as printed (with evaporation=5), norms="printed" eq. 13 as
+    printed. docs/planners.md tells how doubtful equations are read.
     """
 
     ants: int = 20  # m
@@ -61,7 +55,7 @@ class Iaco(AntSystem):
     name: ClassVar[str] = "iaco"
     shares: ClassVar[tuple[str, ...]] = ("greed_first", "greed_middle", "greed_last")
 
-    def colony(self, grid: GridMap, floor: Floor, start: NDArray[np.int64]) -> Colony:
+    def colony(self, grid: GridMap, floor: Floor, start: int) -> Colony:
         """Slots of eqs. 3-9 and 14."""
         eta = power(self.scale / goal_distance(floor)[floor.neighbour], self.exponent)
         return Colony(

@@ -1,10 +1,9 @@
 """Local search on a path: dynamic programming over its nodes with straight-then-diagonal links. Beyond the papers.
 
-An ant finds the right way round the shelves long before it finds the shortest and straightest line along it. So keep
-some of its cells, drop the others, and join what is left by octile links of at most two segments (diagonal then
-straight, or straight then diagonal) that obey eq. 26. Of all such choices this finds the one with the least
-(length + tolls, turns) exactly, in O(n^2) for n cells. Where climbing or a cost map takes its toll, it keeps the ants'
-detour where the detour is worth it.
+An ant finds the right way round the shelves long before the shortest and straightest line along it. So some of its
+cells are kept and joined by octile links of at most two segments (diagonal then straight, or the reverse) that obey
+eq. 26. Of all such choices this finds the one with the least (length + tolls, turns) exactly, in O(n^2) for n cells. A
+detour that saves more tolls than it costs is kept.
 """
 
 from __future__ import annotations
@@ -17,8 +16,7 @@ from numpy.typing import NDArray
 
 from warehouse_env.kernel import kernel
 from warehouse_env.maps.grid_map import MOVES
-from warehouse_env.planning.ants.floor import Floor
-from warehouse_env.planning.ants.walks import Walks, measure
+from warehouse_env.planning.ants.walks import measure
 from warehouse_env.planning.plan import MICRO
 
 _SQRT2 = math.sqrt(2.0)
@@ -55,7 +53,7 @@ class Departures(NamedTuple):
 
 
 @kernel
-def straight_runs(floor: Floor) -> Runs:
+def straight_runs(floor):
     """Measure the legal runs of a floor."""
     cells, columns = floor.neighbour.shape[0], floor.columns
     free = np.zeros((cells, 8), np.int32)
@@ -73,16 +71,16 @@ def straight_runs(floor: Floor) -> Runs:
 
 
 @kernel
-def improve(floor: Floor, runs: Runs, elite: int, walks: Walks, first: int, last: int) -> int:
-    """Measure ants first..last-1, shorten the paths of the best `elite` of them, and return the best; -1 if none.
+def improve(floor, runs, elite, walks):
+    """Measure all walks, shorten the best `elite` of them, and return the best ant; -1 if none arrived.
 
-    Paths with the same cost and turns are taken for the same, and but one of them is shortened.
+    Paths with the same cost and turns count as the same, and only one of them is shortened.
     """
-    measure(floor, walks, first, last)
+    measure(floor, walks, 0, len(walks.steps))
     chosen = np.empty(elite, np.int64)
     count, cost, turns = 0, -1.0, 0
     while count < elite:
-        ant = _next_best(walks, first, last, cost, turns)
+        ant = _next_best(walks, cost, turns)
         if ant < 0:
             break
         cost, turns = walks.cost[ant], walks.turns[ant]
@@ -93,14 +91,14 @@ def improve(floor: Floor, runs: Runs, elite: int, walks: Walks, first: int, last
         walks.moves[ant, : len(moves)] = moves
         walks.steps[ant] = len(moves)
         measure(floor, walks, ant, ant + 1)
-    return _next_best(walks, first, last, -1.0, 0)
+    return _next_best(walks, -1.0, 0)
 
 
 @kernel
-def _next_best(walks: Walks, first: int, last: int, cost: float, turns: int) -> int:
-    """The first of the ants with the least (cost, turns) above those given; -1 if none arrived with more."""
+def _next_best(walks, cost, turns):
+    """Return the first ant with the least (cost, turns) above those given; -1 if none arrived with more."""
     best = -1
-    for ant in range(first, last):
+    for ant in range(len(walks.steps)):
         if walks.steps[ant] < 0 or walks.cost[ant] < cost or (walks.cost[ant] == cost and walks.turns[ant] <= turns):
             continue
         better = best < 0 or walks.cost[ant] < walks.cost[best]
@@ -110,7 +108,7 @@ def _next_best(walks: Walks, first: int, last: int, cost: float, turns: int) -> 
 
 
 @kernel
-def shorten(floor: Floor, runs: Runs, start: int, moves: NDArray[np.int8]) -> NDArray[np.int8]:
+def shorten(floor, runs, start, moves):
     """Return the best choice of nodes and links along the path int8[n - 1] of moves from start, as moves again."""
     n = len(moves) + 1
     nodes = PathNodes(np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n, np.int64))
@@ -130,9 +128,7 @@ def shorten(floor: Floor, runs: Runs, start: int, moves: NDArray[np.int8]) -> ND
 
 
 @kernel
-def _link_onwards(
-    floor: Floor, runs: Runs, nodes: PathNodes, i: int, departures: Departures, states: PathStates
-) -> None:
+def _link_onwards(floor, runs, nodes, i, departures, states):
     """Try every link from node i to a later one: the diagonal first, and the straight first."""
     before, base = departures
     cost, sums, origin = states
@@ -166,7 +162,7 @@ def _link_onwards(
 
 
 @kernel
-def _straight_move(d_row: int, d_column: int) -> int:
+def _straight_move(d_row, d_column):
     """The straight move of an octile link with these differences."""
     if abs(d_column) > abs(d_row):
         return 0 if d_column > 0 else 4
@@ -174,7 +170,7 @@ def _straight_move(d_row: int, d_column: int) -> int:
 
 
 @kernel
-def _diagonal_move(d_row: int, d_column: int) -> int:
+def _diagonal_move(d_row, d_column):
     """The diagonal move of an octile link with these differences."""
     if d_row < 0:
         return 1 if d_column > 0 else 3
@@ -182,7 +178,7 @@ def _diagonal_move(d_row: int, d_column: int) -> int:
 
 
 @kernel
-def _choose_arrivals(cost: NDArray[np.float64], sums: NDArray[np.int64], departures: Departures) -> None:
+def _choose_arrivals(cost, sums, departures):
     """Write for each leaving move the arriving move of a node that is best to go on from, and its sums with a turn."""
     before, base = departures
     least = 0
@@ -197,7 +193,7 @@ def _choose_arrivals(cost: NDArray[np.float64], sums: NDArray[np.int64], departu
 
 
 @kernel
-def _unroll(floor: Floor, node: NDArray[np.int64], states: PathStates) -> NDArray[np.int8]:
+def _unroll(floor, node, states):
     """Follow the links back from the best state of the last node and write them out as moves."""
     cost, sums, origin = states
     j = len(node) - 1

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import ClassVar, Literal
+from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from warehouse_env.kernel import kernel
-from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
+from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning import potential_field
 from warehouse_env.planning.ants.colony import Colony
 from warehouse_env.planning.ants.floor import Floor, Table
@@ -25,33 +23,14 @@ from warehouse_env.planning.plan import MICRO
 class PfAco(AntSystem):
     """The potential-field ant colony of paper 000 (Wang & Xie), eqs. 8-26, and a local search of our own.
 
-    p ~ pheromone * eta^2 with eta = a*L + b*H + c*T (eq. 8). The paper prints none of its constants; those here are
-    ours. fr = 1 - iteration / iterations (eq. 9). Where the print is doubtful, it is read so:
+    p ~ pheromone * eta^2 with eta = a*L + b*H + c*T (eq. 8): L the pull of the potential field, H gentleness, T
+    smoothness; fr = 1 - iteration / iterations (eq. 9) scales all three. All arrived ants deposit. The best path has
+    the least length + gentleness * metres climbed, then the fewest turns. The paper prints no constants: these are
+    ours. docs/planners.md tells how doubtful equations are read.
 
-    - L (eqs. 10-11) = fr * max(0, cos theta), theta between the move and the resultant force. Dividing by
-      d_ij + d_jg as printed would make L some hundredths, drowned by H and T, and fr enters once though eqs. 10 and 11
-      each multiply by it. Moves against the force get L = 0, not a negative chance. Where the force vanishes, the
-      straight pull of the goal takes its place.
-    - H (eqs. 12-14) = (h_max - |dh|) / (h_max - h_min + Q) * fr * M + N over the legal neighbours; Q only keeps the
-      denominator from zero (the text swaps it with N_max). On a flat floor H is the constant N, which keeps every
-      move possible: without it the ants are caught in front of shelves.
-    - T (eq. 15) = rho*u*fr + sigma straight on, (1-rho)*u*fr / S at a turn, S the number of legal moves; ants have no
-      heading at the start, so there all moves count as turns.
-    - eq. 7 as printed is the distance from start to goal, the same for all moves; it cancels and is left out.
-    - Initial pheromone (eq. 17): P, "the nodes between start and goal", is the rectangle they span. Its factor
-      phi > 1 is another constant than eq. 18's phi < 1: `initial_boost` and `evaporation`.
-    - Update (eqs. 18-25): all arrived ants; A*Q/L + B*Q/(100*max(H_k, smallest_spread)) + C*Q/max(1, turns). As
-      printed eq. 21 divides by zero on even paths and eq. 22 on straight ones; on a flat floor the height term,
-      equal for all, is left out. The length L is the walk's cost: with tolls, where the floor or a cost map takes them.
-
-    "Best" is the least length + gentleness * metres climbed, then the fewest turns: the paper names length, gentleness
-    and smoothness as its aims but no order of them. PfAco(local_search=False, patience=None) is the paper's own system;
-    with local search the best paths of an iteration are straightened (local_search.py) before they count and deposit,
-    and the search ends when 8 iterations have found none better.
-
-    attraction="distance_field" replaces the straight pull by the descent of the true cost-to-go. It knows the answer
-    beforehand: a hybrid of exact search and colony, for which 10 ants and 5 iterations suffice if the heuristic is
-    sharp (b = 0.1, exponent = 4).
+    local_search: the best paths of an iteration are straightened (local_search.py) before they count and deposit, and
+    the search ends after 8 iterations without a better path. PfAco(local_search=False, patience=None) is the paper's
+    own system.
     """
 
     local_search: bool = True
@@ -77,27 +56,21 @@ class PfAco(AntSystem):
     height_weight: float = 0.05  # B, eq. 21 [m]
     turn_weight: float = 0.2  # C, eq. 22
     smallest_spread: float = 0.01  # [m] H_k below this counts as this, eq. 21
-    attraction: Literal["straight", "distance_field"] = "straight"
 
     name: ClassVar[str] = "pf_aco"
     shares: ClassVar[tuple[str, ...]] = ("evaporation", "straight_share")
 
-    def colony(self, grid: GridMap, floor: Floor, start: NDArray[np.int64]) -> Colony:
+    def colony(self, grid: GridMap, floor: Floor, start: int) -> Colony:
         """Slots of eqs. 8-25: the force's pull, gentleness and smoothness in the heuristic, and in the deposit."""
-        pull = self.a * self._pull(grid, divmod(floor.goal, floor.columns)).reshape(-1, 8)
+        goal = divmod(floor.goal, floor.columns)
+        force = potential_field.resultant(grid.occupied, goal, self.repulsion, self.repulsion_reach)
+        pull = self.a * np.maximum(potential_field.alignment(force), 0.0).reshape(-1, 8)
         fading = pull + self.b * self.gentle_gain * gentle_share(floor, self.gentle_offset)
         return Colony(
             pheromone=initial_pheromone(floor, start, self.initial_boost),
             attraction=self._attraction(floor, fading),
             update=partial(self._update, floor),
         )
-
-    def _pull(self, grid: GridMap, goal: Cell) -> NDArray[np.float64]:
-        """float64[H, W, 8] max(0, cos theta) of eqs. 10-11, or in its place the descent of the distance field."""
-        if self.attraction == "distance_field":
-            return descent(grid, goal)
-        force = potential_field.resultant(grid.occupied, goal, self.repulsion, self.repulsion_reach)
-        return np.maximum(potential_field.alignment(force), 0.0)
 
     def _attraction(self, floor: Floor, fading: Table) -> Callable[[int], tuple[Table, Table]]:
         """Slot: eta^exponent of eq. 8 for an iteration; `fading` holds what fr scales."""
@@ -125,31 +98,12 @@ class PfAco(AntSystem):
         deposit(floor, pheromone, walks, self.evaporation * self.strength * amount)
 
 
-def descent(grid: GridMap, goal: Cell) -> NDArray[np.float64]:
-    """Fall float64[H, W, 8] of the exact cost-to-go per cell of length of each move: 1 along a shortest path.
-
-    0 where a move does not lead nearer, is not legal, or the goal cannot be reached. Not of the papers: it knows the
-    answer beforehand.
-    """
-    rows, columns = grid.shape
-    ahead = np.pad(grid.distance_to(goal), 1, constant_values=np.inf)
-    here = ahead[1:-1, 1:-1]
-    fall = np.zeros((rows, columns, 8))
-    for move, (d_row, d_column) in enumerate(MOVES.tolist()):
-        there = ahead[1 + d_row : 1 + d_row + rows, 1 + d_column : 1 + d_column + columns]
-        usable = grid.legal_moves[:, :, move] & np.isfinite(here)
-        fall[usable, move] = (here[usable] - there[usable]) / math.hypot(d_row, d_column)
-    return np.maximum(fall, 0.0)
-
-
-def initial_pheromone(floor: Floor, start: NDArray[np.int64], boost: float) -> Table:
-    """float64[C, 8]: `boost` on edges of cells in a rectangle between a start and the goal, 1 elsewhere (eq. 17)."""
+def initial_pheromone(floor: Floor, start: int, boost: float) -> Table:
+    """float64[C, 8]: `boost` on edges of cells in the rectangle between start and goal, 1 elsewhere (eq. 17)."""
     rows, columns = np.divmod(np.arange(len(floor.height)), floor.columns)
-    goal_row, goal_column = divmod(floor.goal, floor.columns)
-    between = np.zeros(len(rows), bool)
-    for row, column in zip(*np.divmod(np.unique(start), floor.columns), strict=True):
-        inside = (rows >= min(row, goal_row)) & (rows <= max(row, goal_row))
-        between |= inside & (columns >= min(column, goal_column)) & (columns <= max(column, goal_column))
+    (row, column), (goal_row, goal_column) = divmod(start, floor.columns), divmod(floor.goal, floor.columns)
+    between = (rows >= min(row, goal_row)) & (rows <= max(row, goal_row))
+    between &= (columns >= min(column, goal_column)) & (columns <= max(column, goal_column))
     return np.repeat(np.where(between, boost, 1.0)[:, None], 8, axis=1)
 
 
@@ -167,15 +121,7 @@ def gentle_share(floor: Floor, offset: float) -> Table:
 
 
 @kernel
-def _mix(
-    fading: Table,
-    fr: float,
-    at_turn: NDArray[np.float64],
-    ahead: float,
-    exponent: int,
-    turning: Table,
-    straight: Table,
-) -> None:
+def _mix(fading, fr, at_turn, ahead, exponent, turning, straight):
     """Write (fr * fading + at_turn[cell])^exponent to turning and (fr * fading + ahead)^exponent to straight."""
     for cell in range(fading.shape[0]):
         for move in range(8):

@@ -1,11 +1,10 @@
 """The shunting neural network of paper 003 (SHAA): activity that spreads from the goal over the free cells.
 
-A cell is a neuron. Its state x follows a shunting equation (Grossberg 1988; for robots Yang & Meng 2000),
-dx/dt = -A*x + (1 - x)*S - x*O, excited by S = I + sum of w_ij * x_j over the cells j that a move leads to, with I = E
-at the goal and 0 elsewhere; the inhibition O is infinite on shelves, which stay at 0. What guides ants is its steady
-state, x = S / (A + S). With `strongest`, the largest w_ij * x_j alone excites, not the sum. Activity falls to between
-a third and a tenth from cell to cell, so that plain floats would end some 300 to 650 cells from the goal; here a state
-is a mantissa with a whole exponent of its own, which ends nowhere.
+A cell is a neuron. Its steady state is x = S / (A + S) (Grossberg 1988; for robots Yang & Meng 2000), excited by
+S = I + sum of w_ij * x_j over the cells j that a move leads to, with I = E at the goal and 0 elsewhere; shelves stay at
+0. With `strongest`, the largest w_ij * x_j alone excites, not the sum. Activity falls to between a third and a tenth
+from cell to cell, so plain floats would end some 300 to 650 cells from the goal: a state is a mantissa with a whole
+exponent of its own.
 """
 
 from __future__ import annotations
@@ -36,7 +35,7 @@ class Activity(NamedTuple):
 
 
 @kernel
-def settle(floor: Floor, weight: Table, decay: float, source: float, strongest: bool) -> Activity:
+def settle(floor, weight, decay, source, strongest):
     """Return the steady state for A = `decay`, E = `source` and w_ij = `weight` float64[C, 8] of the move from i to j.
 
     A must exceed the sum of each cell's weights. Sweeps over the cells in the order of their moves from the goal, in
@@ -55,9 +54,7 @@ def settle(floor: Floor, weight: Table, decay: float, source: float, strongest: 
 
 
 @kernel
-def _renew(
-    floor: Floor, weight: Table, decay: float, source: float, strongest: bool, state: Activity, cell: int
-) -> float:
+def _renew(floor, weight, decay, source, strongest, state, cell):
     """Set a cell to S / (A + S) and return by what share it changed."""
     mantissa, exponent = state
     at_goal = cell == floor.goal
@@ -83,7 +80,7 @@ def _renew(
 
 
 @kernel
-def _flood(floor: Floor) -> NDArray[np.int64]:
+def _flood(floor):
     """Cells int64[R] from which moves lead to the goal, in the order of their number."""
     rows, columns = floor.neighbour.shape[0] // floor.columns, floor.columns
     cells = floor.neighbour.shape[0]

@@ -1,9 +1,9 @@
-"""AntSystem: what every ant system is besides its slots: its size, dead ends, local search, and the way to a Plan."""
+"""AntSystem: what all ant systems share besides the loop: size, dead ends, local search, and the Plan."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import ClassVar, Literal
@@ -16,12 +16,11 @@ from warehouse_env.planning.ants.colony import Colony, Search, cells_of, run
 from warehouse_env.planning.ants.floor import Floor, Table, make_floor
 from warehouse_env.planning.ants.local_search import improve, straight_runs
 from warehouse_env.planning.base import BasePlanner
-from warehouse_env.planning.plan import MICRO, Plan, check_endpoints
+from warehouse_env.planning.plan import MICRO, CostMap, Plan, check_endpoints
 
 STEP: NDArray[np.float64] = np.sqrt((MOVES**2).sum(axis=1))  # [8] length of each move: 1 or sqrt 2
 _WALKS = 100_000_000
 _AT_GOAL = 0.1  # [cells] stands for the distance 0 of the goal cell to itself
-_LEAST_ANTS = 8  # of each start in a shared colony
 _EASE_POWER = 2  # an edge that costs twice its length is a quarter as attractive
 
 
@@ -48,44 +47,19 @@ class AntSystem(BasePlanner):
         super().__post_init__()
         self._between(1, _WALKS // self.ants, "iterations")  # each walk's seed is drawn before the first
 
-    def colony(self, grid: GridMap, floor: Floor, start: NDArray[np.int64]) -> Colony:
-        """Return the slots for ants that start on flat cells int64[m]."""
+    def colony(self, grid: GridMap, floor: Floor, start: int) -> Colony:
+        """Return the slots for ants that start on a flat cell."""
         raise NotImplementedError
 
-    def find(
-        self, grid: GridMap, start: Cell, goal: Cell, rng: np.random.Generator, cost: NDArray[np.float64] | None
-    ) -> Plan:
-        """Search from one start."""
-        return self.plan_shared(grid, [start], goal, rng, cost)[0]
-
-    def plan_shared(
-        self,
-        grid: GridMap,
-        starts: Sequence[Cell],
-        goal: Cell,
-        rng: np.random.Generator,
-        cost: NDArray[np.float64] | None = None,
-    ) -> list[Plan]:
-        """Search from several starts to one goal with one colony; the ants of all starts share the pheromone.
-
-        The ants are divided among the starts, at least 8 for each. Every plan's seconds are those of the whole search.
-        """
+    def find(self, grid: GridMap, start: Cell, goal: Cell, rng: np.random.Generator, cost: CostMap) -> Plan:
+        """Let the colony search."""
         begin = time.perf_counter()
-        floor, search = self.search(grid, starts, goal, rng, cost)
-        ahead = time.perf_counter() - begin - search.elapsed[-1]
-        first = {int(cell): row for row, cell in enumerate(search.best.start)}
-        rows = [first[row * floor.columns + column] for row, column in starts]
-        cells = [cells_of(floor, search.best, row) for row in rows]
-        seconds = time.perf_counter() - begin
-        return [
-            self.finish(grid, Plan(path, search.best_by_iteration[row], seconds, search.elapsed + max(ahead, 0.0)))
-            for row, path in zip(rows, cells, strict=True)
-        ]
+        return self.planned(grid, *self.search(grid, start, goal, rng, cost), begin)
 
     def search(
         self,
         grid: GridMap,
-        starts: Sequence[Cell],
+        start: Cell,
         goal: Cell,
         rng: np.random.Generator,
         cost: NDArray[np.float64] | None = None,
@@ -95,11 +69,10 @@ class AntSystem(BasePlanner):
 
         pheromone: float64[C, 8] to begin with instead of the system's own, e.g. that of an earlier search.
         """
-        checked = sorted({check_endpoints(grid, start, goal)[0] for start in starts})
-        floor = make_floor(grid, check_endpoints(grid, checked[0], goal)[1], self.gentleness, cost)
-        each = max(-(-self.ants // len(checked)), min(self.ants, _LEAST_ANTS))
-        start = np.repeat([row * floor.columns + column for row, column in checked], each)
-        colony = self.colony(grid, floor, start)
+        start, goal = check_endpoints(grid, start, goal)
+        floor = make_floor(grid, goal, self.gentleness, cost)
+        first = start[0] * floor.columns + start[1]
+        colony = self.colony(grid, floor, first)
         if cost is not None:
             colony = replace(colony, attraction=_eased(floor, colony.attraction))
         if pheromone is not None:
@@ -107,12 +80,19 @@ class AntSystem(BasePlanner):
         appraise = partial(improve, floor, straight_runs(floor), self.elite) if self.local_search else None
         back = self.dead_end == "backtrack"
         found = run(
-            floor, colony, start, self.iterations, rng, patience=self.patience, backtrack=back, appraise=appraise
-        )
+            floor, colony, first, self.ants, self.iterations, rng,
+            patience=self.patience, backtrack=back, appraise=appraise,
+        )  # fmt: skip
         return floor, found
 
+    def planned(self, grid: GridMap, floor: Floor, search: Search, begin: float) -> Plan:
+        """Return the plan of a search that began at a time of time.perf_counter()."""
+        cells, seconds = cells_of(floor, search.best, 0), time.perf_counter() - begin
+        ahead = max(seconds - float(search.elapsed[-1]), 0.0)  # made ready before the loop began
+        return self.finish(grid, Plan(cells, search.best_by_iteration, seconds, search.elapsed + ahead))
+
     def finish(self, grid: GridMap, plan: Plan) -> Plan:
-        """Return the plan as it leaves the planner; a system that smooths adds its line here."""
+        """Return the finished plan; a system that smooths adds its line here."""
         return plan
 
 

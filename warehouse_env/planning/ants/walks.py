@@ -1,4 +1,4 @@
-"""What ants did: their paths, the measures of these, and the pheromone they leave."""
+"""The ants' paths, their measures, and the pheromone they deposit."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.kernel import kernel
-from warehouse_env.planning.ants.floor import Floor, Table
 from warehouse_env.planning.plan import MICRO
 
 _SQRT2 = math.sqrt(2.0)
@@ -18,7 +17,7 @@ _SQRT2 = math.sqrt(2.0)
 class Walks(NamedTuple):
     """The paths of some ants, one a row; the loop's buffers are overwritten by the next iteration."""
 
-    start: NDArray[np.int64]  # [m] cell; -1 for an ant that stays at home
+    start: NDArray[np.int64]  # [m] cell
     moves: NDArray[np.int8]  # [m, C], valid up to steps
     steps: NDArray[np.int64]  # [m], -1 for an ant that did not arrive
     length: NDArray[np.float64]  # [m] cells
@@ -27,11 +26,10 @@ class Walks(NamedTuple):
     cost: NDArray[np.float64]  # [m] cells, length + tolls: what "best" means
 
 
-def empty_walks(start: NDArray[np.int64], cells: int) -> Walks:
-    """Room for the paths of ants from `start` int64[m] on a floor of `cells` cells; no ant has arrived yet."""
-    ants = len(start)
+def empty_walks(start: int, ants: int, cells: int) -> Walks:
+    """Return room for the paths of ants from the cell `start` on a floor of `cells` cells; none has arrived yet."""
     return Walks(
-        start,
+        np.full(ants, start, np.int64),
         np.zeros((ants, cells), np.int8),
         np.full(ants, -1, np.int64),
         np.full(ants, np.inf),
@@ -42,7 +40,7 @@ def empty_walks(start: NDArray[np.int64], cells: int) -> Walks:
 
 
 @kernel
-def measure(floor: Floor, walks: Walks, first: int, last: int) -> int:
+def measure(floor, walks, first, last):
     """Fill length, turns, spread and cost of ants first..last-1; return the best by (cost, turns), -1 if none."""
     best = -1
     for ant in range(first, last):
@@ -74,7 +72,7 @@ def measure(floor: Floor, walks: Walks, first: int, last: int) -> int:
 
 
 @kernel
-def _spread(floor: Floor, walks: Walks, ant: int, mean: float) -> float:
+def _spread(floor, walks, ant, mean):
     """Standard deviation [m] of the heights along a path with p - 1 steps (eq. 24, paper 000)."""
     cell, count = walks.start[ant], walks.steps[ant]
     deviation = floor.height[cell] - mean
@@ -87,7 +85,7 @@ def _spread(floor: Floor, walks: Walks, ant: int, mean: float) -> float:
 
 
 @kernel
-def deposit(floor: Floor, pheromone: Table, walks: Walks, amount: NDArray[np.float64]) -> None:
+def deposit(floor, pheromone, walks, amount):
     """Add amount float64[k] of the first k ants, where they arrived, to every edge of their paths, in place."""
     for ant in range(len(amount)):
         cell = walks.start[ant]
@@ -98,10 +96,10 @@ def deposit(floor: Floor, pheromone: Table, walks: Walks, amount: NDArray[np.flo
 
 
 @kernel
-def keep(walks: Walks, ant: int, best: Walks, row: int) -> None:
-    """Copy the path of an ant and its measures to a row of `best`."""
+def keep(walks, ant, best):
+    """Copy the path of an ant and its measures to `best`, which has room for one."""
     count = walks.steps[ant]
-    best.moves[row, :count] = walks.moves[ant, :count]
-    best.steps[row] = count
-    best.length[row], best.turns[row] = walks.length[ant], walks.turns[ant]
-    best.spread[row], best.cost[row] = walks.spread[ant], walks.cost[ant]
+    best.moves[0, :count] = walks.moves[ant, :count]
+    best.steps[0] = count
+    best.length[0], best.turns[0] = walks.length[ant], walks.turns[ant]
+    best.spread[0], best.cost[0] = walks.spread[ant], walks.cost[ant]

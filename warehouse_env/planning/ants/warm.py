@@ -1,8 +1,7 @@
-"""A head start: planning again from the pheromone of an earlier search, after the floor has changed.
+"""A warm start: plan again from the pheromone of an earlier search after the floor has changed.
 
-Beyond the papers. A colony that begins with the final pheromone of another knows most of the floor. A converged colony
-has forgotten nearly all but its trail (0.8^100 of the pheromone is left off it), so what it left is tempered first:
-pheromone^temper, largest 1.
+Beyond the papers. A converged colony has forgotten nearly all but its trail (0.8^100 of the pheromone is left off it),
+so its pheromone is tempered first: pheromone^temper, largest 1.
 """
 
 from __future__ import annotations
@@ -14,12 +13,11 @@ from numpy.typing import NDArray
 
 from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import Cell, GridMap
-from warehouse_env.planning.ants.colony import cells_of
 from warehouse_env.planning.ants.floor import Table
 from warehouse_env.planning.ants.system import AntSystem
 from warehouse_env.planning.plan import Plan
 
-WARM = 0.05  # temper for a new search: the more is remembered, the sooner it settles, too often on the old way
+WARM = 0.05  # temper for a new search: with more, it settles sooner, but too often on the old path
 
 
 def tempered(pheromone: Table, temper: float) -> Table:
@@ -51,9 +49,5 @@ def replan(
         if pheromone.shape != (grid.occupied.size, 8):
             raise ConfigError(f"pheromone of shape {pheromone.shape} is not from a floor of {grid.occupied.size} cells")
         pheromone = tempered(pheromone, temper)
-    floor, search = system.search(grid, [start], goal, rng, cost, pheromone)
-    cells = cells_of(floor, search.best, 0)
-    seconds = time.perf_counter() - begin
-    ahead = max(seconds - float(search.elapsed[-1]), 0.0)
-    plan = Plan(cells, search.best_by_iteration[0], seconds, search.elapsed + ahead)
-    return system.finish(grid, plan), search.pheromone
+    floor, search = system.search(grid, start, goal, rng, cost, pheromone)
+    return system.planned(grid, floor, search, begin), search.pheromone

@@ -1,9 +1,9 @@
 """Way-points as a code for paths: what particle and fish swarms search over, and how a code becomes a path.
 
-A swarm searches a space of real numbers, a path is a chain of cells. The code between them, usual in the literature of
-swarms (e.g. Roberge, Tarbouchi & Labonte 2013), is a list of K points of the plane that the path visits in turn. With
-straight lines between them, nearly every code on a cluttered map hits a shelf. So here a walker that is fixed, and
-knows the map but no distances around shelves, joins them by valid moves: each code is a path, unless there is none.
+A swarm searches real numbers; a path is a chain of cells. The usual code (e.g. Roberge, Tarbouchi & Labonte 2013) is a
+list of K points that the path visits in turn. With straight lines between them, nearly every code on a cluttered map
+hits a shelf. So a fixed walker, which knows the map but no distances around shelves, joins them by valid moves: each
+code is a path, unless there is none.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
 from warehouse_env.planning.ants.colony import cells_of
 from warehouse_env.planning.ants.floor import Floor, make_floor
 from warehouse_env.planning.ants.local_search import shorten, straight_runs
-from warehouse_env.planning.ants.walks import Walks, empty_walks, keep, measure
+from warehouse_env.planning.ants.walks import empty_walks, keep, measure
 from warehouse_env.planning.base import BasePlanner
-from warehouse_env.planning.plan import Plan
+from warehouse_env.planning.plan import CostMap, Plan
 
 Code = NDArray[np.float64]  # [m, K, 2] way-points (row, col) [cells] of m agents
 
@@ -48,8 +48,7 @@ class Paths:
         nearest = _nearest(_between(grid, at, divmod(floor.goal, floor.columns)).ravel(), floor.columns)
         self._ground = _Ground(floor, nearest, start)
         self._improve = partial(shorten, floor, straight_runs(floor), start) if local_search else None
-        self.best = empty_walks(np.array([start]), len(nearest))
-        self._walks = empty_walks(np.array([start]), len(nearest))
+        self.best, self._walks = empty_walks(start, 1, len(nearest)), empty_walks(start, 1, len(nearest))
         self.history: list[float] = []
         self.elapsed: list[float] = []
 
@@ -60,8 +59,7 @@ class Paths:
         """
         floor, walks = self._ground.floor, self._walks
         if len(walks.start) < len(code):
-            start = np.full(len(code), self._ground.start)
-            walks = self._walks = empty_walks(start, len(self._ground.nearest))
+            walks = self._walks = empty_walks(self._ground.start, len(code), len(self._ground.nearest))
         decode(self._ground, self._to_cells(code), walks)
         winner = measure(floor, walks, 0, len(code))
         cost = walks.cost[: len(code)].copy()
@@ -71,7 +69,7 @@ class Paths:
             walks.steps[winner] = len(moves)
             measure(floor, walks, winner, winner + 1)
         if (walks.cost[winner], walks.turns[winner]) < (self.best.cost[0], self.best.turns[0]):
-            keep(walks, winner, self.best, 0)
+            keep(walks, winner, self.best)
         return cost
 
     def _to_cells(self, code: Code) -> NDArray[np.int64]:
@@ -110,9 +108,7 @@ class WaypointSwarm(BasePlanner):
         """Number of agents m."""
         raise NotImplementedError
 
-    def find(
-        self, grid: GridMap, start: Cell, goal: Cell, rng: np.random.Generator, cost: NDArray[np.float64] | None
-    ) -> Plan:
+    def find(self, grid: GridMap, start: Cell, goal: Cell, rng: np.random.Generator, cost: CostMap) -> Plan:
         """Let the swarm search."""
         begin = time.perf_counter()
         floor = make_floor(grid, goal, self.gentleness, cost)
@@ -152,7 +148,7 @@ def first_codes(
 
 
 @kernel
-def _nearest(inside: NDArray[np.bool_], columns: int) -> NDArray[np.int32]:
+def _nearest(inside, columns):
     """For each cell int32[C] the one of bool[C] `inside` that a flood over the 8 directions brings to it first."""
     cells = len(inside)
     rows = cells // columns
@@ -180,7 +176,7 @@ def _nearest(inside: NDArray[np.bool_], columns: int) -> NDArray[np.int32]:
 
 
 @kernel
-def decode(ground: _Ground, points: NDArray[np.int64], walks: Walks) -> None:
+def decode(ground, points, walks):
     """Write the path of each row of flat cells int64[m, K] to walks.moves and walks.steps.
 
     The walker goes from the start to each point in turn (to the nearest cell that it can reach, where the point is on
@@ -209,9 +205,7 @@ def decode(ground: _Ground, points: NDArray[np.int64], walks: Walks) -> None:
 
 
 @kernel
-def _walk_to(
-    floor: Floor, start: int, target: int, visited: NDArray[np.int64], leg: int, stack: NDArray[np.int64]
-) -> int:
+def _walk_to(floor, start, target, visited, leg, stack):
     """Walk greedily: always to the neighbour nearest to the target as the crow flies, never twice to a cell, back where
     it goes no further (depth-first search). Write the cells to `stack`, without blind alleys; return their number.
 
@@ -242,7 +236,7 @@ def _walk_to(
 
 
 @kernel
-def _cut_short(floor: Floor, start: int, came: NDArray[np.int64], begun: int, moves: NDArray[np.int8]) -> int:
+def _cut_short(floor, start, came, begun, moves):
     """Write the moves of the shortened walk that began at time `begun`; return their number."""
     cell, count = start, 0
     while cell != floor.goal:

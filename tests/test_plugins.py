@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import os
 import subprocess
 import sys
 from importlib.util import find_spec
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from agents import add_policy, make_policy, policy_config
@@ -20,8 +18,7 @@ from train.learning import checkpoint
 from train.reporting.rows import read_rows
 from warehouse_env import LAYOUTS, PLANNERS, EnvConfig, make_layout, make_planner
 from warehouse_env.errors import ConfigError
-from warehouse_env.own_parts import LOADED, split
-from warehouse_env.planning import add_planner
+from warehouse_env.plugins import split
 
 POLICY = '''
 import numpy as np
@@ -37,17 +34,6 @@ class Slow:
 
     def act(self, observation, rng):
         return self._command.at_speed(observation, np.full(observation.shape[:-1], SLOW, np.float32))
-
-class Remembers(Slow):
-    """Fails where it is asked more often than one episode of one world has steps."""
-    def __init__(self, config):
-        super().__init__(config)
-        self._left = config.max_steps
-
-    def act(self, observation, rng):
-        self._left -= 1
-        assert self._left >= 0, "it has served two worlds"
-        return super().act(observation, rng)
 
 class Idle:
     def __init__(self, config):
@@ -123,21 +109,6 @@ def test_policy_planner_and_layout_are_driven_and_named_as_typed(name: str) -> N
     assert 0 < slow["robot_km"] < 0.7 * follow["robot_km"]
 
 
-def test_each_world_has_a_policy_that_remembers_it_alone() -> None:
-    assert evaluate("--policy", "my_policy.py:Remembers", "--planner", "astar", "--episodes", "3") == 0
-
-
-def test_processes_give_the_same_rows() -> None:
-    options = ["--policy", "my_policy.py:Slow", "follow", "--planner", "my_planner.py:Backwards"]
-    assert evaluate(*options) == 0
-    assert evaluate(*options, "--processes", "2", "--json", "two.jsonl") == 0
-    both = (read_rows(Path(path)) for path in ("out/rows.jsonl", "two.jsonl"))
-    one, two = (sorted(rows, key=lambda row: row["policy"]) for rows in both)
-    for row in (*one, *two):
-        del row["ms_per_step"]
-    assert one == two
-
-
 INSTALLED = """
 import sys
 from importlib.machinery import PathFinder
@@ -151,6 +122,7 @@ sys.meta_path.insert(sys.meta_path.index(PathFinder) + 1, Installed)
 """
 
 
+@pytest.mark.nightly
 def test_what_else_lies_beside_is_not_run(here: Path) -> None:
     """Not by this process, nor by those that work for it, whatever it is called."""
     for name in ("train", "agents", "warehouse_env", "numpy", "ray", "tests", "signal", "pickle"):
@@ -179,31 +151,6 @@ def test_what_it_imports_from_beside_is_its_own(here: Path) -> None:
     }  # fmt: skip
 
 
-def test_rows_of_a_changed_file_are_not_mixed(here: Path) -> None:
-    program = [sys.executable, "-m", "train.cli", "evaluate", *DRIVEN.split(), "--policy", "my_policy.py:Slow"]
-    program += ["--planner", "astar"]
-    root = str(Path(__file__).parent.parent)
-    for change in ("", "", "\n# changed\n"):
-        with (here / "my_policy.py").open("a") as file:
-            file.write(change)
-        code = f"import sys; sys.path.insert(0, {root!r}); from train.cli import main; sys.exit(main(sys.argv[1:]))"
-        subprocess.run([sys.executable, "-c", code, *program[3:], "--resume"], check=True, capture_output=True)
-    rows = read_rows(Path("out/rows.jsonl"))
-    assert len({json.dumps(row["versions"]) for row in rows}) == len(rows) == 2
-
-
-def test_a_changed_planner_plans_anew(here: Path) -> None:
-    add_planner("my_planner.py:Backwards")
-    first = make_planner("my_planner.py:Backwards").key
-    LOADED.clear()
-    del PLANNERS["my_planner.py:Backwards"]
-    for module in [name for name in sys.modules if name.startswith("own_")]:
-        del sys.modules[module]
-    (here / "my_planner.py").write_text(PLANNER + "\n# changed\n")
-    add_planner("my_planner.py:Backwards")
-    assert make_planner("my_planner.py:Backwards").key != first
-
-
 @pytest.mark.parametrize(
     ("options", "sentence"),
     [
@@ -214,7 +161,7 @@ def test_a_changed_planner_plans_anew(here: Path) -> None:
         ("--policy my_policy.py:Slow:a=1", "a policy takes no parameters; leave out 'a=1'"),
         ("--policy my_policy.py:Idle", "my_policy.py:Idle is no policy: it has no act(observation, rng)"),
         ("--policy my_policy.py:Odd", "must act by an array of whole numbers [1, 2] for [1, 2, 94], not by float64[3]"),
-        ("--policy my_policy.py:Broken", "my_policy.py, line 37: ZeroDivisionError: division by zero"),
+        ("--policy my_policy.py:Broken", "my_policy.py, line 26: ZeroDivisionError: division by zero"),
         ("--policy bad.py:Mine", "bad.py, line 2: SyntaxError"),
         ("--policy missing.py:Mine", "missing.py, line 1: ModuleNotFoundError: No module named 'nowhere'"),
         ("--policy follow --planner my_planner.py:Aimless", "is no planner: it has no plan(grid, start, goal, rng"),
@@ -256,6 +203,7 @@ def test_a_recorded_episode_asks_for_its_planner(here: Path, capsys: pytest.Capt
     assert main(["replay", "one.npz", "--html", "one.html", *own]) == 0
 
 
+@pytest.mark.nightly
 def test_other_commands_take_them(capsys: pytest.CaptureFixture[str]) -> None:
     planned = "plan --layout my_layout.py:hall --planner my_planner.py:Backwards astar --tasks 2 --runs 1"
     assert main([*planned.split(), "--no-pictures", "--json", "plan.jsonl", "--out", "plan"]) == 0
@@ -269,6 +217,7 @@ def test_other_commands_take_them(capsys: pytest.CaptureFixture[str]) -> None:
     assert {row["policy"] for row in read_rows(Path("audit/rows.jsonl"))} == {"my_policy.py:Slow"}
 
 
+@pytest.mark.nightly
 def test_a_training_takes_them_and_goes_on_with_them(capsys: pytest.CaptureFixture[str]) -> None:
     small = "--robots 2 --rows 4 --rollout 6 --minibatch 24 --hidden 24 --episode-seconds 3 --threads 1 --no-progress"
     own = ["--layout", "my_layout.py:hall", "--planner", "my_planner.py:Backwards"]
@@ -285,20 +234,6 @@ def test_a_training_takes_them_and_goes_on_with_them(capsys: pytest.CaptureFixtu
     capsys.readouterr()
     assert main(["train", "reinforce", "--resume", "run", "--no-progress", *own]) == 2
     assert "my_planner.py:Backwards is not the code that run was trained with" in capsys.readouterr().err
-
-
-def test_a_filter_of_rows_runs_nothing(here: Path) -> None:
-    (here / "trap.py").write_text("import pathlib\npathlib.Path('sprung').touch()\nclass Mine: pass\n")
-    assert main(["compare", "one", "two", "--policy", "trap.py:Mine"]) == 2
-    assert not (here / "sprung").exists()
-
-
-def test_a_policy_of_ones_own_is_made_from_the_config() -> None:
-    add_policy("my_policy.py:Slow")
-    config = policy_config("my_policy.py:Slow", EnvConfig(num_agents=3))
-    assert config.traffic == "shield"
-    action = make_policy("my_policy.py:Slow", config).act(np.zeros((1, 3, 94), np.float32), np.random.default_rng(0))
-    assert action.shape == (1, 3)
 
 
 @pytest.mark.parametrize(
