@@ -58,7 +58,6 @@ def test_paths_are_valid_and_never_shorter_than_the_optimum(mode: str, where: st
         plan = search(mode, grid, start, goal)
         assert plan.cells.dtype == np.int64
         assert plan.seconds > 0
-        assert len(plan.elapsed) in (0, len(plan.best_by_iteration))
         if not plan.found:
             assert any(word in mode for word in MAY_FAIL)
             continue

@@ -21,8 +21,7 @@ from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
 from warehouse_env.planning.graph_search import AStarTurns
 from warehouse_env.planning.plan import path_length
 from warehouse_env.traffic.conflicts import conflicts
-from warehouse_env.traffic.expected import endpoint_tasks
-from warehouse_env.traffic.together import Task
+from warehouse_env.traffic.tasks import Task, endpoint_tasks
 
 TRIPS = 300  # that represent all
 MOST = 5  # bottlenecks

@@ -35,7 +35,6 @@ class Plan(NamedTuple):
     best_by_iteration: float64[I], length [cells] of the best path known after each iteration, inf before the
         first one; empty for planners that do not iterate.
     seconds: wall time of the search.
-    elapsed: float64[I] [s] from the beginning of the search to the end of each iteration.
     line: float64[K, 2], (row, col) in cells, from start to goal: the polyline to drive, if a planner leaves the lattice
         (any-angle search, smoothing); None if the cells are the path.
     """
@@ -43,7 +42,6 @@ class Plan(NamedTuple):
     cells: NDArray[np.int64]
     best_by_iteration: NDArray[np.float64] = _NONE
     seconds: float = 0.0
-    elapsed: NDArray[np.float64] = _NONE
     line: NDArray[np.float64] | None = None
 
     @property

@@ -1,1 +1,1 @@
-"""Routes of several robots: conflicts and their cost, joint planning, and alternatives."""
+"""Routes of several robots: tasks drawn for them, and their conflicts."""

@@ -132,7 +132,6 @@ def test_the_slots_are_called_in_their_order_and_an_improved_path_counts() -> No
     assert calls == [call.format(iteration) for iteration in range(2) for call in once]
     assert cells_of(floor, search.best, 0).tolist() == [[0, 0], [1, 1], [2, 2]]
     assert search.best_by_iteration.tolist() == [2 * math.sqrt(2)] * 2
-    assert (np.diff(search.elapsed) > 0).all()
     assert (start == 1).all()  # run works on a copy
 
 
@@ -155,4 +154,3 @@ def test_patience_ends_the_search_after_iterations_without_a_better_path() -> No
     colony = Colony(table, lambda iteration: (table, table), nothing)
     search = run(floor, colony, 0, 2, 50, np.random.default_rng(0), patience=5)
     assert search.best_by_iteration.tolist() == [3] * 6  # found in the first, then five more
-    assert search.elapsed.shape == (6,)

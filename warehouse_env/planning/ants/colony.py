@@ -7,7 +7,6 @@ Systems differ in the slots of `Colony`: attraction tables, greed and pheromone 
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -62,8 +61,6 @@ class Search(NamedTuple):
 
     best: Walks  # [1], the best path; steps -1 where none was found
     best_by_iteration: NDArray[np.float64]  # [I] length [cells] of the best path so far, inf before any
-    elapsed: NDArray[np.float64]  # [I] seconds since the loop began
-    pheromone: Table  # at the end
 
 
 def run(
@@ -84,13 +81,12 @@ def run(
     many iterations without a better path. backtrack: at a dead end ants step back, and the cell stays tabu; False: they
     die. appraise: measures the walks, may improve them, and returns the best ant, -1 if none; `measure` by default.
     """
-    begin, cells = time.perf_counter(), len(floor.height)
+    cells = len(floor.height)
     walks, best = empty_walks(start, ants, cells), empty_walks(start, 1, cells)
     pheromone = colony.pheromone.copy()
     seeds = rng.integers(1, 2**63, size=(iterations, ants), dtype=np.uint64)
     visited = np.zeros(cells, np.int64)
-    history, elapsed = np.full(iterations, np.inf), np.zeros(iterations)
-    changed = 0
+    history, changed = np.full(iterations, np.inf), 0
     for iteration in range(iterations):
         trail = _raised(pheromone, colony.trail_power)
         turning, straight = colony.attraction(iteration)
@@ -102,15 +98,15 @@ def run(
         if winner >= 0 and (walks.cost[winner], walks.turns[winner]) < (best.cost[0], best.turns[0]):
             keep(walks, winner, best)
             changed = iteration
-        history[iteration:], elapsed[iteration:] = best.length[0], time.perf_counter() - begin
+        history[iteration:] = best.length[0]
         # an ant that steps back and does not arrive has visited all in its reach: the goal is cut off
         if iteration == 0 and (walks.steps[0] == 0 or (backtrack and walks.steps[0] < 0)):
             break
         colony.update(iteration, pheromone, walks, best)
         if patience and iteration - changed >= patience and iteration + 1 < iterations:
-            history, elapsed = history[: iteration + 1], elapsed[: iteration + 1]
+            history = history[: iteration + 1]
             break
-    return Search(best, history, elapsed, pheromone)
+    return Search(best, history)
 
 
 def _raised(table: Table, power: float) -> Table:

@@ -63,20 +63,14 @@ class AntSystem(BasePlanner):
         goal: Cell,
         rng: np.random.Generator,
         cost: NDArray[np.float64] | None = None,
-        pheromone: Table | None = None,
     ) -> tuple[Floor, Search]:
-        """Run the colony and return its floor and all that it found, the final pheromone too.
-
-        pheromone: float64[C, 8] to begin with instead of the system's own, e.g. that of an earlier search.
-        """
+        """Run the colony and return its floor and what it found."""
         start, goal = check_endpoints(grid, start, goal)
         floor = make_floor(grid, goal, self.gentleness, cost)
         first = start[0] * floor.columns + start[1]
         colony = self.colony(grid, floor, first)
         if cost is not None:
             colony = replace(colony, attraction=_eased(floor, colony.attraction))
-        if pheromone is not None:
-            colony = replace(colony, pheromone=pheromone)
         appraise = partial(improve, floor, straight_runs(floor), self.elite) if self.local_search else None
         back = self.dead_end == "backtrack"
         found = run(
@@ -88,8 +82,7 @@ class AntSystem(BasePlanner):
     def planned(self, grid: GridMap, floor: Floor, search: Search, begin: float) -> Plan:
         """Return the plan of a search that began at a time of time.perf_counter()."""
         cells, seconds = cells_of(floor, search.best, 0), time.perf_counter() - begin
-        ahead = max(seconds - float(search.elapsed[-1]), 0.0)  # made ready before the loop began
-        return self.finish(grid, Plan(cells, search.best_by_iteration, seconds, search.elapsed + ahead))
+        return self.finish(grid, Plan(cells, search.best_by_iteration, seconds))
 
     def finish(self, grid: GridMap, plan: Plan) -> Plan:
         """Return the finished plan; a system that smooths adds its line here."""

@@ -8,7 +8,6 @@ code is a path, unless there is none.
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass
 from functools import partial
 from typing import ClassVar, NamedTuple
@@ -42,7 +41,6 @@ class Paths:
 
     def __init__(self, grid: GridMap, floor: Floor, start: int, local_search: bool) -> None:
         self.shape = grid.shape
-        self.begin = time.perf_counter()
         at = (start // floor.columns, start % floor.columns)
         self.reachable = bool(np.isfinite(grid.distance_to(divmod(floor.goal, floor.columns))[at]))
         nearest = _nearest(_between(grid, at, divmod(floor.goal, floor.columns)).ravel(), floor.columns)
@@ -50,7 +48,6 @@ class Paths:
         self._improve = partial(shorten, floor, straight_runs(floor), start) if local_search else None
         self.best, self._walks = empty_walks(start, 1, len(nearest)), empty_walks(start, 1, len(nearest))
         self.history: list[float] = []
-        self.elapsed: list[float] = []
 
     def cost(self, code: Code) -> NDArray[np.float64]:
         """Return float64[m], length + tolls [cells] of the path of each code; the best path of all is kept.
@@ -82,7 +79,6 @@ class Paths:
     def end_iteration(self) -> None:
         """Note how good the best path is by now."""
         self.history.append(float(self.best.length[0]))
-        self.elapsed.append(time.perf_counter() - self.begin)
 
 
 @dataclass(frozen=True)
@@ -110,15 +106,13 @@ class WaypointSwarm(BasePlanner):
 
     def find(self, grid: GridMap, start: Cell, goal: Cell, rng: np.random.Generator, cost: CostMap) -> Plan:
         """Let the swarm search."""
-        begin = time.perf_counter()
         floor = make_floor(grid, goal, self.gentleness, cost)
         paths = Paths(grid, floor, start[0] * floor.columns + start[1], self.local_search)
         if paths.reachable:
             self.search(paths, first_codes(grid.shape, start, goal, self.agents(), self.waypoints, rng), rng)
         else:
-            paths.history, paths.elapsed = [np.inf] * self.iterations, [0.0] * self.iterations
-        elapsed = np.array(paths.elapsed) + (paths.begin - begin)
-        return Plan(cells_of(floor, paths.best, 0), np.array(paths.history), elapsed=elapsed)
+            paths.history = [np.inf] * self.iterations
+        return Plan(cells_of(floor, paths.best, 0), np.array(paths.history))
 
 
 def _between(grid: GridMap, start: Cell, goal: Cell) -> NDArray[np.bool_]:
