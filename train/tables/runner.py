@@ -13,6 +13,8 @@ from functools import cache
 from pathlib import Path
 from typing import ClassVar
 
+import numpy as np
+
 import warehouse_env
 from train.evaluation.jobs import Job, Result, Tick, of_all_runs
 from train.evaluation.planning_runs import make_task, plan_once
@@ -26,6 +28,8 @@ from warehouse_env.errors import unknown_name
 
 PAPERS = {number: f"train.tables.papers.paper{number}" for number in ("000", "001", "002", "003", "004")}
 PLANNERS_STUDY = "train.tables.planners"
+PLANNING = ("warehouse_env/maps", "warehouse_env/planning")  # the code that makes a plan
+DRIVING = ("warehouse_env", "agents", "train/evaluation", "train/tables")  # the code that makes an experiment's row
 INTERVALS = (
     "Means with 95% intervals: Student's t over runs where a setting is one map, over maps where it has several; "
     "Wilson's score for shares on one map. n: runs of each system, times maps. Lengths in cells; times are medians of "
@@ -46,10 +50,10 @@ def settings_of(module: str, study: str) -> dict[str, TableSetting]:
 
 
 @cache
-def planning_code() -> str:
-    """Return a digest of the sources of maps and planners, so that changed code runs its blocks again."""
-    home = Path(warehouse_env.__file__).parent
-    sources = sorted(path for room in ("maps", "planning") for path in (home / room).rglob("*.py"))
+def code_of(*rooms: str) -> str:
+    """Return a digest of the sources in some folders, so that changed code runs its blocks again."""
+    home = Path(warehouse_env.__file__).parent.parent
+    sources = sorted(path for room in rooms for path in (home / room).rglob("*.py"))
     return hashlib.blake2b(b"".join(path.read_bytes() for path in sources), digest_size=8).hexdigest()
 
 
@@ -80,8 +84,9 @@ class PlanBlock(Job):
         return {
             "study": self.study, "setting": self.setting, "number": self.number, "system": self.system,
             "runs": self.runs, "seed": self.seed, "map": task.grid.key, "start": list(task.start),
-            "goal": list(task.goal), "parameters": system.make().key, "version": warehouse_env.__version__,
-            "code": planning_code(),
+            "goal": list(task.goal), "others": [[list(start), list(goal)] for start, goal in task.others],
+            "parameters": system.make().key, "version": warehouse_env.__version__,
+            "code": code_of(*(PLANNING if system.experiment is None else DRIVING)),
         }  # fmt: skip
 
     def left(self, rows: Sequence[Row]) -> tuple[Sequence[Row], PlanBlock | None]:
@@ -90,10 +95,14 @@ class PlanBlock(Job):
         return (whole, None) if whole else ([], self)
 
     def run(self, tick: Tick) -> Result:
-        """Plan all runs. A first plan, which may compile and fill caches, is not timed."""
-        (grid, start, goal), system = self.subject()
-        planner, identity = system.make(), self.identity
-        task = make_task(grid, f"{self.setting}_{self.number}", start, goal)
+        """Do all runs. A first plan, which may compile and fill caches, is not timed."""
+        given, system = self.subject()
+        planner, identity, grid = system.make(), self.identity, given.grid
+        if system.experiment is not None:
+            draws = [np.random.default_rng([self.seed, self.number, run]) for run in range(self.runs)]
+            rows = [system.experiment(given, planner, rng) for rng in draws]
+            return Result([{**row, **identity, "run": run} for run, row in enumerate(rows)])
+        task = make_task(grid, f"{self.setting}_{self.number}", given.start, given.goal)
         plan_once(grid, planner, task, self.number, 0, self.seed)
         runs = (plan_once(grid, planner, task, self.number, run, self.seed) for run in range(self.runs))
         return Result([{**one.row, **identity} for one in runs])

@@ -10,10 +10,13 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final, Literal, NamedTuple
 
+import numpy as np
+
+from train.reporting.rows import Row
 from train.tables.measures import MEASURES, TableFigures
 from warehouse_env.errors import ConfigError, unknown_name
 from warehouse_env.maps.grid_map import Cell, GridMap
-from warehouse_env.planning import Planner, make_planner
+from warehouse_env.planning import Planner, make_planner, min_turns
 
 Word = Literal["holds", "holds in part", "does not hold", "cannot be told"]
 HOLDS: Final = "holds"
@@ -23,11 +26,21 @@ OPEN: Final = "cannot be told"
 
 
 class TableTask(NamedTuple):
-    """A map with a start and a goal on it."""
+    """A map with a start and a goal on it; others: start and goal of whatever else moves in an experiment."""
 
     grid: GridMap
     start: Cell
     goal: Cell
+    others: tuple[tuple[Cell, Cell], ...] = ()
+
+    @property
+    def ends(self) -> tuple[tuple[Cell, Cell], ...]:
+        """Start and goal of everything that moves."""
+        return ((self.start, self.goal), *self.others)
+
+
+Experiment = Callable[[TableTask, Planner, np.random.Generator], Row]
+"""From a task, a system's planner and a generator to a row with the fields that the study's measures read."""
 
 
 class TableSetting(NamedTuple):
@@ -42,15 +55,31 @@ class TableSetting(NamedTuple):
 
 @dataclass(frozen=True)
 class TableSystem:
-    """A planner with its parameters, as one line of the table; `label` is unique in a study, e.g. "pf_aco (paper)"."""
+    """A planner with its parameters, as one line of the table; `label` is unique in a study, e.g. "pf_aco (paper)".
+
+    experiment: what a run does with the planner; one plan of the task if None.
+    """
 
     label: str
     planner: str
     parameters: Mapping[str, Any] = field(default_factory=dict)
+    experiment: Experiment | None = None
 
     def make(self) -> Planner:
         """Build the planner; ConfigError for a wrong name or parameter."""
         return make_planner(self.planner, **self.parameters)
+
+
+def driven_row(grid: GridMap, ends: Sequence[tuple[Cell, Cell]], success: bool, length: float, last: float) -> Row:
+    """Return the figures of an experiment that drove robots between all ends, None for those of a drive that failed.
+
+    length: of all robots together [cells]; last: the time of the last arrival [s].
+    """
+    optimum = sum(float(grid.distance_to(goal)[start]) for start, goal in ends)
+    figures = {"length": length, "last": last, "gap": length / optimum - 1}
+    told = {name: value if success else None for name, value in figures.items()}
+    turns = sum(min_turns(grid, *one) for one in ends)
+    return {"success": success, **told, "optimal_length": optimum, "min_turns": turns}
 
 
 class Published(NamedTuple):

@@ -118,7 +118,7 @@ def test_random_floors_have_the_size_share_and_ends_of_the_paper(
     for name, share in shares.items():
         side = int(name[:2])
         assert len({task.grid.key for task in found[name].tasks}) == maps
-        for grid, start, goal in found[name].tasks:
+        for grid, start, goal, _ in found[name].tasks:
             assert grid.shape == (side, side)
             assert grid.occupied.sum() == round(share * side * side)
             assert (start, goal) == (ends or ((0, 0), (side - 1, side - 1)))
@@ -127,7 +127,7 @@ def test_random_floors_have_the_size_share_and_ends_of_the_paper(
 def test_paper_003_has_obstacles_that_trap_and_other_maps() -> None:
     found = settings("003", "003_table_5")
     for name in paper003.TRAPS:  # some cell inside is nearer to the goal than its neighbours, but far by path
-        grid, _, goal = found[name].tasks[0]
+        grid, _, goal, _ = found[name].tasks[0]
         rows, columns = np.indices(grid.shape)
         far = np.where(grid.occupied, np.inf, np.hypot(rows - goal[0], columns - goal[1]))
         row, column = np.unravel_index(np.argmin(far[4:16, 6:13]), (12, 7))
@@ -194,7 +194,7 @@ def test_colonies_have_the_printed_constants() -> None:
 def test_walkers_arrive_where_their_repair_helps(
     systems: tuple[TableSystem, ...], setting: str, number: int, arrive: list[str]
 ) -> None:
-    grid, start, goal = settings("001", "001_walkers")[setting].tasks[number]
+    grid, start, goal, _ = settings("001", "001_walkers")[setting].tasks[number]
     rng = np.random.default_rng(0)
     assert [one.label for one in systems if one.make().plan(grid, start, goal, rng).found] == arrive
 
@@ -204,7 +204,7 @@ def test_the_shipped_shaa_acs_is_optimal_and_the_papers_is_at_the_traps() -> Non
     for setting in settings("003", "003_table_5").values():
         task = setting.tasks[0]
         for label in (paper003.SHIPPED, paper003.OURS) if setting.name in paper003.TRAPS else (paper003.SHIPPED,):
-            plan = systems[label].plan(*task, np.random.default_rng(0))
+            plan = systems[label].plan(task.grid, task.start, task.goal, np.random.default_rng(0))
             assert plan.best_by_iteration[-1] == pytest.approx(shortest(task))
 
 

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from train.tables.maps import clutter, draw_rectangle
+from train.tables.papers.six_agvs import SIX_AGVS
 from train.tables.study import OPEN, Claim, ClaimVerdict, TableSetting, TableStudy, TableSystem, TableTask, published
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import make_layout
@@ -171,4 +172,5 @@ STUDIES = (
         "one shelf cell behind the goal repels more than the goal attracts on the cell before it; with gain 1 no "
         "single shelf does. A walk is the same in every run.",
     ),
+    SIX_AGVS,
 )  # fmt: skip

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from train.tables.maps import clutter
 from train.tables.papers import paper001
+from train.tables.papers.avoidance import MOVING_OBSTACLE
 from train.tables.papers.paper001 import BESIDE, IN_FRONT, LIGHT, WAREHOUSE, walker_claim, walker_settings
 from train.tables.study import Claim, TableSetting, TableStudy, TableSystem
 from warehouse_env.maps.grid_map import Cell
@@ -106,4 +107,5 @@ STUDIES = (
         "gain no shelf keeps a walker from a goal beside it; strong is a gain of 20 within 4 cells. A walk is the same "
         "in every run; its length includes detours.",
     ),
+    MOVING_OBSTACLE,
 )  # fmt: skip
