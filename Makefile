@@ -24,7 +24,7 @@ COMPILING := setuptools numba gymnasium pettingzoo pyyaml safetensors platformdi
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test kills hostile long bounds docs gallery chart clients lint format bench clean missing
+.PHONY: help setup demo test night kills hostile long bounds docs gallery chart clients lint format bench clean missing
 
 help: ## list what make can do (the default)
 	@awk -F ':.*## ' '/^[a-z]+:.*## /{printf "  make %-7s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -35,8 +35,11 @@ setup: $(STAMP) ## set up the environment in .venv with all kernels compiled, an
 demo: $(STAMP) ## compare the shipped policies: 16 robots, a table, pictures and a video in results/demo
 	$(RUN)/warehouse demo --overwrite --out $(DEMO)
 
-test: $(STAMP) ## run all tests
+test: $(STAMP) ## run the tests
 	$(RUN)/python -m pytest $(TESTS)
+
+night: $(STAMP) ## run the long tests as well: kills, long episodes, browsers, clusters, wheels, plain Python
+	$(RUN)/python -m pytest $(TESTS) -m nightly
 
 kills: $(STAMP) ## kill commands KILLS times at random moments, go on, and compare what they come to
 	$(RUN)/python -m tests.kills --kills $(KILLS)
