@@ -46,23 +46,9 @@ class Command(NamedTuple):
 _COMMANDS = {
     "demo": ("commands.demo:Demo", "compare the shipped policies in three minutes: table, pictures, video"),
     "plan": ("commands.plan:PlanCommand", "compare planners on the tasks of a map"),
-    "tables papers": ("tables.command:Papers", "reproduce the papers' tables, ours beside theirs, with verdicts"),
-    "tables benchmark": (
-        "tables.benchmark.command:Benchmark",
-        "plan the same pairs of cells on five floors with every planner",
-    ),
-    "tables traffic": (
-        "tables.traffic.command:Traffic",
-        "compare routes of several robots for conflicts, and drive them",
-    ),
-    "tables learning": (
-        "tables.learning.command:Learning",
-        "train several seeds of each algorithm and measure what learning adds",
-    ),
-    "tables floors": (
-        "tables.floors.command:Floors",
-        "drive policies and the rule on many floors, some drawn at random",
-    ),
+    "tables papers": ("tables.runner:PapersTable", "reproduce the papers' tables, ours beside theirs, with verdicts"),
+    "tables planners": ("tables.runner:PlannersTable", "plan the same pairs of cells on five floors with every planner"),
+    "tables floors": ("tables.floors:FloorsTable", "drive policies and the rule on many floors, some drawn at random"),
     "layouts": ("commands.layouts:Layouts", "list, draw, check and convert maps"),
     "places": (
         "commands.places:PlacesCommand",
@@ -78,7 +64,7 @@ _COMMANDS = {
     "compare": ("commands.compare:Compare", "compare runs of evaluate by paired differences"),
     "benchmark": (
         "commands.benchmark:Benchmark",
-        "drive a policy through the fixed benchmark set, and show the leaderboard",
+        "drive policies through the fixed benchmark set, beside the shipped ones",
     ),
     "clmapf": ("commands.clmapf:Clmapf", "plan car-like robots on a public benchmark, and check any solution"),
     "advise": (
