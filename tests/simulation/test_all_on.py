@@ -23,11 +23,7 @@ from warehouse_env.work import BatterySpec, OrderSpec, ServiceSpec
 FIELD: dict[str, Any] = {"traffic": TrafficSpec(shield=True)}
 RIGHT: dict[str, Any] = {"traffic": "rules"}
 STACKS: dict[str, dict[str, Any]] = {
-    "field": FIELD,
-    "field, continuous": {**FIELD, "action_type": "continuous"},
     "field, raw": {**FIELD, "action_type": "raw"},
-    "right of way": RIGHT,
-    "right of way, continuous": {**RIGHT, "action_type": "continuous"},
     "right of way around rings": {"traffic": replace(TRAFFIC["rules"], right_of_way_after=2.0)},
     "ants' routes": {**RIGHT, "planner": "pf_aco:ants=6,iterations=3"},
     "searched routes": {**RIGHT, "planner": "astar_turns"},

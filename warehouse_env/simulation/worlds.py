@@ -52,7 +52,7 @@ class Worlds(NamedTuple):
     commands: Floats  # [S, B, N, 2], the latest first: speed [m/s] and offset [m], or raw acceleration, steering rate
     persons: NDArray[np.void]  # PERSON[B, M]
     ways: Floats  # [B, M, H, W], see people.People
-    limits: NDArray[np.void] | None  # PARAMETERS[B, N], of robots under loads (loads.py)
+    limits: NDArray[np.void] | None  # PARAMETERS[B, N], of robots under loads (tasks/shifts.py)
     sights: Floats | None  # [B, N, N], see lidar_shield.py
     stamps: NDArray[np.int32]  # [B, N, K, 2], see contact_episodes.judge_pairs
     steps: NDArray[np.int64]  # [B], since the reset

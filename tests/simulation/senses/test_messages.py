@@ -121,16 +121,6 @@ def test_tasks_are_those_of_the_seed_whatever_is_lost() -> None:
     assert goals[0][0] > 0
 
 
-def test_as_many_are_lost_as_asked_for() -> None:
-    simulator = small(0.25, 4)
-    simulator.reset(2)
-    lost = []
-    for actions in actions_for("discrete", 200, 4, 5):
-        simulator.step(actions)
-        lost.append(simulator.robots["shield"]["silent"].copy())
-    assert np.mean(lost) == pytest.approx(0.25, abs=4 * math.sqrt(0.25 * 0.75 / 4000))
-
-
 def test_bursts_last_as_long_as_asked_for_and_lose_as_much() -> None:
     simulator = small(0.25, 8, burst=2.0)  # ten decisions of 0.2 s
     simulator.reset(2)

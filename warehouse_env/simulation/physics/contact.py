@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from warehouse_env.kernel import inline, part
 from warehouse_env.simulation.physics.buckets import CENTRE_X, CENTRE_Y, bucket_at
-from warehouse_env.simulation.physics.disc_sweep import touches_obstacle
+from warehouse_env.simulation.physics.discs import touches_obstacle
 from warehouse_env.simulation.physics.footprint import body_touches_shelf, clearance_at, disc_room, meets_obstacle
 from warehouse_env.simulation.physics.geometry import body_of, grown, rectangles_touch, separation, squared_distance
 from warehouse_env.simulation.physics.kinds import kind_of

@@ -1,4 +1,4 @@
-"""Discs on the floor, such as pillars: does a body touch one, and what does the lidar see of them? All exact.
+"""Discs on the floor, such as pillars: does a body touch one, also between two samples, and what does the lidar see?
 
 Kernels are given the discs of a floor, or None: a branch on an argument that is None is not compiled. The lidar sees
 Outlines where there are discs, else an array of edges.
@@ -13,9 +13,21 @@ from numpy.typing import NDArray
 
 from warehouse_env.kernel import inline, part
 from warehouse_env.maps.discs import cells_near
-from warehouse_env.simulation.physics.geometry import square_at, squared_distance_to
+from warehouse_env.simulation.physics.geometry import Rectangle, half_box, square_at, squared_distance_to
+from warehouse_env.simulation.physics.sweep import (
+    AT_END,
+    BETWEEN,
+    NOWHERE,
+    ROUNDING,
+    arc_of,
+    halve,
+    touches_shelf,
+    turned,
+)
 from warehouse_env.simulation.physics.trigonometry import ZERO
 
+_TWO = np.float32(2.0)
+_FINEST = 8  # halvings of an arc, until a body that seems to touch a disc does: within 1 mm at 2 m/s
 _LISTED = 1e-3  # [m] from a cell, up to which it lists a disc: rounding leaves none out
 
 
@@ -75,14 +87,6 @@ def lower_clearance(clearance: NDArray[np.uint8], discs: NDArray[np.float32], st
         np.minimum(part, np.clip(distance / unit, 0.0, 255.0).astype(np.uint8), out=part)
 
 
-def outlines_of(
-    lines: NDArray[np.float32], discs: NDArray[np.float32], shape: tuple[int, ...], cell: float, lidar_range: float
-) -> Outlines:
-    """Return what the lidar sees of discs beside the edges `lines`; shape: of the padded floor in cells."""
-    near, first = listed(discs, lidar_range, shape, cell)
-    return Outlines(lines, discs, near, first)
-
-
 @inline
 def reached_rows(low, high, count, cell):
     """Return the first and the last of `count` padded rows that lie between two places [m]; none: last < first."""
@@ -100,10 +104,7 @@ def meets_disc(body, floor, discs):
     """Return whether a closed Rectangle touches one of the discs, CellDiscs or None, of a floor."""
     if discs is None:
         return False
-    ex = body.length * abs(body.c) + body.width * abs(body.s)
-    ey = body.length * abs(body.s) + body.width * abs(body.c)
-    cell = floor.cell
-    rows, columns = floor.solid.shape
+    (ex, ey), cell, (rows, columns) = half_box(body), floor.cell, floor.solid.shape
     first_row, last_row = reached_rows(body.y - ey, body.y + ey, rows, cell)
     left, right = reached_columns(body.x - ex, body.x + ex, columns, cell)
     for row in range(first_row, last_row + 1):
@@ -112,6 +113,63 @@ def meets_disc(body, floor, discs):
             if squared_distance_to(discs.discs[k, 0], discs.discs[k, 1], body) <= radius * radius:
                 return True
     return False
+
+
+@part
+def keeps_off_disc(x, y, radius, body, way, p):
+    """Whether a body, a Sweep, keeps off a disc at (x, y) [m] between two samples of its motion.
+
+    Conservative advancement: on a piece of its arc a body loses no more room than the way of its fastest point. Where
+    that is too coarse to tell, the arc is cut into ever shorter pieces. way: of any point in all of the motion [m].
+    """
+    start, offset, off = body.start, p["offset"], _TWO * (radius + body.back + ROUNDING)
+    arc = arc_of(start, body.end, offset)
+    for halvings in range(_FINEST + 1):
+        turn_c, turn_s = arc.c * arc.c - arc.s * arc.s, _TWO * arc.c * arc.s
+        ax, ay, c, s = start.x + offset * start.c, start.y + offset * start.s, start.c, start.s
+        dx, dy, before = arc.x, arc.y, np.sqrt(squared_distance_to(x, y, start))
+        apart, piece = True, way / np.float32(1 << halvings)
+        for _ in range(1 << halvings):
+            ax, ay = ax + dx, ay + dy
+            (dx, dy), (c, s) = turned(dx, dy, turn_c, turn_s), turned(c, s, turn_c, turn_s)
+            at = Rectangle(ax - offset * c, ay - offset * s, c, s, start.length, start.width)
+            after = np.sqrt(squared_distance_to(x, y, at))
+            if before + after <= off + piece:
+                apart = False
+                break
+            before = after
+        if apart:
+            return True
+        arc = halve(arc)
+    return False
+
+
+@part
+def _touches_disc(body, way, between, p, floor, discs):
+    """Return where a robot's body touches a disc in a motion, as `touches_shelf` does for shelves."""
+    if discs is None:
+        return NOWHERE
+    (start, end), cell, where, r = (body.start, body.end), p["cell"], NOWHERE, p["radius"] + way
+    rows, columns = floor.solid.shape
+    first_row, last_row = reached_rows(min(start.y, end.y) - r, max(start.y, end.y) + r, rows, cell)
+    left, right = reached_columns(min(start.x, end.x) - r, max(start.x, end.x) + r, columns, cell)
+    for row in range(first_row, last_row + 1):
+        for k in range(discs.first[row, left], discs.first[row, right + 1]):
+            x, y, radius = discs.discs[k, 0], discs.discs[k, 1], discs.discs[k, 2]
+            if squared_distance_to(x, y, end) <= radius * radius:
+                return AT_END
+            if between and where == NOWHERE and not keeps_off_disc(x, y, radius, body, way, p):
+                where = BETWEEN
+    return where
+
+
+@inline
+def touches_obstacle(body, way, between, p, floor):
+    """Return where a robot's body touches a shelf, the rim or a disc in a motion; see `touches_shelf`."""
+    at_shelf = touches_shelf(body, way, between, p, floor)
+    if at_shelf == AT_END:
+        return AT_END
+    return max(at_shelf, _touches_disc(body, way, between, p, floor, floor.discs))
 
 
 @inline

@@ -1,19 +1,16 @@
-"""Messages lost: what a robot tells the others in an env step reaches nobody, and they go on with what they knew.
+"""Message loss: in an env step nobody hears a silent robot, and the others go on with what they knew.
 
-The protocol, as vehicles would speak it: in each physics step a robot says which motion it commits to, one step as
-commanded and then a full stop, and drives it once all near have acknowledged it. Silence means that it keeps what it
-said last: whoever hears no acknowledgement brakes along that stop, on which the others count, and stands at its end
-until it is heard again. So nobody takes ground that the others do not know of, whatever is lost and for how long, and
-losses cost time, never a contact.
+The protocol, as vehicles would speak it: in each physics step a robot says to which motion it commits, one step as
+commanded and then a full stop. It drives that motion once all robots near it have acknowledged it; otherwise it brakes
+along the stop that it said last, on which the others count. So no robot takes ground that the others do not know of,
+and losses cost time, never a contact. A silent robot
 
-A robot whose messages are lost (`silent` of its record)
+- brakes within its stop, under the shield (traffic/shield.py);
+- appears only in lidar: it is no neighbour, and so in no prediction;
+- is granted its stretch by right of way unheard: the others know the one of the decision before.
 
-- brakes within its stop, under the protective field (traffic/shield.py);
-- is in no other's observation but by lidar: not among the neighbours, and so in no prediction;
-- is granted its stretch by right of way unheard: the others know of the one it had in the decision before.
-
-Whose messages are lost is drawn before each env step from a stream of the world's own, apart from its tasks', so that
-the same seed has the same tasks whatever is lost.
+Losses are drawn before each env step from a stream of the world's own, so that the same seed has the same tasks
+whatever is lost.
 """
 
 from __future__ import annotations
