@@ -32,7 +32,7 @@ from warehouse_env.simulation.physics.zones import zones_of
 from warehouse_env.simulation.record import metrics
 from warehouse_env.simulation.senses.messages import Messages
 from warehouse_env.simulation.senses.rewards import REWARD_TERMS, weight_vector
-from warehouse_env.simulation.senses.scanners import RAYS, scanners_of
+from warehouse_env.simulation.senses.scanners import RAYS, Scanners, unit_vectors
 from warehouse_env.simulation.tasks.assignment import Assignment, check_assignments
 from warehouse_env.simulation.tasks.dispatch import ROUTE_BLOCK, Dispatcher
 from warehouse_env.simulation.tasks.orders import Order
@@ -66,7 +66,7 @@ class Simulator(Portable):
     """
 
     bound = (
-        "state", "events", "_floor", "_scanners", "_zones", "_compiled",
+        "state", "events", "_floor", "_rays", "_scanners", "_zones", "_compiled",
         "_worlds", "_setup", "_scratches", "_searches",
     )  # fmt: skip
 
@@ -103,7 +103,10 @@ class Simulator(Portable):
         self._every_kind = state.every_kind(config, self.grid.cell_size)
         self._params = self._every_kind[:1].copy()
         self._kinds = self._every_kind[list(config.kind_of)] if config.fleet else None
-        self._make_spaces()
+        self._limits: Limits = self._params, self._kinds
+        self.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (self.layout.size,), np.float32)
+        self._actions = ActionDecoder(config)
+        self.action_space = self._actions.space
         self._weights = weight_vector(config.reward)
         self._reward_weights = config.reward
         self.robots = np.zeros((num_worlds, config.num_agents), dtype=state.ROBOT)
@@ -111,14 +114,6 @@ class Simulator(Portable):
         self.dispatcher = Dispatcher(config, routes, self.robots, self.people.persons, self._limits, orders)
         self._messages = Messages(config, num_worlds)
         self._make_arrays()
-
-    def _make_spaces(self) -> None:
-        config = self.config
-        self.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (self.layout.size,), np.float32)
-        self._actions = ActionDecoder(config)
-        self.action_space = self._actions.space
-        angles = 2 * math.pi * np.arange(config.sensor.rays) / config.sensor.rays
-        self._rays = np.stack([np.cos(angles), np.sin(angles)]).astype(np.float32)
 
     def _make_arrays(self) -> None:
         b, n, p, self._decides = self.num_worlds, self.num_agents, self._params, self.config.traffic_spec.right_of_way
@@ -167,9 +162,8 @@ class Simulator(Portable):
         self.state, self.events = state.state_of(self.robots), state.events_of(self.robots)
         self._floor = floor_of(self.grid, self.config.sensor.lidar_range)
         self._zones = zones_of(self.grid, self.config)
-        self._scanners = None
-        if self._sights is not None:
-            self._scanners = scanners_of(RAYS, self._floor.edges)
+        self._rays = unit_vectors(self.config.sensor.rays)
+        self._scanners = None if self._sights is None else Scanners(unit_vectors(RAYS), self._floor.edges)
         self._compiled: dict[Callable[..., Any], Callable[..., Any]] = {}  # kernels, once a step asks for them
         self._scratches = Pool(self._make_scratch)
         self._searches = Pool(lambda: make_search_scratch(self.num_agents, self.config.people, POSES))
@@ -177,8 +171,10 @@ class Simulator(Portable):
 
     def _collect(self) -> None:
         """Keep the kernels' arguments ready: collecting them takes longer than a small world's step."""
-        table = self._table() if self.config.sensor.predictions else None
-        shifts, people = self.dispatcher.shifts, self.people
+        shifts, people, table = self.dispatcher.shifts, self.people, None
+        if self.config.sensor.predictions:  # what discrete actions mean to each kind of robots, float32[K, A, 2]
+            actions, kinds = self._actions, self.config.kinds
+            table = np.stack([actions.commands_of(robot) for robot in kinds]) if len(kinds) > 1 else actions.table[None]
         self._worlds = Worlds(
             self.robots, self.routes, self.arcs, self._commands, people.persons, people.ways,
             None if shifts is None else shifts.limits, self._sights, self._stamps,
@@ -199,15 +195,6 @@ class Simulator(Portable):
         if self._worlds.routes is not self.dispatcher.routes:
             self._worlds = self._worlds._replace(routes=self.dispatcher.routes)
         return self._worlds
-
-    def _table(self) -> NDArray[np.float32]:
-        """Return what discrete actions mean to each kind of robots, float32[K, A, 2]."""
-        actions, kinds = self._actions, self.config.kinds
-        return np.stack([actions.commands_of(robot) for robot in kinds]) if len(kinds) > 1 else actions.table[None]
-
-    @property
-    def _limits(self) -> Limits:
-        return self._params, self._kinds
 
     def observe_into(self, observation: NDArray[np.float32]) -> None:
         """Write observations into this array [B, N, D] from now on; the last one stays as it is, its holder's own."""
@@ -258,16 +245,16 @@ class Simulator(Portable):
         seed: an int (world b draws from SeedSequence([seed, b])), one int a world (each then equals a single world
         reset with that int), or None (each world goes on with its own generator).
         """
-        for world, entropy in enumerate(given.seeds_of(seed, self.num_worlds)):
-            self._reset_world(world, entropy)
-        self._observe()
-        return self.observation
+        return self._reset([None] * self.num_worlds, seed)
 
     def reset_to(
         self, assignments: Sequence[Assignment], seed: int | Sequence[int] | None = None
     ) -> NDArray[np.float32]:
         """Start all worlds anew as `reset` does, robots and first goals of each as its assignment says."""
         check_assignments(assignments, self.num_worlds, self.num_agents, self.grid)
+        return self._reset(assignments, seed)
+
+    def _reset(self, assignments: Sequence[Assignment | None], seed: int | Sequence[int] | None) -> NDArray[np.float32]:
         for world, entropy in enumerate(given.seeds_of(seed, self.num_worlds)):
             self._reset_world(world, entropy, assignments[world])
         self._observe()
