@@ -131,7 +131,7 @@ def _on_arc(start, arc, half, t, offset):
 def keeps_off_disc(x, y, radius, body, way, p):
     """Whether a body, a Sweep, keeps off a disc at (x, y) [m] between two samples of its motion.
 
-    Conservative advancement: the body goes on along its arc by as much as it has room for. way: of its fastest point [m].
+    Conservative advancement: the body goes on along its arc by the room that it has. way: of its fastest point [m].
     """
     offset, t = p["offset"], ZERO
     arc = arc_of(body.start, body.end, offset)

@@ -1,11 +1,10 @@
-"""Zones: floor on which robots may drive so fast and no faster, heeded by all of them whatever they are told.
+"""Zones: parts of the floor with a speed limit, which robots keep whatever they are commanded.
 
-At a point p a robot may have the speed v with v^2 = min over the zones z of (v_z^2 + 2 b |p - z|), v_z its limit,
-|p - z| the distance to it, 0 within, and b a little less than the full braking. Along any way v^2 falls by 2 b a metre
-at most. So who is no faster than that anywhere can brake for whatever zone it comes to, and who leaves one may
-accelerate as it can: no route has to be known for it. In every physics step a robot's command is lowered so that it is
-no faster where it is, nor where it will be; where its speed is over that already, it brakes as hard as it can.
-What counts is where the middle of a robot's fixed axle is, which is its pose.
+At a point p a robot may have the speed v with v^2 = min over the zones z of (v_z^2 + 2 b |p - z|): v_z is the zone's
+limit, |p - z| the distance to it (0 inside), and b a little less than full braking. Along any path v^2 falls by at most
+2 b a metre. So a robot that keeps this speed can brake for any zone that it comes to, without knowing its route.
+In every physics step a robot's command is lowered so that it is no faster than that, now and at the step's end. A
+robot that is too fast already brakes as hard as it can. Its place is the middle of its fixed axle, its pose.
 """
 
 from __future__ import annotations

@@ -1,10 +1,9 @@
-"""Batteries: what robots use up by driving, by their mass and by standing there at all, and what chargers give back.
+"""Batteries: energy that robots use and chargers give back.
 
-A robot of mass m under a load l that drives a way s within a time t uses up c (m + l) g s + P t, with the share c of
-its weight that driving takes (BatterySpec.resistance) and the power P that it takes at all times.
+A robot of mass m under a load l that drives a distance s in a time t uses c (m + l) g s + P t. c is the share of its
+weight that driving takes (BatterySpec.resistance), P the power that it takes at all times.
 
-Nobody strands: whoever has left only what the way to the nearest charger takes, and half as much again, goes there at
-once, whatever it is at.
+No robot strands: as soon as its charge falls to 1.5 times what the way to the nearest charger takes, it goes there.
 """
 
 from __future__ import annotations

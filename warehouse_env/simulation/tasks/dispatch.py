@@ -1,4 +1,4 @@
-"""Dispatching: robots are given tasks and routes at the reset, on arrival, and where another bars their way."""
+"""Give robots tasks and routes: at the reset, on arrival, and where another robot bars their way."""
 
 from __future__ import annotations
 
@@ -48,10 +48,8 @@ def _take_route(robots, routes, world, robot, points, heading):
             spacing = max(spacing, np.hypot(points[k, 0] - points[k - 1, 0], points[k, 1] - points[k - 1, 1]))
     r = robots[world, robot]
     on_route, manoeuvre = r["on_route"], r["manoeuvre"]
-    on_route["points"], on_route["spacing"] = (
-        len(points) if spacing > 0.0 else 1,
-        spacing,
-    )  # it stands at the end already
+    on_route["points"] = len(points) if spacing > 0.0 else 1  # it stands at the end already
+    on_route["spacing"] = spacing
     on_route["position"] = on_route["lateral"] = on_route["bearing"] = np.float32(0.0)
     manoeuvre["arcs"] = manoeuvre["seeks"] = manoeuvre["docks"] = 0  # of a manoeuvre to the route before
     manoeuvre["search_wait"] = r["traffic"]["side"] = np.float32(0.0)
@@ -138,18 +136,11 @@ class Dispatcher(Portable):
             self.shifts.begin(world, entropy)
         if assignment is not None:
             self._assign(world, assignment, floor)
-        elif self._config.orders is not None:
-            self._place_all(world, floor, idle=True)
         else:
-            self._place_all(world, floor, idle=False)
+            self._place_all(world, floor, idle=self._config.orders is not None)
         if self.shifts is not None:
-            self._begin_shift(world)
-
-    def _begin_shift(self, world: int) -> None:
-        """Tell a world's shift what its robots are at, and send them on."""
-        assert self.shifts is not None
-        self.shifts.begin_at(world, self.robots[world])
-        self._go_on(world, 0)
+            self.shifts.begin_at(world, self.robots[world])
+            self._go_on(self.shifts, world, 0)
 
     def _assign(self, world: int, assignment: Assignment, floor: Floor) -> None:
         """Stand the robots of a world where they are told to, with the goals that they are given."""
@@ -284,12 +275,11 @@ class Dispatcher(Portable):
         """Send those on whom their shift sends elsewhere; return the worlds of those who got another goal."""
         if self.shifts is None:
             return []
-        return [world for world in range(len(self.robots)) if self._go_on(world, int(steps[world]))]
+        return [world for world, step in enumerate(steps.tolist()) if self._go_on(self.shifts, world, step)]
 
-    def _go_on(self, world: int, step: int) -> bool:
+    def _go_on(self, shifts: Shifts, world: int, step: int) -> bool:
         """Give a world's robots the goals that its shift has for them now; return whether it has any."""
-        assert self.shifts is not None
-        goals = self.shifts.go_on(world, self.robots[world])
+        goals = shifts.go_on(world, self.robots[world])
         for robot, goal in goals.items():
             self._told.pop((world, robot), None)
             set_out(self.robots, world, robot, *goal)

@@ -1,4 +1,4 @@
-"""One goal for each robot, drawn so that all can get there whoever arrives first (well_formed.py)."""
+"""One goal for each robot, drawn so that all can get there in any order of arrivals (well_formed.py)."""
 
 from __future__ import annotations
 

@@ -23,7 +23,6 @@ from warehouse_env.errors import ConfigError, MapWarning, WarehouseError, shown
 from warehouse_env.files import as_number, complete_file, named_rows, read_text
 from warehouse_env.maps.grid_map import Cell, GridMap
 
-EXAMPLE_ORDERS = Path(__file__).parents[2] / "maps" / "data" / "paper46-orders.csv"  # an hour on the floor paper46
 FIELDS = ("release_s", "picks", "drop", "due_s", "weight_kg")
 _LARGEST_FILE = 256_000_000  # [bytes]
 _LATEST = 1e9  # [s]

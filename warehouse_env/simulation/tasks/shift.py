@@ -1,15 +1,15 @@
-"""A shift: what each robot of one world does next, where driving is not all: service, orders, queues, charging.
+"""A shift: what each robot of one world does next under service times, orders, queues and charging.
 
-A robot drives to a cell that it alone holds, or it stands: served, at a waiting place, or at a charger. What it does
+A robot drives to a cell that it alone holds, or it stands: in service, at a waiting place, or at a charger. Its state
 changes when it arrives, when its service ends, when an order is released, when a cell that it waits for becomes free,
-and when its battery says so.
+and when its battery is low.
 
     FREE -> STOP -> SERVED -> STOP ... -> FREE     an order's pick faces and its station, or a drawn goal
             WAITS                                  at a place beside the traffic, for a cell that another holds
     FREE -> RESTS                                  at such a place, for an order
             CHARGER -> CHARGES                     below BatterySpec.low between orders; at once when it is critical
 
-Robots that stand count as parked (`alive` 0): others see them standing, and nobody asks them to leave.
+Robots that stand count as parked (`alive` 0): others see them standing, and no rule asks them to leave.
 """
 
 from __future__ import annotations
