@@ -1,4 +1,4 @@
-"""What a user gives to a Simulator besides its config: checked before anything is made of it."""
+"""Checks of what a user gives to a Simulator besides its config."""
 
 from __future__ import annotations
 

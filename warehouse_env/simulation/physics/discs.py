@@ -27,7 +27,7 @@ from warehouse_env.simulation.physics.trigonometry import ONE, ZERO, arc_tan2, s
 
 _TWO = np.float32(2.0)
 _STRAIGHT = np.float32(1e-3)  # [rad] under which an arc is a line
-_MOST = 4096  # steps along an arc, after which a body that still seems to touch a disc does
+_MOST = 1 << 16  # steps along an arc, after which a body that still seems to touch a disc does
 _LISTED = 1e-3  # [m] from a cell, up to which it lists a disc: rounding leaves none out
 
 

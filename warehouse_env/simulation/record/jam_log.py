@@ -37,7 +37,7 @@ class _Open(NamedTuple):
 
 
 class JamLog:
-    """A watcher of one episode: called after every step, it looks once a PERIOD for circles of waiting robots."""
+    """Watch one episode: call it after every step; once a PERIOD it looks for wait cycles."""
 
     def __init__(self, simulator: Simulator) -> None:
         """Begin with empty logs; the simulator has just been reset."""

@@ -31,7 +31,8 @@ from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.tasks.orders import Order, as_table, from_table
 
 FORMAT = 1
-_GOING = ("speed", "price")  # arrays of a GridMap that not every floor has
+_ALWAYS = ("height", "picks", "stations")  # arrays of a GridMap that every file has,
+_GOING = ("speed", "price")  # and that not every floor has
 _LARGEST_FILE = 4_000_000_000  # [bytes]
 _LONGEST_TEXT = 2**20  # [bytes] of the config and all else that is no array
 _MOST_CELLS = 10**8  # of a floor
@@ -85,17 +86,13 @@ class Episode:
         config, policy = EnvConfig.from_dict(about["config"]), str(about.get("policy", ""))
         _check_shapes(config, *(arrays.header(name) for name in ("seeds", "actions", "pose")))
         cells = arrays.read("occupied", most=_MOST_CELLS)
-        of_cells = [name for name in ("height", "one_way") if name in arrays]  # earlier versions had no one-way cells
-        each = {name: arrays.read(name, most=cells.size) for name in of_cells}
-        picks, stations = (arrays.read(name, most=2 * cells.size) for name in ("picks", "stations"))
-        floor = (cells, each["height"], about["cell_size"], picks, stations, about["map"])
-        going = {name: arrays.read(name, most=8 * cells.size) for name in _GOING if name in arrays}
-        going |= {name: about[name] for name in ("origin", "pace") if name in about}
-        discs, walls = (
-            arrays.read(name, most=most) if name in arrays else None
-            for name, most in (("discs", 3 * MOST), ("walls", cells.size))
-        )
-        grid = GridMap(*floor, one_way=each.get("one_way"), discs=discs, walls=walls, **going)  # type: ignore[arg-type]
+        many = {"height": 1, "picks": 2, "stations": 2, "one_way": 1, "walls": 1, **dict.fromkeys(_GOING, 8)}  # a cell
+        most = {name: count * cells.size for name, count in many.items()} | {"discs": 3 * MOST}
+        floor: dict[str, Any] = {
+            name: arrays.read(name, count) for name, count in most.items() if name in arrays or name in _ALWAYS
+        }
+        floor |= {name: about[name] for name in ("cell_size", "origin", "pace") if name in about}
+        grid = GridMap(cells, name=about["map"], **floor)
         seeds = tuple(arrays.read("seeds").tolist())
         if not all(isinstance(seed, int) and seed >= 0 for seed in seeds):
             raise WarehouseError(f"the seeds {shown(seeds)} must be one whole number a world, none negative")

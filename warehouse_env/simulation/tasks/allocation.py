@@ -1,4 +1,4 @@
-"""Who gets which order: a registry of rules, from what each robot would have to drive to each order's first pick."""
+"""Rules that give orders to robots, by the distance from each robot to each order's first pick face."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ class Allocator(Protocol):
     """A rule that gives free robots open orders."""
 
     def __call__(self, cost: NDArray[np.float64]) -> list[tuple[int, int]]:
-        """Return pairs (robot, order) in which nobody comes twice; as many as there are robots or orders.
+        """Return pairs (robot, order), each robot and order at most once; as many as there are robots or orders.
 
         cost float[F, K] [cells]: from each free robot to each open order, oldest first. Ties go to the lower number.
         """

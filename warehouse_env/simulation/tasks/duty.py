@@ -1,4 +1,4 @@
-"""What one robot is at: its record in a shift (shift.py), and how long it is served."""
+"""What one robot does in a shift (shift.py), and how long its service takes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Who goes where next: endpoints as starts and goals, distinct at any moment."""
+"""Choose the robots' goals: endpoints, distinct at any moment."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def book_arrival(robots, world, robot, seconds, late):
 
 @kernel
 def pass_by(robots, world, robot):
-    """End a robot's way to a place that is no goal of its work: it counts as none, nor do the metres driven there."""
+    """End a robot's way to a place that is no goal of its work: neither it nor the metres driven there count."""
     r = robots[world, robot]
     totals = r["totals"]
     r["events"]["arrived"] = 0
@@ -57,7 +57,7 @@ def pass_by(robots, world, robot):
 
 @kernel
 def set_out(robots, world, robot, row, column):
-    """Let a robot that stood, or was on its way elsewhere, drive to the goal's cell: its clocks begin anew."""
+    """Send a robot that stood, or was on its way elsewhere, to the goal's cell; its clocks restart."""
     r = robots[world, robot]
     task, clocks = r["task"], r["clocks"]
     if task["alive"] == 0:
@@ -101,9 +101,9 @@ class Tasks(Portable):
         return [self.places[k] for k in rng.permutation(len(self.places))[::-1]]
 
     def elsewhere(self, rng: np.random.Generator) -> list[Cell]:
-        """Return the other cells of floor from which all places can be reached and back, in an order by chance.
+        """Return the other cells of floor from which all places can be reached and back, in a random order.
 
-        Robots are stood there where the places do not hold all of them: on small floors these lie side by side.
+        Robots that do not fit on pick faces and stations start there.
         """
         region = self._grid.return_region(self.places[0])
         region[tuple(np.transpose(self.places))] = False
@@ -116,7 +116,7 @@ class Tasks(Portable):
     def assign(self, starts: Sequence[Cell], goals: Sequence[Cell]) -> None:
         """Take these as the robots' goals; after a pick face the next is a station, after anything else a pick face.
 
-        starts: where the robots stand, of which lifelong tasks make nothing.
+        starts: where the robots stand, which lifelong tasks ignore.
         """
         self._goals, self._taken = list(goals), set(goals)
         picks = set(self._kinds[0])
@@ -127,7 +127,7 @@ class Tasks(Portable):
         return math.nan
 
     def next_goal(self, robot: int, at: Cell, rng: np.random.Generator) -> Cell:
-        """Give a robot its next goal, other than where it is and than all goals of others."""
+        """Give a robot its next goal: neither where it is nor the goal of another robot."""
         old = self._goals[robot]
         kind = self._next_kind[robot]
         goal = self._draw(self._kinds[kind], at, rng) or self._draw(self.places, at, rng) or at
@@ -139,7 +139,7 @@ class Tasks(Portable):
         return goal
 
     def _draw(self, cells: list[Cell], at: Cell, rng: np.random.Generator) -> Cell | None:
-        """Return a free one of `cells` by chance, or None: a few blind draws first, then a full look."""
+        """Draw a free one of `cells`, None if there is none: a few blind draws first, then a full search."""
         for _ in range(8):
             cell = cells[int(rng.integers(len(cells)))]
             if cell not in self._taken and cell != at:
