@@ -1,7 +1,6 @@
 """Discs on the floor, such as pillars: does a body touch one, also between two samples, and what does the lidar see?
 
-Kernels are given the discs of a floor, or None: a branch on an argument that is None is not compiled. The lidar sees
-Outlines where there are discs, else an array of edges.
+Kernels are given the discs of a floor, or None: a branch on an argument that is None is not compiled.
 """
 
 from __future__ import annotations
@@ -28,34 +27,26 @@ from warehouse_env.simulation.physics.trigonometry import ONE, ZERO, arc_tan2, s
 _TWO = np.float32(2.0)
 _STRAIGHT = np.float32(1e-3)  # [rad] under which an arc is a line
 _MOST = 1 << 16  # steps along an arc, after which a body that still seems to touch a disc does
-_LISTED = 1e-3  # [m] from a cell, up to which it lists a disc: rounding leaves none out
+LISTED = 1e-3  # [m] from a cell, up to which it lists a disc: rounding leaves none out
 
 
-class CellDiscs(NamedTuple):
-    """The discs that each padded cell touches, y up."""
+class Discs(NamedTuple):
+    """Discs, and those that count in each padded cell, y up."""
 
-    first: NDArray[np.int32]  # [H + 2, W + 3], where the discs of a cell begin in `discs`; they end where the next's do
-    discs: NDArray[np.float32]  # [M, 3]: x, y, radius [m], once for each cell that one touches
-
-
-class Outlines(NamedTuple):
-    """What the lidar sees of a floor with discs."""
-
-    lines: NDArray[np.float32]  # [K, 3], see Edges
-    discs: NDArray[np.float32]  # [D, 3]: x, y, radius [m]
+    discs: NDArray[np.float32]  # [K, 3]: x, y, radius [m]
     near: NDArray[np.int32]  # indices of discs by padded cell, one list after another
-    first: NDArray[np.int32]  # [H + 2, W + 3], where a cell's list begins in `near`
+    first: NDArray[np.int32]  # [H + 2, W + 3], where a cell's list begins in `near`; it ends where the next one begins
 
 
-def listed(
-    discs: NDArray[np.float32], margin: float, shape: tuple[int, ...], cell: float
-) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Return the indices of the discs within `margin` [m] of each padded cell, and where each cell's begin.
+def discs_near(discs: NDArray[np.float32], margin: float, shape: tuple[int, ...], cell: float) -> Discs | None:
+    """Return the discs within `margin` [m] of each padded cell; None if there are none.
 
-    shape: of the padded floor, (H + 2, W + 2). int32[M], and int32[H + 2, W + 3] as in CellDiscs.
+    shape: of the padded floor, (H + 2, W + 2) cells of `cell` [m].
     """
+    if not len(discs):
+        return None
     shift = np.array([cell, cell, 0.0])
-    at, who = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
+    at, who = list[NDArray[np.int64]](), list[NDArray[np.int64]]()
     for k, disc in enumerate(discs.astype(np.float64)):
         row, column = cells_near(disc + shift, margin, shape, cell).T
         at.append(row * shape[1] + column)
@@ -65,13 +56,7 @@ def listed(
     first = np.zeros((shape[0], shape[1] + 1), np.int32)
     first[:, 1:] = ends
     first[1:, 0] = ends[:-1, -1]
-    return np.concatenate(who)[order].astype(np.int32), first
-
-
-def by_cell(discs: NDArray[np.float32], shape: tuple[int, ...], cell: float) -> CellDiscs:
-    """Return the discs of a padded floor of a shape by the cells of `cell` [m] that they touch."""
-    which, first = listed(discs, _LISTED, shape, cell)
-    return CellDiscs(first, discs[which])
+    return Discs(discs, np.concatenate(who)[order].astype(np.int32), first)
 
 
 def lower_clearance(clearance: NDArray[np.uint8], discs: NDArray[np.float32], step: float, unit: float) -> None:
@@ -101,7 +86,7 @@ def reached_columns(low, high, count, cell):
 
 @part
 def meets_disc(body, floor, discs):
-    """Return whether a closed Rectangle touches one of the discs, CellDiscs or None, of a floor."""
+    """Return whether a closed Rectangle touches one of the discs of a floor."""
     if discs is None:
         return False
     (ex, ey), cell, (rows, columns) = half_box(body), floor.cell, floor.solid.shape
@@ -109,8 +94,9 @@ def meets_disc(body, floor, discs):
     left, right = reached_columns(body.x - ex, body.x + ex, columns, cell)
     for row in range(first_row, last_row + 1):
         for k in range(discs.first[row, left], discs.first[row, right + 1]):
-            radius = discs.discs[k, 2]
-            if squared_distance_to(discs.discs[k, 0], discs.discs[k, 1], body) <= radius * radius:
+            e = discs.near[k]
+            radius = discs.discs[e, 2]
+            if squared_distance_to(discs.discs[e, 0], discs.discs[e, 1], body) <= radius * radius:
                 return True
     return False
 
@@ -158,7 +144,8 @@ def _touches_disc(body, way, between, p, floor, discs):
     left, right = reached_columns(min(start.x, end.x) - r, max(start.x, end.x) + r, columns, cell)
     for row in range(first_row, last_row + 1):
         for k in range(discs.first[row, left], discs.first[row, right + 1]):
-            x, y, radius = discs.discs[k, 0], discs.discs[k, 1], discs.discs[k, 2]
+            e = discs.near[k]
+            x, y, radius = discs.discs[e, 0], discs.discs[e, 1], discs.discs[e, 2]
             if squared_distance_to(x, y, end) <= radius * radius:
                 return AT_END
             if between and where == NOWHERE and not keeps_off_disc(x, y, radius, body, way, p):
@@ -185,14 +172,16 @@ def is_taken(x, y, floor):
 
 
 @part
-def scan_discs(cx, cy, row, column, outlines, turned, out):
+def scan_discs(cx, cy, row, column, discs, turned, out):
     """Shorten the rays from (cx, cy) [m] that meet a disc.
 
     row, column: of the padded cell there; turned float32[2 or more, R]: the rays' directions; out [m]: R or more.
     """
-    for n in range(outlines.first[row, column], outlines.first[row, column + 1]):
-        e = outlines.near[n]
-        dx, dy, radius = outlines.discs[e, 0] - cx, outlines.discs[e, 1] - cy, outlines.discs[e, 2]
+    if discs is None:
+        return
+    for n in range(discs.first[row, column], discs.first[row, column + 1]):
+        e = discs.near[n]
+        dx, dy, radius = discs.discs[e, 0] - cx, discs.discs[e, 1] - cy, discs.discs[e, 2]
         squared = radius * radius
         within = dx * dx + dy * dy <= squared
         for k in range(turned.shape[1]):

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.kernel import inline, kernel
-from warehouse_env.simulation.physics.discs import Outlines, listed
+from warehouse_env.simulation.physics.discs import Discs, discs_near
 
 _EXACT = 1e-9  # [cells] rounding of the crossings below
 WEST, EAST, SOUTH, NORTH = 0, 1, 2, 3  # where an edge faces: to its free side
@@ -22,9 +22,10 @@ _FACES = 4
 class Edges(NamedTuple):
     """Static arrays of one map and lidar range. An edge runs along x = line or y = line, from `low` to `high`."""
 
-    edges: NDArray[np.float32] | Outlines  # [K, 3]: line, low, high [m]; with discs beside them
+    edges: NDArray[np.float32]  # [K, 3]: line, low, high [m]
     seen: NDArray[np.int32]  # edges by cell, one list after another; of each, those along x = line come first
     first: NDArray[np.int32]  # [H + 2, W + 2, 3]: where a cell's list begins, where those along y begin, its end
+    discs: Discs | None
 
 
 class Edge(NamedTuple):
@@ -196,6 +197,4 @@ def edges_of(solid: NDArray[np.uint8], cell: float, lidar_range: float, discs: N
     metres = ((edges[:, 1:] - 1.0) * cell).astype(np.float32)  # without the padding
     for array in (metres, seen, first):
         array.flags.writeable = False
-    if not len(discs):
-        return Edges(metres, seen, first)
-    return Edges(Outlines(metres, discs, *listed(discs, lidar_range, solid.shape, cell)), seen, first)
+    return Edges(metres, seen, first, discs_near(discs, lidar_range, solid.shape, cell))
