@@ -13,6 +13,7 @@ from warehouse_env.errors import ConfigError
 from warehouse_env.kernel import kernel
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.portable import Portable
+from warehouse_env.simulation.driver.line import forget_grants
 
 
 class Arrival(NamedTuple):
@@ -64,6 +65,52 @@ def set_out(robots, world, robot, row, column):
         clocks["waiting_time"] = clocks["standing_time"] = r["shield"]["vetoed_time"] = np.float32(0.0)
         clocks["anchor_x"], clocks["anchor_y"] = r["motion"]["x"], r["motion"]["y"]
     task["alive"] = 1
+    task["goal_row"], task["goal_col"] = row, column
+
+
+@kernel
+def take_route(robots, routes, world, robot, points, heading):
+    """Write way-points float32[R, 2] [m] into routes float32[B, N, R', 2], and that its robot begins them.
+
+    heading: that of a goal that says none.
+    """
+    spacing = np.float32(0.0)
+    for k in range(len(points)):
+        routes[world, robot, k, 0], routes[world, robot, k, 1] = points[k, 0], points[k, 1]
+        if k > 0:
+            spacing = max(spacing, np.hypot(points[k, 0] - points[k - 1, 0], points[k, 1] - points[k - 1, 1]))
+    r = robots[world, robot]
+    on_route, manoeuvre = r["on_route"], r["manoeuvre"]
+    on_route["points"] = len(points) if spacing > 0.0 else 1  # it stands at the end already
+    on_route["spacing"] = spacing
+    on_route["position"] = on_route["lateral"] = on_route["bearing"] = np.float32(0.0)
+    manoeuvre["arcs"] = manoeuvre["seeks"] = manoeuvre["docks"] = 0  # of a manoeuvre to the route before
+    manoeuvre["search_wait"] = r["traffic"]["side"] = np.float32(0.0)
+    forget_grants(r)
+    r["task"]["goal_heading"], r["task"]["either"], manoeuvre["join"] = heading, False, np.float32(0.0)
+
+
+@kernel
+def take_end(robots, world, robot, x, y, heading, either, join):
+    """Write the pose at which a robot's route ends: its goal, which it seeks from `join` [m] before the end on.
+
+    either: its body may as well stand there the other way round.
+    """
+    r = robots[world, robot]
+    task = r["task"]
+    task["goal_x"], task["goal_y"], task["goal_heading"], task["either"] = x, y, heading, either
+    r["manoeuvre"]["join"] = np.float32(0.0) if np.isnan(heading) else join
+
+
+@kernel
+def take_goal(robots, routes, world, robot, row, column):
+    """Begin the task to the goal's cell, where the robot's route ends."""
+    r = robots[world, robot]
+    task = r["task"]
+    r["clocks"]["milestone"] = r["clocks"]["stalled_time"] = np.float32(0.0)
+    last = r["on_route"]["points"] - 1
+    r["totals"]["task_length"] = np.float64(last) * np.float64(r["on_route"]["spacing"])
+    task["goal_x"], task["goal_y"] = routes[world, robot, last, 0], routes[world, robot, last, 1]
     task["goal_row"], task["goal_col"] = row, column
 
 
