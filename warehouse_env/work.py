@@ -29,7 +29,7 @@ class ServiceSpec(CheckedPart):
 class OrderSpec(CheckedPart):
     """Where orders come from (a file or random draws), and who gets them (simulation/tasks/orders.py, demand.py)."""
 
-    file: str | None = None  # orders as CSV or JSON lines; None: drawn by the next fields
+    file: str | None = None  # orders as CSV; None: drawn by the next fields
     per_hour: float = 240.0  # mean rate of a Poisson process
     # shares of classes A, B, C, ... among the orders, and among the pick faces
     demand: tuple[float, ...] = (0.8, 0.15, 0.05)

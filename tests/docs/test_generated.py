@@ -14,11 +14,11 @@ from train.cli import COMMANDS
 from train.learning.config import PPOConfig, ReinforceConfig, ThreadedPPOConfig
 from warehouse_env import PLANNERS
 from warehouse_env.config import EnvConfig, RewardWeights, RobotSpec, SensorSpec
-from warehouse_env.traffic_spec import ErrorBounds, TrafficSpec, UncertaintySpec
+from warehouse_env.traffic_spec import TrafficSpec, UncertaintySpec
 
 ROOT = Path(__file__).parents[2]
 SHOWN = (
-    EnvConfig, RobotSpec, SensorSpec, RewardWeights, TrafficSpec, ErrorBounds, UncertaintySpec, ReinforceConfig,
+    EnvConfig, RobotSpec, SensorSpec, RewardWeights, TrafficSpec, UncertaintySpec, ReinforceConfig,
     ThreadedPPOConfig, PPOConfig,
 )  # fmt: skip
 

@@ -48,7 +48,6 @@ SMALL: dict[str, Any] = {"num_agents": 2, "planner": "astar", "layout": "open", 
 MAP = b"type octile\nheight 4\nwidth 5\nmap\n.@...\n.....\n..@..\n.....\n"
 ORDERS = {
     "o.csv": b"release_s,picks,drop,due_s,weight_kg\n0,1:1 1:4,9:1,600,120\n5,1:7,9:1,600,1\n",
-    "o.jsonl": b'{"release_s": 0, "picks": [[1, 1]], "drop": [9, 1], "due_s": 9, "weight_kg": 1.5}\n',
 }
 FLEETS: tuple[list[Any], ...] = (
     [{"share": 0.25, "robot": {"length": 1.4, "width": 0.8, "wheelbase": 0.9, "front_overhang": 0.25}}],
@@ -228,7 +227,6 @@ READERS: dict[str, Reader] = {
     "h.pgm": Reader(read_picture, lambda: HALL["h.pgm"]),
     "h.png": Reader(read_picture, lambda: HALL["h.png"]),
     "o.csv": of_text(read_orders, ORDERS["o.csv"], ConfigError),
-    "o.jsonl": of_text(read_orders, ORDERS["o.jsonl"], ConfigError),
     "fleet.json": of_text(read_fleet, json.dumps(FLEETS[0]).encode(), ConfigError),
     "e.npz": Reader(Episode.load, an_episode, WarehouseError),
     "driven.npz": Reader(load_episode, an_episode, WarehouseError),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
@@ -98,19 +97,14 @@ def small(action_type: Any) -> Simulator:
 BAD = [
     ("discrete", np.zeros((2, 2), dtype=int), r"\(2, 3\)"),
     ("discrete", np.zeros((2, 3, 2), dtype=int), r"\(2, 3\)"),
-    ("discrete", np.zeros(6, dtype=int), r"\(2, 3\)"),
     ("discrete", np.zeros((2, 3)), "whole numbers"),
-    ("discrete", np.zeros((2, 3), dtype=bool), "whole numbers"),
-    ("discrete", np.full((2, 3), 20), r"0\.\.19"),
     ("discrete", np.array([[0, 0, 0], [0, 0, -1]]), r"0\.\.19.*-1"),
     ("discrete", [["a"] * 3] * 2, "whole numbers"),
     ("discrete", np.zeros((2, 3, 19)), r"\(2, 3, 20\)"),
     ("discrete", np.where(np.arange(120).reshape(2, 3, 20) == 7, np.nan, 0.0), "nan"),
-    ("continuous", np.zeros((2, 3)), r"\(2, 3, 2\)"),
     ("continuous", np.full((2, 3, 2), np.nan), "finite"),
     ("raw", np.zeros((3, 2)), r"\(2, 3, 2\)"),
     ("raw", np.where(np.arange(12).reshape(2, 3, 2) == 7, np.inf, 0.0), "finite"),
-    ("raw", np.zeros((2, 3, 2), dtype=complex), "numbers"),
     ("raw", None, r"\(2, 3, 2\)"),
 ]
 
@@ -128,44 +122,9 @@ def test_a_bad_action_is_one_sentence_and_changes_nothing(action_type: str, acti
     assert simulator.steps.tolist() == [0, 0]
 
 
-@pytest.mark.parametrize("kind", [np.int8, np.uint8, np.int32, np.int64, np.uint64])
-def test_whole_numbers_of_any_width_will_do(kind: Any) -> None:
-    simulator = small("discrete")
-    simulator.step(np.full((2, 3), 15, dtype=kind))
-    simulator.step([[15, 0, 3], [1, 2, 19]])
-    assert simulator.steps.tolist() == [2, 2]
-
-
-def test_ragged_actions_are_an_action_error() -> None:
-    with pytest.raises(ActionError):
-        small("raw").step([[[0, 0], [0, 0], [0]], [[0, 0]] * 3])
-
-
 @pytest.mark.parametrize(
     ("seed", "hint"), [(-1, "seed=-1"), ([1, 2, 3], "3 entries for 2 worlds"), ([4, -2], "seed=-2")]
 )
 def test_bad_seeds(seed: Any, hint: str) -> None:
     with pytest.raises(ConfigError, match=hint):
         small("raw").reset(seed=seed)
-
-
-def test_no_world_at_all() -> None:
-    with pytest.raises(ConfigError, match="num_worlds=0"):
-        Simulator(EnvConfig(num_agents=1, planner="astar"), 0, grid=room(5, 5))
-
-
-def test_limits_of_the_steering_hold_for_every_kind_of_action() -> None:
-    for action_type in ("discrete", "continuous", "raw"):
-        simulator = small(action_type)
-        rng = np.random.default_rng(1)
-        for _ in range(60):
-            shape = (2, 3) if action_type == "discrete" else (2, 3, 2)
-            actions = rng.integers(0, 20, shape) if action_type == "discrete" else rng.uniform(-1, 1, shape)
-            before = simulator.state.speed.copy(), simulator.state.steer.copy()
-            simulator.step(actions)
-            speed, steer = simulator.state.speed, simulator.state.steer
-            assert ((speed >= -0.5) & (speed <= 1.5)).all()
-            assert (np.abs(steer) <= math.radians(60) + 1e-6).all()
-            free = simulator.events.touching == 0
-            assert (np.abs(speed - before[0])[free] <= 0.2 + 1e-5).all()
-            assert (np.abs(steer - before[1]) <= 0.3 + 1e-5).all()

@@ -1,4 +1,4 @@
-"""Every rule and error, switched on: the same bits alone and among others, in a copy, and without the compiler."""
+"""Every rule switched on: the same bits alone and among others, in a copy, and without the compiler."""
 
 from __future__ import annotations
 
@@ -22,19 +22,14 @@ from warehouse_env.work import BatterySpec, OrderSpec, ServiceSpec
 
 FIELD: dict[str, Any] = {"traffic": TrafficSpec(shield=True)}
 RIGHT: dict[str, Any] = {"traffic": "rules"}
-ERRORS: dict[str, Any] = {"pose_error": 0.02, "heading_error": 0.02, "actuation_error": 0.05}
 STACKS: dict[str, dict[str, Any]] = {
-    "field": FIELD,
-    "field, continuous": {**FIELD, "action_type": "continuous"},
     "field, raw": {**FIELD, "action_type": "raw"},
-    "right of way": RIGHT,
-    "right of way, continuous": {**RIGHT, "action_type": "continuous"},
     "right of way around rings": {"traffic": replace(TRAFFIC["rules"], right_of_way_after=2.0)},
     "ants' routes": {**RIGHT, "planner": "pf_aco:ants=6,iterations=3"},
     "searched routes": {**RIGHT, "planner": "astar_turns"},
     "people": {**RIGHT, "people": 3},
     "silence": {**RIGHT, "uncertainty": UncertaintySpec(loss=0.4), "sensor": SensorSpec(predictions=True)},
-    "errors": {**FIELD, "uncertainty": UncertaintySpec(latency=0.3, **ERRORS)},
+    "late": {**FIELD, "uncertainty": UncertaintySpec(latency=0.3)},
     "poses": {**RIGHT, "arrival": "pose"},
     "kinds": {**RIGHT, "fleet": (FleetPart(1, RobotSpec(length=0.7, wheelbase=0.4, max_speed=1.0)),)},
     "orders": {
@@ -43,7 +38,7 @@ STACKS: dict[str, dict[str, Any]] = {
     },
     "one shot": {**RIGHT, "tasks": "one_shot"},
 }  # fmt: skip
-PLAIN = ("field, raw", "right of way around rings", "ants' routes", "people", "silence", "errors")  # others take long
+PLAIN = ("field, raw", "right of way around rings", "ants' routes", "people", "silence")  # others take long
 DISCS = [(3.5, 4.5, 0.3), (6.5, 6.5, 0.25)]
 
 

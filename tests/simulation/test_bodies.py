@@ -29,6 +29,7 @@ def floor_for(name: str) -> GridMap:
     return wide if name.startswith("large") else dataclasses.replace(wide, cell_size=0.2)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("arrival", ["pass", "stop", "pose"])
 @pytest.mark.parametrize("name", BODIES)
 def test_bodies_drive_and_arrive(name: str, arrival: ArrivalMode) -> None:

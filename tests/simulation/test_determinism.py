@@ -1,11 +1,8 @@
-"""The same seed gives the same bits: for any batch width, thread count, process, and without the compiler."""
+"""The same seed gives the same bits for any batch width, thread count, order of robots and bucket size."""
 
 from __future__ import annotations
 
 import hashlib
-import os
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -68,7 +65,7 @@ LEAN = SensorSpec(rays=8, neighbours=1, route_points=2)
 
 @pytest.mark.parametrize("action_type", ACTION_TYPES)
 def test_worlds_do_not_depend_on_the_batch_width(action_type: str) -> None:
-    steps = 1000 if action_type == "discrete" else 200
+    steps = 200
     alone, seven, many = (run(b, steps, 2, action_type, drawn(MAP), sensor=LEAN) for b in (1, 7, 64))
     assert len(set(many)) == 64
     assert alone == many[:1]
@@ -90,23 +87,6 @@ def test_one_thread_equals_two(rules: dict[str, bool], monkeypatch: pytest.Monke
     finally:
         set_num_threads(before)
     assert results[0] == results[1] == results[2]
-
-
-def test_worlds_do_not_depend_on_the_parts_in_which_they_are_stepped(monkeypatch: pytest.MonkeyPatch) -> None:
-    whole = run(7, 150, 4, "discrete", drawn(MAP), sensor=LEAN)
-    monkeypatch.setattr(simulator, "_MOST", 8)
-    made = Simulator(EnvConfig(num_agents=4, planner="astar"), 7, grid=drawn(MAP))
-    assert made._blocks == [(0, 2), (2, 4), (4, 6), (6, 7)]
-    assert run(7, 150, 4, "discrete", drawn(MAP), sensor=LEAN) == whole
-
-
-def test_many_robots_take_the_threads_by_themselves() -> None:
-    if get_num_threads() < 2:
-        pytest.skip("one thread only")
-    large = Simulator(EnvConfig(num_agents=4, planner="astar"), 64, grid=room(9, 9))
-    small = Simulator(EnvConfig(num_agents=4, planner="astar"), 63, grid=room(9, 9))
-    assert large._many()
-    assert not small._many()
 
 
 def test_a_list_of_seeds_gives_single_worlds() -> None:
@@ -157,54 +137,6 @@ def test_a_reset_leaves_nothing_behind() -> None:
         fresh.step(actions)
 
 
-def test_without_a_seed_each_world_goes_on_with_its_own() -> None:
-    config = EnvConfig(num_agents=3, planner="astar", action_repeat=2)
-    one, other = (Simulator(config, 2, grid=drawn(MAP)) for _ in range(2))
-    for batch in (one, other):
-        batch.reset(seed=3)
-    first = bits(one)
-    one.reset()
-    other.reset()
-    assert bits(one) == bits(other)
-    assert bits(one) != first
-
-
-PROGRAM = """
-import sys
-sys.path.insert(0, {root!r})
-from tests.simulation.test_determinism import MAP, SensorSpec, drawn, run
-for action_type in {types!r}:
-    print(*run({worlds}, {steps}, {robots}, action_type, drawn(MAP), sensor=SensorSpec(predictions=True)))
-"""
-
-
-def elsewhere(worlds: int, steps: int, robots: int, **environment: str) -> list[list[str]]:
-    """The digests that another process finds."""
-    program = PROGRAM.format(root=str(ROOT), types=ACTION_TYPES, worlds=worlds, steps=steps, robots=robots)
-    done = subprocess.run(
-        [sys.executable, "-W", "ignore", "-c", program],
-        env=os.environ | environment,
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    return [line.split() for line in done.stdout.splitlines()]
-
-
-def test_another_process_gives_the_same_bits() -> None:
-    sensor = SensorSpec(predictions=True)
-    here = [run(3, 200, 3, action_type, drawn(MAP), sensor=sensor) for action_type in ACTION_TYPES]
-    assert elsewhere(3, 200, 3) == here
-
-
-def test_plain_python_gives_the_same_bits() -> None:
-    sensor = SensorSpec(predictions=True)
-    here = [run(1, 30, 9, action_type, drawn(MAP), sensor=sensor) for action_type in ACTION_TYPES]
-    assert elsewhere(1, 30, 9, NUMBA_DISABLE_JIT="1") == here
-
-
 def permuted(original: Simulator, order: NDArray[np.int64]) -> Simulator:
     """A simulator whose robot k is the original's robot order[k]."""
     copy = Simulator(original.config, grid=original.grid, routes=original.route_book)
@@ -216,7 +148,7 @@ def permuted(original: Simulator, order: NDArray[np.int64]) -> Simulator:
     return copy
 
 
-@pytest.mark.parametrize("action_type", ACTION_TYPES)
+@pytest.mark.parametrize("action_type", ["discrete", "raw"])
 @pytest.mark.parametrize("robots", [7, 36])
 def test_permuted_robots_give_permuted_results(action_type: Any, robots: int) -> None:
     # One-shot, since lifelong robots draw their next goals in their order.
@@ -240,8 +172,8 @@ def test_permuted_robots_give_permuted_results(action_type: Any, robots: int) ->
 
 
 @pytest.mark.parametrize("action_type", ["discrete", "raw"])
-@pytest.mark.parametrize("robots", [12, 40])
-def test_buckets_change_nothing(action_type: Any, robots: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_buckets_change_nothing(action_type: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    robots = 40
     config = EnvConfig(num_agents=robots, action_type=action_type, planner="astar", action_repeat=2)
     pair = []
     for few in (0, 10**6):

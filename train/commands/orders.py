@@ -26,7 +26,7 @@ class Work(Checked):
     service: float | None = None
     """Service time at every pick face and station [s] (default: none)."""
     orders: Path | None = None
-    """Orders to carry out: a file of `warehouse orders`, CSV or JSON lines."""
+    """Orders to carry out: a CSV file of `warehouse orders`."""
     orders_per_hour: float | None = None
     """Draw this many random orders per hour instead."""
     allocation: str = OrderSpec.allocation
@@ -82,7 +82,7 @@ class Orders(Checked):
     seed: int = 0
     """Seed of the orders."""
     out: Path = Path("orders.csv")
-    """File for the orders: .jsonl for JSON lines, else CSV."""
+    """CSV file for the orders."""
     json: Path | None = None
     """Write a row about the orders to this file as JSON lines."""
 

@@ -106,13 +106,12 @@ class ActionDecoder:
                 np.clip(speeds, self._slowest[:, None], self._fastest[:, None], out=speeds)
 
     def shortened(self, actions: ArrayLike) -> NDArray[Any]:
-        """Return actions that were decoded in less memory, decoded alike: of preferences the order, uint16[B, N, A]."""
+        """Return actions in less memory that are decoded alike: of preferences their ranks, uint16[B, N, A]."""
         given = np.array(actions)
         if self._config.action_type != "discrete" or given.ndim != 3:
             return given
-        kept = np.empty(given.shape, dtype=np.uint16)
-        preferences.shorten(self.table, self.sides, given.astype(np.float32), kept)
-        return kept
+        liked = given.astype(np.float32)
+        return np.asarray((liked[..., :, None] > liked[..., None, :]).sum(axis=-1, dtype=np.uint16))
 
     def _rank(self, given: NDArray[Any], commands: NDArray[np.float32], choices: NDArray[np.float32]) -> None:
         """Decode preferences float[B, N, A], or uint16 of `shortened`."""

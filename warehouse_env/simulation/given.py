@@ -1,4 +1,4 @@
-"""What a user gives to a Simulator besides its config: checked before anything is made of it."""
+"""Checks of what a user gives to a Simulator besides its config."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from warehouse_env.config import EnvConfig, RobotSpec
+from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, shown
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.routes.book import RouteBook
@@ -49,18 +49,14 @@ def check_memory(worlds: int, robots: int, size: int, bytes_a_robot: int, people
 def check_pace(config: EnvConfig, cell: float) -> None:
     """Raise ConfigError for robots so fast that between two contact checks they could leap over a shelf or the rim."""
     for robot in config.bodies:
-        _check_pace_of(robot, config, cell)
-
-
-def _check_pace_of(robot: RobotSpec, config: EnvConfig, cell: float) -> None:
-    distance = max(robot.max_speed, -robot.min_speed) * config.time_step / config.substeps  # [m]
-    turn = distance * math.tan(robot.max_steering) / robot.wheelbase  # [rad]
-    tail = math.hypot(distance, turn * (robot.rear_reach - robot.length / 2))  # [m] that the body's centre moves
-    if tail > cell or turn > math.pi:
-        raise ConfigError(
-            f"robots could move {tail:.3g} m and turn {turn:.3g} rad between two contact checks, more than a cell of "
-            f"{cell:g} m or half a turn; use a shorter time_step, more substeps, or slower robots"
-        )
+        distance = max(robot.max_speed, -robot.min_speed) * config.time_step / config.substeps  # [m]
+        turn = distance * math.tan(robot.max_steering) / robot.wheelbase  # [rad]
+        tail = math.hypot(distance, turn * (robot.rear_reach - robot.length / 2))  # [m] that the body's centre moves
+        if tail > cell or turn > math.pi:
+            raise ConfigError(
+                f"robots could move {tail:.3g} m and turn {turn:.3g} rad between two contact checks, more than a cell "
+                f"of {cell:g} m or half a turn; use a shorter time_step, more substeps, or slower robots"
+            )
 
 
 def check_stop(config: EnvConfig, samples: int) -> None:

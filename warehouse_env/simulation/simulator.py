@@ -25,7 +25,6 @@ from warehouse_env.simulation.driver.manoeuvre import ARCS
 from warehouse_env.simulation.driver.scratch import make_search_scratch
 from warehouse_env.simulation.driver.turning import turning_metrics
 from warehouse_env.simulation.physics.buckets import bucket_grid
-from warehouse_env.simulation.physics.deviation import Deviation, errs, planned_config
 from warehouse_env.simulation.physics.floor import floor_of
 from warehouse_env.simulation.physics.people import People
 from warehouse_env.simulation.physics.poses import poses, speeds
@@ -33,7 +32,7 @@ from warehouse_env.simulation.physics.zones import zones_of
 from warehouse_env.simulation.record import metrics
 from warehouse_env.simulation.senses.messages import Messages
 from warehouse_env.simulation.senses.rewards import REWARD_TERMS, weight_vector
-from warehouse_env.simulation.senses.scanners import RAYS, scanners_of
+from warehouse_env.simulation.senses.scanners import RAYS, Scanners, unit_vectors
 from warehouse_env.simulation.tasks.assignment import Assignment, check_assignments
 from warehouse_env.simulation.tasks.dispatch import ROUTE_BLOCK, Dispatcher
 from warehouse_env.simulation.tasks.orders import Order
@@ -67,7 +66,7 @@ class Simulator(Portable):
     """
 
     bound = (
-        "state", "events", "_floor", "_scanners", "_zones", "_compiled",
+        "state", "events", "_floor", "_rays", "_scanners", "_zones", "_compiled",
         "_worlds", "_setup", "_scratches", "_searches",
     )  # fmt: skip
 
@@ -95,36 +94,28 @@ class Simulator(Portable):
             planner = planner if planner is not None else make_planner(config.planner)
             routes = RouteBook(self.grid, planner, keep_right=config.keep_right, wider=config.widest_body.wider)
         given.check_pace(config, self.grid.cell_size)
-        planned = planned_config(config)
-        given.check_stop(config, state.stop_samples(planned))
+        given.check_stop(config, state.stop_samples(config))
         self.layout = observation_layout(config)
         each = state.ROBOT.itemsize + 8 * ROUTE_BLOCK
         each += 4 * config.num_agents if config.traffic_spec.shield == "lidar" else 0  # whom it sees
         cells = self.grid.occupied.size
         given.check_memory(num_worlds, config.num_agents, self.layout.size, each, config.people, cells)
-        self._every_kind = state.every_kind(planned, self.grid.cell_size, config.kinds)
+        self._every_kind = state.every_kind(config, self.grid.cell_size)
         self._params = self._every_kind[:1].copy()
         self._kinds = self._every_kind[list(config.kind_of)] if config.fleet else None
-        self._make_spaces(planned)
+        self._limits: Limits = self._params, self._kinds
+        self.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (self.layout.size,), np.float32)
+        self._actions = ActionDecoder(config)
+        self.action_space = self._actions.space
         self._weights = weight_vector(config.reward)
         self._reward_weights = config.reward
-        self._planned = np.zeros((num_worlds, config.num_agents), dtype=state.ROBOT)
-        self.robots = self._planned.copy() if errs(config) else self._planned  # where they are, in truth
-        self.people = People(planned, self.grid, num_worlds)
-        self.dispatcher = Dispatcher(planned, routes, self._planned, self.people.persons, self._limits, orders)
-        self._deviation = Deviation(config, num_worlds)
+        self.robots = np.zeros((num_worlds, config.num_agents), dtype=state.ROBOT)
+        self.people = People(config, self.grid, num_worlds)
+        self.dispatcher = Dispatcher(config, routes, self.robots, self.people.persons, self._limits, orders)
         self._messages = Messages(config, num_worlds)
-        self._make_arrays(planned)
+        self._make_arrays()
 
-    def _make_spaces(self, planned: EnvConfig) -> None:
-        config = self.config
-        self.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (self.layout.size,), np.float32)
-        self._actions = ActionDecoder(planned)
-        self.action_space = self._actions.space
-        angles = 2 * math.pi * np.arange(config.sensor.rays) / config.sensor.rays
-        self._rays = np.stack([np.cos(angles), np.sin(angles)]).astype(np.float32)
-
-    def _make_arrays(self, planned: EnvConfig) -> None:
+    def _make_arrays(self) -> None:
         b, n, p, self._decides = self.num_worlds, self.num_agents, self._params, self.config.traffic_spec.right_of_way
         self.arcs = np.zeros((b, n, ARCS, 2), dtype=np.float32)  # [m], [rad]; the robots' manoeuvres
         self._paths = np.zeros((b, n + 1 if self._decides else 0, POSES, COLUMNS), dtype=np.float32)
@@ -150,14 +141,10 @@ class Simulator(Portable):
         )
         bucket_rows, bucket_columns, side = bucket_grid(n, columns * size, rows * size, look)
         shared = {
-            "most_pairs": state.most_pairs(n, reach, widest, planned),
+            "most_pairs": state.most_pairs(n, reach, widest, self.config),
             "bucket_rows": bucket_rows, "bucket_columns": bucket_columns, "bucket": side,
         }  # fmt: skip
-        self._true_params, self._true_kinds = self._limits  # of the bodies, where these are not what is planned
-        if self.robots is not self._planned:
-            self._true_params = state.parameters_of(self.config, size)
-            self._true_kinds = state.kinds_of(self.config, size)
-        for records in (p, self._kinds, self._true_params, self._true_kinds):
+        for records in self._limits:
             if records is not None:
                 for name, value in shared.items():
                     records[name] = value
@@ -174,10 +161,9 @@ class Simulator(Portable):
         """Make the views and the floor, and keep the kernels' arguments ready."""
         self.state, self.events = state.state_of(self.robots), state.events_of(self.robots)
         self._floor = floor_of(self.grid, self.config.sensor.lidar_range)
-        self._zones = zones_of(self.grid, planned_config(self.config))
-        self._scanners = None
-        if self._sights is not None:
-            self._scanners = scanners_of(RAYS, self._floor.edges)
+        self._zones = zones_of(self.grid, self.config)
+        self._rays = unit_vectors(self.config.sensor.rays)
+        self._scanners = None if self._sights is None else Scanners(unit_vectors(RAYS), self._floor.edges)
         self._compiled: dict[Callable[..., Any], Callable[..., Any]] = {}  # kernels, once a step asks for them
         self._scratches = Pool(self._make_scratch)
         self._searches = Pool(lambda: make_search_scratch(self.num_agents, self.config.people, POSES))
@@ -185,18 +171,20 @@ class Simulator(Portable):
 
     def _collect(self) -> None:
         """Keep the kernels' arguments ready: collecting them takes longer than a small world's step."""
-        table = self._table() if self.config.sensor.predictions else None
-        shifts, deviation, people = self.dispatcher.shifts, self._deviation, self.people
+        shifts, people, table = self.dispatcher.shifts, self.people, None
+        if self.config.sensor.predictions:  # what discrete actions mean to each kind of robots, float32[K, A, 2]
+            actions, kinds = self._actions, self.config.kinds
+            table = np.stack([actions.commands_of(robot) for robot in kinds]) if len(kinds) > 1 else actions.table[None]
         self._worlds = Worlds(
-            self._planned, self.routes, self.arcs, self._commands, people.persons, people.ways,
-            None if shifts is None else shifts.limits, self._sights, deviation.bodies, deviation.errors, self._stamps,
+            self.robots, self.routes, self.arcs, self._commands, people.persons, people.ways,
+            None if shifts is None else shifts.limits, self._sights, self._stamps,
             self.steps, self.truncated, self.terminated, self._waiting, self._faults, self._paths, self._choices,
             self.observation, self.reward_terms, self.reward,
         )  # fmt: skip
         self._setup = Setup(
             self._features,
             Equipment(self.layout.starts, self._rays, table, self._weights, self._scanners, self._zones),
-            Vehicles(*self._limits), Vehicles(self._true_params, self._true_kinds), self._floor,
+            Vehicles(*self._limits), self._floor,
         )  # fmt: skip
 
     def _make_scratch(self) -> Scratch:
@@ -207,15 +195,6 @@ class Simulator(Portable):
         if self._worlds.routes is not self.dispatcher.routes:
             self._worlds = self._worlds._replace(routes=self.dispatcher.routes)
         return self._worlds
-
-    def _table(self) -> NDArray[np.float32]:
-        """Return what discrete actions mean to each kind of robots, float32[K, A, 2]."""
-        actions, kinds = self._actions, self.config.kinds
-        return np.stack([actions.commands_of(robot) for robot in kinds]) if len(kinds) > 1 else actions.table[None]
-
-    @property
-    def _limits(self) -> Limits:
-        return self._params, self._kinds
 
     def observe_into(self, observation: NDArray[np.float32]) -> None:
         """Write observations into this array [B, N, D] from now on; the last one stays as it is, its holder's own."""
@@ -266,31 +245,28 @@ class Simulator(Portable):
         seed: an int (world b draws from SeedSequence([seed, b])), one int a world (each then equals a single world
         reset with that int), or None (each world goes on with its own generator).
         """
-        for world, entropy in enumerate(given.seeds_of(seed, self.num_worlds)):
-            self._reset_world(world, entropy)
-        self._show()
-        self._observe()
-        return self.observation
+        return self._reset([None] * self.num_worlds, seed)
 
     def reset_to(
         self, assignments: Sequence[Assignment], seed: int | Sequence[int] | None = None
     ) -> NDArray[np.float32]:
         """Start all worlds anew as `reset` does, robots and first goals of each as its assignment says."""
         check_assignments(assignments, self.num_worlds, self.num_agents, self.grid)
+        return self._reset(assignments, seed)
+
+    def _reset(self, assignments: Sequence[Assignment | None], seed: int | Sequence[int] | None) -> NDArray[np.float32]:
         for world, entropy in enumerate(given.seeds_of(seed, self.num_worlds)):
             self._reset_world(world, entropy, assignments[world])
-        self._show()
         self._observe()
         return self.observation
 
     def reset_world(self, world: int, seed: int | None = None) -> None:
         """Start one world anew; its row of `observation` is updated. seed None: its generator goes on."""
         self._reset_world(world, None if seed is None else [given.whole_seed(seed), 0])
-        self._show()
         self._observe(world)
 
     def _reset_world(self, world: int, entropy: list[int] | None, assignment: Assignment | None = None) -> None:
-        robots = self._planned[world]
+        robots = self.robots[world]
         robots[...] = np.zeros((), dtype=state.ROBOT)
         self._stamps[world] = self._faults[world] = self._commands[:, world] = self.steps[world] = 0
         self.arrivals = [arrival for arrival in self.arrivals if arrival.world != world]
@@ -305,13 +281,6 @@ class Simulator(Portable):
         self._messages.begin(world, entropy)
         self.people.begin(world, entropy, robots)
         robots["clocks"]["anchor_x"], robots["clocks"]["anchor_y"] = robots["motion"]["x"], robots["motion"]["y"]
-        if self.robots is not self._planned:
-            self._deviation.begin(world, entropy, robots)
-
-    def _show(self) -> None:
-        """Show outsiders where the bodies are, where that is not as planned."""
-        if self.robots is not self._planned:
-            self._deviation.show(self.robots, self._planned)
 
     def put(self, pose: ArrayLike, speed: ArrayLike) -> NDArray[np.bool_]:
         """Put robots at poses float[B, N, 3] (x [m], y [m], heading [rad]) with speeds float[B, N] [m/s], or one for
@@ -322,17 +291,13 @@ class Simulator(Portable):
         """
         placed = poses("pose", pose, (self.num_worlds, self.num_agents, 3), self.grid)
         driven = speeds(speed, self.num_worlds, self.config.robots)
-        free = put_all(self._planned, self.routes, placed, driven, self._limits, self._floor)
-        if self.robots is not self._planned:
-            for world in range(self.num_worlds):
-                self._deviation.stand(world, self._planned[world])
-            self._show()
+        free = put_all(self.robots, self.routes, placed, driven, self._limits, self._floor)
         self._observe()
         return free
 
     def break_down(self, world: int, robot: int) -> None:
         """Take a robot out of service until its world's reset: it brakes, and stands in the others' way for good."""
-        self.robots["task"]["alive"][world, robot] = self._planned["task"]["alive"][world, robot] = 0
+        self.robots["task"]["alive"][world, robot] = 0
         self.terminated[world, robot] = True
         if self.dispatcher.shifts is not None:
             self.dispatcher.shifts[world].break_down(robot)
@@ -346,13 +311,11 @@ class Simulator(Portable):
         if len(self._commands) > 1:
             self._commands[1:] = self._commands[:-1]
         self._actions.decode(actions, self._commands[0], self._choices)
-        self._messages.lose(self._planned)
-        if self.robots is not self._planned:
-            self._deviation.draw()
+        self._messages.lose(self.robots)
         arrivals = sum(self._each(self._advance))
         if self._features.checked:
             raise_fault(self._faults)
-        self.people.send_on(self._planned)
+        self.people.send_on(self.robots)
         self.arrivals = self.dispatcher.arrive(self.steps) if arrivals else []
         rerouted = self.dispatcher.work_on(self.steps) + self.dispatcher.reroute(self.steps)
         if self.dispatcher.all_look:
@@ -361,7 +324,6 @@ class Simulator(Portable):
             self._observe(rerouted)
         else:
             self._tell_needs()
-        self._show()
         return self.observation
 
     def _tell_needs(self) -> None:

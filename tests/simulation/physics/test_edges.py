@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -40,22 +39,6 @@ def test_a_row_of_shelves_is_one_edge_and_hides_what_is_behind_it() -> None:
     assert ("y", 0.0, 0.0, 6.0) not in seen  # all lines from here to the wall behind cross the row
     assert ("y", 0.0, 0.0, 6.0) in listed(grid, 0, 0)  # past the row's end it can be seen
     assert listed(grid, 2, 2) == set()  # nobody looks out of a shelf
-
-
-def test_a_wall_across_hides_all_behind() -> None:
-    occupied = drawn(["......", ".#####", ".#....", "......"]).occupied
-    grid = GridMap(occupied, name="bend")
-    assert listed(grid, 0, 3) == {
-        ("x", 0.0, 0.0, 4.0),
-        ("x", 6.0, 3.0, 4.0),
-        ("y", 3.0, 1.0, 6.0),
-        ("y", 4.0, 0.0, 6.0),
-    }
-
-
-def test_cells_of_another_size() -> None:
-    grid = drawn(["...", ".#.", "..."], cell=0.5)
-    assert ("x", 0.5, 0.5, 1.0) in listed(grid, 1, 0)
 
 
 def cast(grid: GridMap, x: float, y: float, angle: float) -> float:
@@ -108,11 +91,3 @@ def test_a_range_beyond_the_floor_sees_no_more_than_one_across_it() -> None:
     across, beyond = floor_of(grid, 60.0).edges, floor_of(grid, 1e6).edges
     for one, other in zip(across, beyond, strict=True):
         np.testing.assert_array_equal(one, other)
-
-
-@pytest.mark.parametrize("cells", [(260, 260)])
-def test_a_large_floor_is_listed_in_reasonable_memory(cells: tuple[int, int]) -> None:
-    occupied = np.zeros(cells, dtype=bool)
-    occupied[4:-4:4, 4:-4] = True
-    edges = floor_of(GridMap(occupied, name="halls")).edges
-    assert len(edges.seen) < 12 * occupied.size

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 
 from tests.simulation.reference import bodies, deepest_overlap, rectangle, separation, shelves
 from tests.simulation.worlds import drawn, room, stage
-from warehouse_env.config import EnvConfig, RobotSpec
+from warehouse_env.config import RobotSpec
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.simulation.simulator import Simulator
 
@@ -89,41 +88,6 @@ def test_more_robots_than_one_bucket_holds(seed: int) -> None:
     simulator = stage(grid, *poses)
     assert simulator._params["bucket_rows"][0] > 1
     shake(simulator, rng, 25, 5)
-
-
-@settings(max_examples=6)
-@given(st.integers(0, 10**6), st.sampled_from(["discrete", "continuous"]))
-def test_random_decisions_of_a_policy(seed: int, action_type: Any) -> None:
-    grid = drawn(MAZE)
-    config = EnvConfig(num_agents=6, action_type=action_type, planner="astar", action_repeat=2)
-    simulator = Simulator(config, grid=grid)
-    simulator.reset(seed=seed)
-    walls = shelves(grid.occupied)
-    rng = np.random.default_rng(seed)
-    for _ in range(60):
-        actions = rng.integers(0, 20, (1, 6)) if action_type == "discrete" else rng.uniform(-1, 1, (1, 6, 2))
-        simulator.step(actions)
-        assert_apart(simulator, walls)
-
-
-@settings(max_examples=6)
-@given(st.integers(0, 10**6))
-def test_one_shot_robots_that_parked_are_in_the_way(seed: int) -> None:
-    grid = drawn(MAZE)
-    config = EnvConfig(
-        num_agents=6, tasks="one_shot", planner="astar", action_repeat=2, terminate_on_collision=seed % 2 == 0
-    )
-    simulator = Simulator(config, grid=grid)
-    simulator.reset(seed=seed)
-    walls = shelves(grid.occupied)
-    cruise = np.full((1, 6), simulator.cruise_action)
-    parked: dict[int, list[float]] = {}
-    for _ in range(80):
-        simulator.step(cruise)
-        assert_apart(simulator, walls)
-        for robot in np.flatnonzero(simulator.terminated[0]).tolist():
-            pose = simulator.state.pose[0, robot].tolist()
-            assert parked.setdefault(robot, pose) == pose
 
 
 @pytest.mark.parametrize(

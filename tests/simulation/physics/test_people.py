@@ -11,8 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.simulation.worlds import coast, drawn, raw, room, stage
-from warehouse_env.config import EnvConfig, FleetPart, RobotSpec
-from warehouse_env.envs.parallel import parallel_env
+from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.errors import ConfigError, UnsafeError, WarehouseError
 from warehouse_env.maps.grid_map import Cell
 from warehouse_env.simulation.physics.people import (
@@ -27,8 +26,6 @@ from warehouse_env.simulation.physics.people import (
     People,
 )  # fmt: skip
 from warehouse_env.simulation.simulator import Simulator
-from warehouse_env.simulation.state import ROBOT
-from warehouse_env.simulation.tasks.assignment import Assignment
 from warehouse_env.simulation.traffic import audit
 from warehouse_env.traffic_spec import TrafficSpec
 
@@ -85,18 +82,6 @@ def test_a_person_walks_straight_to_its_goal_rests_and_wants_another() -> None:
     assert o["x"] == here
     coast(simulator, math.ceil((RESTS[1] - RESTS[0]) / 0.1) + 20)
     assert math.hypot(o["x"] - here, o["y"] - 2.5) > 0.5
-
-
-def test_nobody_walks_through_shelves() -> None:
-    simulator = with_people(drawn(["......", ".####.", ".####.", "......"]), (0.75, 0.5, 0.0))
-    o = send(simulator, 0.5, 2.5, (1, 5))
-    seen = []
-    for _ in range(75):
-        coast(simulator, 1)
-        seen.append((float(o["x"]), float(o["y"])))
-    inside = [1 - RADIUS < x < 5 + RADIUS and 1 - RADIUS < y < 3 + RADIUS for x, y in seen]
-    assert not any(inside)
-    assert max(x for x, _ in seen) > 5.3
 
 
 def test_a_person_passes_a_robot_at_a_distance() -> None:
@@ -156,25 +141,6 @@ def test_how_long_a_person_is_kept_from_walking_is_counted() -> None:
     assert simulator.episode_metrics()["longest_person_kept_s"] == pytest.approx(7.8, abs=0.01)
 
 
-def test_who_rests_is_not_kept() -> None:
-    simulator = with_people(room(10, 20), (5.0, 5.0, 0.0))
-    still(simulator, 5.6, 5.0)
-    coast(simulator, 50)
-    assert simulator.episode_metrics()["longest_person_kept_s"] == 0.0
-
-
-def test_where_a_person_has_turned_away_to_it_does_not_rest() -> None:
-    """Or one that is shut in would rest where it is in everybody's way, and they with it."""
-    simulator = with_people(room(10, 20), FAR)
-    for wants, rests in ((GIVEN_UP, False), (0, True)):
-        o = send(simulator, 2.5, 2.5, (7, 9))
-        o["wants"] = wants
-        simulator.people.send_on(simulator.robots)
-        o["x"], o["y"] = o["goal_x"], o["goal_y"]
-        coast(simulator, 2)
-        assert bool(o["rest"] > 0) == rests
-
-
 def test_a_robot_that_runs_into_a_person_is_put_back_and_counted_once() -> None:
     simulator = with_people(room(10, 20), (5.0, 5.0, 0.0, 1.0))
     still(simulator, 6.0, 5.0)
@@ -203,32 +169,6 @@ def test_a_contact_with_a_person_costs_what_a_collision_costs_and_may_end_the_ep
     simulator.step(raw(simulator, (1.0, 0.0)))
     assert simulator.reward_terms[0, 0, 2] == -5.0
     assert simulator.terminated[0, 0]
-
-
-def test_infos_say_so() -> None:
-    env = parallel_env(num_agents=2, people=1, layout="open", planner="astar")
-    env.reset(seed=1)
-    r = env.simulator.robots[0, 0]
-    o = env.simulator.people.persons[0, 0]
-    o["rest"] = 1e6
-    reach = 0.15 + float(RADIUS) + 0.01
-    o["x"], o["y"] = r["motion"]["x"] + reach * r["motion"]["cos"], r["motion"]["y"] + reach * r["motion"]["sin"]
-    hits = 0
-    for _ in range(4):
-        *_, infos = env.step(dict.fromkeys(env.agents, env.simulator.cruise_action))
-        hits += infos["robot_0"]["collisions_person"]
-    assert hits == 1
-
-
-def test_the_last_infos_say_how_long_anybody_was_kept() -> None:
-    for people in (0, 1):
-        env = parallel_env(num_agents=2, people=people, layout="open", planner="astar", max_steps=2)
-        env.reset(seed=1)
-        for _ in range(2):
-            *_, infos = env.step(dict.fromkeys(env.agents, env.simulator.cruise_action))
-        rows = [infos[name]["episode_metrics"] for name in infos]
-        assert ["longest_person_kept_s" in row for row in rows] == [bool(people)] * 2
-        assert ("longest_person_kept_s" in env.simulator.episode_metrics()) == bool(people)
 
 
 def test_lidar_sees_people_from_the_bodys_centre() -> None:
@@ -260,25 +200,6 @@ def test_under_the_field_a_robot_stops_before_a_person(away: float) -> None:
     assert 0.2 * PACE < gap_to(simulator) < 0.2 * PACE + 0.1 + 0.05
 
 
-@pytest.mark.parametrize("rests", [False, True])
-def test_routes_lead_round_people_who_stand(rests: bool) -> None:
-    grid = drawn(["............", ".####.#####.", "............", ".####.#####.", "............"])
-    config = EnvConfig(num_agents=1, people=1, planner="astar_turns", traffic="shield")
-    simulator = Simulator(config, grid=grid)
-    simulator.reset_to([Assignment(np.array([[1.5, 2.5, 0.0]]), np.array([[2, 11]]))], seed=0)
-    still(simulator, 7.5, 2.5)
-    simulator.people.persons[0, 0]["rest"] = 1e6 * rests
-    simulator.people.persons[0, 0]["goal_x"] = 7.5  # or it stands there for a moment only
-    for _ in range(45):  # a look comes every 4 s
-        simulator.step(np.full((1, 1), simulator.cruise_action))
-        simulator.people.persons["rest"] = 1e6 * rests
-        simulator.people.persons["x"], simulator.people.persons["y"] = 7.5, 2.5
-        simulator.people.persons["blocked"] = 0.0
-    line = simulator.routes[0, 0, : simulator.state.route_points[0, 0]]
-    passes = bool((np.hypot(*(line - [7.5, 2.5]).T) < 0.7).any())
-    assert passes != rests
-
-
 def test_who_turns_away_goes_past_no_robot() -> None:
     """A robot stands in the doorway between a person and its goal; so it goes the long way round, or elsewhere."""
     grid = drawn(["............", ".####.#####.", "............"])
@@ -289,17 +210,6 @@ def test_who_turns_away_goes_past_no_robot() -> None:
     way = simulator.people.ways[0, 0]  # rows from the south
     assert not np.isfinite(way[1, 5])
     assert np.isfinite(way[2, 5])
-
-
-def test_who_is_shut_in_between_robots_does_not_stay_for_good() -> None:
-    """Beside a shelf, with robots in front and to both sides: where turning away leaves nothing, it goes anywhere."""
-    grid = drawn(["#########", ".........", "........."])
-    simulator = with_people(grid, (3.4, 1.6, 0.0), (5.3, 1.2, 0.0), (6.6, 1.6, 0.0))
-    o = simulator.people.persons[0, 0]
-    o["x"], o["y"], o["wants"] = 4.6, 1.7, GIVEN_UP
-    simulator.people.send_on(simulator.robots)
-    goal = simulator.grid.cell(np.array([o["goal_x"], o["goal_y"]]))
-    assert tuple(goal) != tuple(simulator.grid.cell(np.array([o["x"], o["y"]])))
 
 
 @settings(max_examples=25, deadline=None)
@@ -353,26 +263,6 @@ def test_people_begin_away_from_robots_and_where_they_can_walk() -> None:
     assert apart.min() >= START
     cells = simulator.grid.cell(np.stack([persons["x"], persons["y"]], axis=-1))
     assert not simulator.grid.occupied[cells[..., 0], cells[..., 1]].any()
-
-
-@pytest.mark.parametrize("longest_first", [False, True])
-@pytest.mark.parametrize("toward", range(4))
-def test_a_person_who_gives_up_keeps_off_each_robots_own_cells(toward: int, longest_first: bool) -> None:
-    """The tail of the short robot is at the rim, where the longer one's would lie outside, or at the rim opposite."""
-    long = RobotSpec(length=1.4, wheelbase=0.9, front_overhang=0.25)
-    bodies = (long, RobotSpec()) if longest_first else (RobotSpec(), long)
-    grid, config = room(9, 9), EnvConfig(num_agents=2, robot=bodies[0], fleet=(FleetPart(1, bodies[1]),), people=1)
-    people, robots = People(config, grid, 1), np.zeros((1, 2), ROBOT)
-    c, s = ((1, 0), (0, 1), (-1, 0), (0, -1))[toward]
-    short = robots[0, bodies.index(RobotSpec())]
-    robots["motion"]["x"], robots["motion"]["y"], robots["motion"]["cos"] = 6.5, 6.5, 1.0
-    motion = short["motion"]
-    motion["x"], motion["y"], motion["cos"], motion["sin"] = 4.5 - 3.72 * c, 4.5 - 3.72 * s, c, s
-    people.stand(0, [[4.5, 4.5]])
-    people.persons["wants"] = GIVEN_UP
-    people.send_on(robots)
-    barred = np.argwhere(np.isinf(people.ways[0, 0]))  # rows from the south
-    assert {(6, 6), (6, 5), (4 - 4 * s, 4 - 4 * c)} == set(map(tuple, barred.tolist()))
 
 
 @pytest.mark.parametrize(

@@ -93,20 +93,6 @@ def test_bodies_touch_between_samples_where_dense_sampling_says_so(
         assert not found
 
 
-def test_two_that_rush_past_a_corner_touch_without_the_field_though_no_sample_says_so() -> None:
-    """Half a metre each in a step: the nose of one is where the tail of the other was, which has left by its end."""
-    fast = RobotSpec(max_speed=2.5)
-    poses = (5.75, 6.0, 0.0, 2.5), (4.9, 5.5, math.pi / 2, 2.5)
-    simulator = stage(room(12, 12), *poses, robot=fast, substeps=1, time_step=0.2)
-    pose = simulator.state.pose[0].astype(np.float64)
-    robots = bodies(*np.moveaxis(on_arcs(pose, np.full((2, 2), 2.5), np.zeros((2, 2)), 0.2, BETWEEN), -1, 0))
-    apart = separation(robots[:, 0], robots[:, 1])
-    assert min(apart[0], apart[-1]) > 0 > apart.min()
-    simulator.step(raw(simulator, (0.0, 0.0), (0.0, 0.0)))
-    assert simulator.robots["events"]["hit_robot"][0].tolist() == [1, 1]
-    assert simulator.state.speed[0].min() == 0.0  # who ran into the other is put back
-
-
 def test_who_turns_back_within_a_substep_touches_what_its_tail_swings_into() -> None:
     """It ends where it began, a centimetre further in between, and its tail two."""
     brisk = RobotSpec(max_acceleration=2.0)

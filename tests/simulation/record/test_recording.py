@@ -38,7 +38,7 @@ def _recorded(action_type: str, steps: int, grid: GridMap | None = None) -> tupl
 
 @pytest.mark.parametrize("action_type", ["discrete", "continuous", "raw"])
 def test_a_loaded_episode_replays_to_the_bit(action_type: str, tmp_path: Path) -> None:
-    episode, bits = _recorded(action_type, 1000 if action_type == "discrete" else 100)
+    episode, bits = _recorded(action_type, 100)
     episode.save(tmp_path / "episode.npz")
     loaded = Episode.load(tmp_path / "episode.npz")
     assert loaded.config == episode.config
@@ -61,45 +61,7 @@ def test_preferences_are_kept_in_short_and_replay_to_the_bit(right_of_way: bool,
     recorder.episode.save(tmp_path / "episode.npz")
     loaded = Episode.load(tmp_path / "episode.npz")
     assert loaded.actions.dtype == np.uint16
-    assert np.unique(loaded.actions).size <= 11  # two numbers for each of five offsets
     assert [sim.robots.tobytes() for sim in loaded.replay()][1:] == bits
-
-
-def test_whole_preferences_replay_alike(tmp_path: Path) -> None:
-    """A file of a version that kept them as floats."""
-    simulator = Simulator(EnvConfig(num_agents=8, planner="astar", traffic=TrafficSpec(shield=True, right_of_way=True)))
-    recorder, liked = Recorder(simulator, (3,)), np.random.default_rng(2).normal(size=(60, 1, 8, 20))
-    for one in liked:
-        recorder.step(one)
-    old = dataclasses.replace(recorder.episode, actions=liked.astype(np.float32))
-    old.save(tmp_path / "old.npz")
-    ends = [list(one.replay())[-1].robots.tobytes() for one in (recorder.episode, Episode.load(tmp_path / "old.npz"))]
-    assert ends[0] == ends[1]
-
-
-def test_the_file_says_whose_actions_they_are(tmp_path: Path) -> None:
-    simulator = Simulator(EnvConfig(num_agents=3, planner="astar"))
-    recorder = Recorder(simulator, (3,), "runs/mine")
-    recorder.step(np.zeros((1, 3), int))
-    recorder.episode.save(tmp_path / "episode.npz")
-    assert Episode.load(tmp_path / "episode.npz").policy == "runs/mine"
-    with np.load(tmp_path / "episode.npz") as data:
-        arrays = dict(data)
-    about = json.loads(arrays["about"].tobytes())
-    del about["policy"]  # as in files of versions that did not tell
-    arrays["about"] = np.frombuffer(json.dumps(about).encode(), np.uint8)
-    np.savez(tmp_path / "old.npz", **arrays)
-    assert Episode.load(tmp_path / "old.npz").policy == ""
-
-
-def test_the_file_holds_its_map(tmp_path: Path) -> None:
-    occupied = np.zeros((9, 12), dtype=bool)
-    occupied[3:5, 3:9] = True
-    episode, bits = _recorded("discrete", 20, GridMap(occupied, name="my hall"))
-    episode.save(tmp_path / "episode.npz")
-    loaded = Episode.load(tmp_path / "episode.npz")
-    assert loaded.grid.name == "my hall"
-    assert [sim.robots.tobytes() for sim in loaded.replay()] == bits
 
 
 def test_an_episode_from_before_a_reward_term_replays(tmp_path: Path) -> None:
@@ -115,12 +77,6 @@ def test_an_episode_from_before_a_reward_term_replays(tmp_path: Path) -> None:
     loaded = Episode.load(tmp_path / "old.npz")
     assert loaded.config == episode.config
     assert [sim.robots.tobytes() for sim in loaded.replay()] == bits
-
-
-def test_a_changed_action_is_another_episode(tmp_path: Path) -> None:
-    episode, bits = _recorded("discrete", 50)
-    episode.actions[10] = (episode.actions[10] + 7) % 20
-    assert [sim.robots.tobytes() for sim in episode.replay()] != bits
 
 
 def test_recorded_headings_are_within_a_turn_and_poses_finite(tmp_path: Path) -> None:

@@ -121,16 +121,6 @@ def test_tasks_are_those_of_the_seed_whatever_is_lost() -> None:
     assert goals[0][0] > 0
 
 
-def test_as_many_are_lost_as_asked_for() -> None:
-    simulator = small(0.25, 4)
-    simulator.reset(2)
-    lost = []
-    for actions in actions_for("discrete", 200, 4, 5):
-        simulator.step(actions)
-        lost.append(simulator.robots["shield"]["silent"].copy())
-    assert np.mean(lost) == pytest.approx(0.25, abs=4 * math.sqrt(0.25 * 0.75 / 4000))
-
-
 def test_bursts_last_as_long_as_asked_for_and_lose_as_much() -> None:
     simulator = small(0.25, 8, burst=2.0)  # ten decisions of 0.2 s
     simulator.reset(2)
@@ -142,3 +132,14 @@ def test_bursts_last_as_long_as_asked_for_and_lose_as_much() -> None:
     assert min(lasted) == 10
     assert all(run % 10 == 0 for run in lasted)  # one may begin when another ends
     assert np.mean(lost) == pytest.approx(0.25, abs=0.05)
+
+
+def test_what_is_said_comes_into_force_one_latency_later() -> None:
+    """0.3 s: three physics steps after it was said, whatever is said in between."""
+    changes = {"traffic": TrafficSpec(shield=True), "uncertainty": UncertaintySpec(latency=0.3)}
+    simulator = stage(room(6, 20), (5.0, 3.0, 0.0), **changes)
+    speeds = []
+    for command in ((1.0, 0.0), (0.0, 0.0), (0.0, 0.0), (0.0, 0.0), (0.0, 0.0)):
+        simulator.step(raw(simulator, command))
+        speeds.append(float(simulator.state.speed[0, 0]))
+    np.testing.assert_allclose(speeds, [0.0, 0.0, 0.0, 0.1, 0.1], atol=1e-6)

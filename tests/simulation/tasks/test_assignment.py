@@ -48,18 +48,6 @@ def test_the_first_goal_is_reached_and_another_follows() -> None:
     assert len({tuple(goal) for goal in sim.state.goal[0].tolist()}) == 2
 
 
-def test_worlds_do_not_depend_on_each_other() -> None:
-    one, two = simulator(1), simulator(2)
-    told = Assignment(POSE, GOAL)
-    one.reset_to([told], seed=[7])
-    two.reset_to([Assignment(POSE[::-1], GOAL[::-1]), told], seed=[5, 7])
-    for _ in range(60):
-        one.step(np.full((1, 2), one.cruise_action))
-        two.step(np.full((2, 2), two.cruise_action))
-    np.testing.assert_array_equal(one.state.pose[0], two.state.pose[1])
-    np.testing.assert_array_equal(one.observation[0], two.observation[1])
-
-
 @pytest.mark.parametrize(
     ("pose", "goal", "says"),
     [

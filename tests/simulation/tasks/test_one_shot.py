@@ -13,7 +13,7 @@ from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import make_layout
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.tasks.one_shot import OneShotTasks
-from warehouse_env.simulation.tasks.well_formed import cut_off, disc_of, parking_of, rectangle_of
+from warehouse_env.simulation.tasks.well_formed import cut_off, disc_of
 
 ONE_SHOT = EnvConfig(tasks="one_shot")
 DISC = disc_of(ONE_SHOT, 1.0)
@@ -43,28 +43,12 @@ def test_the_disc_holds_every_parked_body() -> None:
     assert len(disc_of(ONE_SHOT, 0.5)) == sum(r * r + c * c < 3.316**2 for r in range(-4, 5) for c in range(-4, 5))
 
 
-def test_who_parks_in_parallel_bars_a_rectangle() -> None:
-    # 0.3 + 0.097 m across, 0.45 + 0.097 + 1 m along, and 0.35 m for who passes
-    config = ONE_SHOT.replace(arrival="pose")
-    assert rectangle_of(config, 1.0, upright=False).tolist() == [[0, -1], [0, 0], [0, 1]]
-    # cells of 0.5 m: 1.9 m, so 3 up and down, and 0.75 m, 1 to either side, with the corners
-    assert sorted(map(tuple, rectangle_of(config, 0.5, upright=True).tolist())) == [
-        (row, column) for row in range(-3, 4) for column in (-1, 0, 1)
-    ]
-    grid = drawn(["......", "..##..", "......", "......"])
-    kinds = parking_of(grid, config).kinds
-    assert kinds[2, 2] == 1  # along the shelf
-    assert kinds[1, 1] == 2  # upright beside its end
-    assert kinds[3, 0] == 1 or kinds[3, 0] == 2  # in the corner
-    assert not parking_of(grid, ONE_SHOT).kinds.any()
-
-
 def test_a_goal_in_the_only_way_cuts_off() -> None:
     aisle = drawn(["#########", ".........", "#########"])
     starts = np.array([(1, 0), (1, 1)])
-    assert cut_off(aisle, starts, np.array([(1, 8), (1, 4)]), parking_of(aisle, ONE_SHOT)).tolist() == [True, False]
+    assert cut_off(aisle, starts, np.array([(1, 8), (1, 4)]), DISC).tolist() == [True, False]
     hall = drawn(["........."] * 5)
-    assert cut_off(hall, starts, np.array([(1, 8), (1, 4)]), parking_of(hall, ONE_SHOT)).tolist() == [False, False]
+    assert cut_off(hall, starts, np.array([(1, 8), (1, 4)]), DISC).tolist() == [False, False]
 
 
 floors = st.lists(st.text("..#", min_size=12, max_size=12), min_size=9, max_size=9)
@@ -82,7 +66,7 @@ def test_cut_off_is_what_a_plain_search_finds(lines: list[str], seed: int) -> No
     chosen = rng.permutation(len(free))
     count = int(rng.integers(2, 5))
     starts, goals = free[chosen[:count]], free[chosen[count : 2 * count]]
-    assert cut_off(grid, starts, goals, parking_of(grid, ONE_SHOT)).tolist() == plain_cut_off(grid, starts, goals)
+    assert cut_off(grid, starts, goals, DISC).tolist() == plain_cut_off(grid, starts, goals)
 
 
 @pytest.mark.parametrize(("layout", "robots"), [("paper46", 32), ("narrow", 16), ("single_lane", 8), ("open", 16)])

@@ -12,19 +12,15 @@ import pytest
 from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.errors import ConfigError
 from warehouse_env.maps.distance import label_regions
-from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import make_layout
 from warehouse_env.simulation.record.recording import Episode, Recorder
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.state import OWNER, field_of
-from warehouse_env.simulation.tasks.allocation import ALLOCATORS
-from warehouse_env.simulation.tasks.assignment import Assignment
 from warehouse_env.simulation.tasks.battery import GRAVITY, Batteries
-from warehouse_env.simulation.tasks.duty import Doing
-from warehouse_env.simulation.tasks.loads import slowed
+from warehouse_env.simulation.tasks.duty import Doing, service_time
 from warehouse_env.simulation.tasks.orders import Order, write_orders
 from warehouse_env.simulation.tasks.places import Places, standing_places
-from warehouse_env.simulation.tasks.service import service_time
+from warehouse_env.simulation.tasks.shifts import slowed
 from warehouse_env.simulation.tasks.well_formed import disc_of
 from warehouse_env.work import BatterySpec, OrderSpec, ServiceSpec
 
@@ -115,18 +111,6 @@ def test_a_load_slows_by_the_rule() -> None:
     assert fastest[False] > 1.4
 
 
-def test_several_stops_are_visited_in_the_order_of_the_order() -> None:
-    stops = [PICKS[7], PICKS[20], STATIONS[0]]
-    order = Order(0.0, tuple(stops[:2]), stops[2], 500.0, 100.0)
-    simulator = single([order, order._replace(release=1.0)], service=ServiceSpec(1.0, 1.0))
-    seen: list[tuple[int, int]] = []
-    for _ in range(1500):
-        cruise(simulator)
-        seen += [tuple(simulator.state.goal[0, 0].tolist()) for _ in simulator.arrivals]
-    assert seen == stops + stops
-    assert simulator.episode_metrics()["orders_done"] == 2
-
-
 def test_who_wants_a_held_cell_waits_at_a_place_and_gets_it_next() -> None:
     places = Places(waiting=[(0, 0), (0, 5)], spare=[(9, 9)])
     places.take(1, (5, 5))
@@ -203,24 +187,6 @@ def test_an_episode_of_a_file_of_orders_replays_without_the_file(tmp_path: Path)
     assert same(last, recorder.simulator)
 
 
-def test_goals_given_by_hand_are_served_and_then_orders_are() -> None:
-    simulator = Simulator(BUSY.replace(battery=None))
-    poses = np.column_stack([FLOOR.centre(np.array(PICKS[:4])), np.zeros(4)])
-    simulator.reset_to([Assignment(poses, np.array(PICKS[10:14]))], seed=2)
-    assert [duty.stops for duty in simulator.dispatcher.shifts[0].duties] == [[c] for c in PICKS[10:14]]  # type: ignore[index]
-    cruise(simulator, 1200)
-    assert simulator.episode_metrics()["orders_done"] > 0
-
-
-def test_who_has_broken_down_stands_for_good_and_its_order_is_open_again() -> None:
-    simulator = single([Order(0.0, (PICKS[5],), STATIONS[3], 500.0, 300.0)])
-    assert simulator.episode_metrics()["orders_open"] == 0
-    simulator.break_down(0, 0)
-    cruise(simulator, 100)
-    assert simulator.episode_metrics()["orders_open"] == 1
-    assert simulator.state.alive[0, 0] == 0
-
-
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
@@ -248,19 +214,3 @@ def test_wrong_specs_say_what_is_right() -> None:
         Simulator(BASE.replace(orders=OrderSpec(allocation="neares")))
     with pytest.raises(ConfigError, match="need orders=OrderSpec"):
         Simulator(BASE, orders=[Order(0.0, (PICKS[0],), STATIONS[0], 1.0, 1.0)])
-
-
-@pytest.mark.parametrize("allocation", ALLOCATORS)
-def test_robots_that_are_shut_in_get_no_orders(allocation: str) -> None:
-    occupied = np.zeros((12, 20), np.bool_)
-    occupied[:, 13] = True
-    grid = GridMap(occupied, picks=[(1, c) for c in range(1, 12, 2)], stations=[(10, c) for c in range(1, 12, 2)])
-    orders = [Order(1.0, (pick,), (10, 5), 900.0, 1.0) for pick in ((1, 1), (1, 3), (1, 5))]
-    config = BASE.replace(num_agents=3, orders=OrderSpec(allocation=allocation))
-    simulator = Simulator(config, grid=grid, orders=orders)
-    simulator.reset(1)
-    simulator.put([[(16.5, 2.5, 0.0), (16.5, 6.5, 0.0), (1.5, 8.5, 0.0)]], 0.0)  # the last beside the first order
-    cruise(simulator, 15)
-    assert simulator.dispatcher.shifts is not None
-    given = [duty.order is not None for duty in simulator.dispatcher.shifts[0].duties]
-    assert given == [False, False, True]

@@ -57,27 +57,6 @@ def test_a_robot_alternates_between_picks_and_stations() -> None:
         assert all(a != b for a, b in zip(kinds[1:], kinds, strict=False))
 
 
-def test_the_first_goal_is_a_pick_or_a_station_by_chance() -> None:
-    first = []
-    for seed in range(40):
-        rng = np.random.default_rng(seed)
-        tasks = tasks_for(1)
-        tasks.reset(rng)
-        first.append(tasks.next_goal(0, (2, 2), rng) in PICKS)
-    assert 8 < sum(first) < 32
-
-
-def test_with_all_of_a_kind_taken_the_other_kind_serves() -> None:
-    rng = np.random.default_rng(0)
-    tasks = tasks_for(5, PICKS, [(4, 4)])
-    tasks.reset(rng)
-    goals = [tasks.next_goal(robot, (2, 2), rng) for robot in range(5)]
-    for robot in range(5):
-        for _ in range(4):
-            goals[robot] = tasks.next_goal(robot, goals[robot], rng)
-            assert len(set(goals)) == 5
-
-
 @pytest.mark.parametrize(("robots", "fits"), [(7, True), (8, False), (9, False)])
 def test_more_robots_than_places_is_an_error(robots: int, fits: bool) -> None:
     if fits:
@@ -85,17 +64,6 @@ def test_more_robots_than_places_is_an_error(robots: int, fits: bool) -> None:
         return
     with pytest.raises(ConfigError, match=rf"num_agents={robots} .*'five'.* 8 endpoints"):
         tasks_for(robots)
-
-
-def test_a_cell_that_is_a_pick_and_a_station_is_one_place() -> None:
-    with pytest.raises(ConfigError, match="2 endpoints"):
-        tasks_for(2, [(0, 0), (1, 1)], [(0, 0)])
-
-
-def test_one_robot_on_one_place_stays_there() -> None:
-    tasks = tasks_for(1, [(0, 0)], [(0, 0)])
-    tasks.reset(np.random.default_rng(0))
-    assert tasks.next_goal(0, (0, 0), np.random.default_rng(0)) == (0, 0)
 
 
 def test_robots_that_find_no_room_to_stand_are_an_error() -> None:

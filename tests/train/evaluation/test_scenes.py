@@ -8,7 +8,7 @@ import pytest
 from train.evaluation.scenes import SCENES
 from warehouse_env.config import EnvConfig
 from warehouse_env.simulation.simulator import Simulator
-from warehouse_env.simulation.tasks.well_formed import cut_off, parking_of
+from warehouse_env.simulation.tasks.well_formed import cut_off, disc_of
 
 BASE = EnvConfig(planner="astar", tasks="one_shot")
 
@@ -24,4 +24,4 @@ def test_scenes_are_well_formed_and_touch_nothing(name: str) -> None:
         starts = scene.grid.cell(one.pose[:, :2])
         if name.startswith("swap"):  # a start is another's goal, so all that can be asked is the way from the middle
             starts = np.broadcast_to(np.array(scene.grid.shape) // 2, starts.shape)
-        assert not cut_off(scene.grid, starts, one.goal, parking_of(scene.grid, BASE)).any()
+        assert not cut_off(scene.grid, starts, one.goal, disc_of(BASE, scene.grid.cell_size)).any()

@@ -1,9 +1,8 @@
-"""Who touches whom: trial motion, exact contact, put-back.
+"""Trial motion, exact contact, put-back.
 
-All robots move at once; whoever runs into something, at the substep's end or on the way there (sweep.py), is put back
-to its start with zero speed, and this is repeated until nothing overlaps: at worst all stand where they stood. So no
-body ever overlaps another. Under the protective field, which has looked at the way, the ends are looked at alone.
-What is counted of it: contact_episodes.py.
+All robots move at once. A robot that runs into something, at the substep's end or on the way there (sweep.py), is put
+back to its start with zero speed. This is repeated until nothing overlaps; at worst, no robot moves. So no body ever
+overlaps another. Under the shield, which has checked the way, only the ends are checked. contact_episodes.py counts.
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ from numpy.typing import NDArray
 
 from warehouse_env.kernel import inline, part
 from warehouse_env.simulation.physics.buckets import CENTRE_X, CENTRE_Y, bucket_at
-from warehouse_env.simulation.physics.disc_sweep import touches_obstacle
+from warehouse_env.simulation.physics.discs import touches_obstacle
 from warehouse_env.simulation.physics.footprint import body_touches_shelf, clearance_at, disc_room, meets_obstacle
 from warehouse_env.simulation.physics.geometry import body_of, grown, rectangles_touch, separation, squared_distance
 from warehouse_env.simulation.physics.kinds import kind_of
@@ -171,7 +170,7 @@ def body_in(motion, i, p):
 
 
 @inline
-def _trial(motion, i, p):
+def trial_body(motion, i, p):
     """Return robot i's body, a Rectangle, on trial."""
     return body_of(motion[TRY_X, i], motion[TRY_Y, i], motion[TRY_COS, i], motion[TRY_SIN, i], p)
 
@@ -191,7 +190,7 @@ def _touches_shelf(motion, i, between, p, floor):
     """Whether robot i on trial touches a shelf, where it comes to or, if asked, on the way there."""
     before = body_in(motion, i, p)
     where = touches_obstacle(
-        Sweep(before, _trial(motion, i, p), _back(motion, i, p)), motion[WAY, i], between, p, floor
+        Sweep(before, trial_body(motion, i, p), _back(motion, i, p)), motion[WAY, i], between, p, floor
     )
     return where == AT_END or (
         where == BETWEEN and not body_touches_shelf(before, floor)
@@ -205,7 +204,7 @@ def _tries_a_shelf(motion, i, guarded, p, floor):
     if before > way:
         motion[ROOM, i] = before - way
         return False
-    body = _trial(motion, i, p)
+    body = trial_body(motion, i, p)
     room = disc_room(body, floor)
     motion[ROOM, i] = room
     if guarded is not None:
@@ -237,7 +236,7 @@ def _touch_on_the_way(motion, i, j, way, p, q):
 
     way: both bodies', together [m].
     """
-    end, other_end = _trial(motion, i, p), _trial(motion, j, q)
+    end, other_end = trial_body(motion, i, p), trial_body(motion, j, q)
     gap = separation(end, other_end)
     if gap <= ZERO or gap > way:
         return gap <= ZERO
@@ -252,7 +251,7 @@ def _touch_on_the_way(motion, i, j, way, p, q):
 @inline
 def _try_a_touch(motion, i, j, guarded, p, q):
     """Whether robots i and j, with parameters p and q, touch on trial where they come to or, unless guarded, before."""
-    one, other = _trial(motion, i, p), _trial(motion, j, q)
+    one, other = trial_body(motion, i, p), trial_body(motion, j, q)
     way = ZERO if guarded is not None else motion[WAY, i] + motion[WAY, j]
     reach = p["radius"] + q["radius"] + way
     if squared_distance(one, other) > reach * reach or not rectangles_touch(grown(one, way), other):
@@ -263,15 +262,15 @@ def _try_a_touch(motion, i, j, guarded, p, q):
 @inline
 def _runs_into(motion, i, j, p, q):
     """Whether robot i's trial pose touches robot j where that stood: then i is at fault, whatever j does."""
-    return rectangles_touch(_trial(motion, i, p), body_in(motion, j, q))
+    return rectangles_touch(trial_body(motion, i, p), body_in(motion, j, q))
 
 
 @inline
 def keep_off_robots(motion, flags, pairs, count, guarded, p, kinds):
     """Put back the robots that touch on trial, at once, again and again until none do.
 
-    Of two that touch, the one that comes to where the other stood is put back, so that nobody is held by a robot
-    that pushes it; both are if both did, or if they met half-way.
+    Of two robots that touch, the one that moved into the other's place is put back, so that no robot is held by one
+    that pushes it. Both are put back if both did so, or if they met half-way.
     """
     again = count > 0
     flags[BLOCKED, :] = 0

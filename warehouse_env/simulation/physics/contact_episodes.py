@@ -1,8 +1,7 @@
-"""What is counted of contact: episodes and near misses of pairs of robots, and episodes with shelves.
+"""Count contact episodes and near misses of pairs of robots, and contact episodes with shelves.
 
-A contact episode begins with a touch and ends when the gap is wider than `near_miss_gap`: a robot that keeps pushing
-another is counted once, however often it is put back. A near miss is a gap under `near_miss_gap` that opened again
-untouched.
+A contact episode begins with a touch and ends when the gap exceeds `near_miss_gap`: a robot that keeps pushing another
+counts once, however often it is put back. A near miss is a gap under `near_miss_gap` that opens again without a touch.
 """
 
 from __future__ import annotations

@@ -1,7 +1,6 @@
-"""Discs on the floor, such as pillars: does a body touch one, and what does the lidar see of them? All exact.
+"""Discs on the floor, such as pillars: does a body touch one, also between two samples, and what does the lidar see?
 
-Kernels are given the discs of a floor, or None: a branch on an argument that is None is not compiled. The lidar sees
-Outlines where there are discs, else an array of edges.
+Kernels are given the discs of a floor, or None: a branch on an argument that is None is not compiled.
 """
 
 from __future__ import annotations
@@ -13,37 +12,41 @@ from numpy.typing import NDArray
 
 from warehouse_env.kernel import inline, part
 from warehouse_env.maps.discs import cells_near
-from warehouse_env.simulation.physics.geometry import square_at, squared_distance_to
-from warehouse_env.simulation.physics.trigonometry import ZERO
+from warehouse_env.simulation.physics.geometry import Rectangle, half_box, square_at, squared_distance_to
+from warehouse_env.simulation.physics.sweep import (
+    AT_END,
+    BETWEEN,
+    NOWHERE,
+    ROUNDING,
+    arc_of,
+    touches_shelf,
+    turned,
+)
+from warehouse_env.simulation.physics.trigonometry import ONE, ZERO, arc_tan2, sin_cos
 
-_LISTED = 1e-3  # [m] from a cell, up to which it lists a disc: rounding leaves none out
+_TWO = np.float32(2.0)
+_STRAIGHT = np.float32(1e-3)  # [rad] under which an arc is a line
+_MOST = 1 << 16  # steps along an arc, after which a body that still seems to touch a disc does
+LISTED = 1e-3  # [m] from a cell, up to which it lists a disc: rounding leaves none out
 
 
-class CellDiscs(NamedTuple):
-    """The discs that each padded cell touches, y up."""
+class Discs(NamedTuple):
+    """Discs, and those that count in each padded cell, y up."""
 
-    first: NDArray[np.int32]  # [H + 2, W + 3], where the discs of a cell begin in `discs`; they end where the next's do
-    discs: NDArray[np.float32]  # [M, 3]: x, y, radius [m], once for each cell that one touches
-
-
-class Outlines(NamedTuple):
-    """What the lidar sees of a floor with discs."""
-
-    lines: NDArray[np.float32]  # [K, 3], see Edges
-    discs: NDArray[np.float32]  # [D, 3]: x, y, radius [m]
+    discs: NDArray[np.float32]  # [K, 3]: x, y, radius [m]
     near: NDArray[np.int32]  # indices of discs by padded cell, one list after another
-    first: NDArray[np.int32]  # [H + 2, W + 3], where a cell's list begins in `near`
+    first: NDArray[np.int32]  # [H + 2, W + 3], where a cell's list begins in `near`; it ends where the next one begins
 
 
-def listed(
-    discs: NDArray[np.float32], margin: float, shape: tuple[int, ...], cell: float
-) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Return the indices of the discs within `margin` [m] of each padded cell, and where each cell's begin.
+def discs_near(discs: NDArray[np.float32], margin: float, shape: tuple[int, ...], cell: float) -> Discs | None:
+    """Return the discs within `margin` [m] of each padded cell; None if there are none.
 
-    shape: of the padded floor, (H + 2, W + 2). int32[M], and int32[H + 2, W + 3] as in CellDiscs.
+    shape: of the padded floor, (H + 2, W + 2) cells of `cell` [m].
     """
+    if not len(discs):
+        return None
     shift = np.array([cell, cell, 0.0])
-    at, who = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
+    at, who = list[NDArray[np.int64]](), list[NDArray[np.int64]]()
     for k, disc in enumerate(discs.astype(np.float64)):
         row, column = cells_near(disc + shift, margin, shape, cell).T
         at.append(row * shape[1] + column)
@@ -53,13 +56,7 @@ def listed(
     first = np.zeros((shape[0], shape[1] + 1), np.int32)
     first[:, 1:] = ends
     first[1:, 0] = ends[:-1, -1]
-    return np.concatenate(who)[order].astype(np.int32), first
-
-
-def by_cell(discs: NDArray[np.float32], shape: tuple[int, ...], cell: float) -> CellDiscs:
-    """Return the discs of a padded floor of a shape by the cells of `cell` [m] that they touch."""
-    which, first = listed(discs, _LISTED, shape, cell)
-    return CellDiscs(first, discs[which])
+    return Discs(discs, np.concatenate(who)[order].astype(np.int32), first)
 
 
 def lower_clearance(clearance: NDArray[np.uint8], discs: NDArray[np.float32], step: float, unit: float) -> None:
@@ -73,14 +70,6 @@ def lower_clearance(clearance: NDArray[np.uint8], discs: NDArray[np.float32], st
         dx = (np.arange(part.shape[1]) + columns.start + 0.5) * step - x
         distance = np.hypot(dy[:, None], dx[None, :]) - radius - step * np.sqrt(0.5)
         np.minimum(part, np.clip(distance / unit, 0.0, 255.0).astype(np.uint8), out=part)
-
-
-def outlines_of(
-    lines: NDArray[np.float32], discs: NDArray[np.float32], shape: tuple[int, ...], cell: float, lidar_range: float
-) -> Outlines:
-    """Return what the lidar sees of discs beside the edges `lines`; shape: of the padded floor in cells."""
-    near, first = listed(discs, lidar_range, shape, cell)
-    return Outlines(lines, discs, near, first)
 
 
 @inline
@@ -97,21 +86,80 @@ def reached_columns(low, high, count, cell):
 
 @part
 def meets_disc(body, floor, discs):
-    """Return whether a closed Rectangle touches one of the discs, CellDiscs or None, of a floor."""
+    """Return whether a closed Rectangle touches one of the discs of a floor."""
     if discs is None:
         return False
-    ex = body.length * abs(body.c) + body.width * abs(body.s)
-    ey = body.length * abs(body.s) + body.width * abs(body.c)
-    cell = floor.cell
-    rows, columns = floor.solid.shape
+    (ex, ey), cell, (rows, columns) = half_box(body), floor.cell, floor.solid.shape
     first_row, last_row = reached_rows(body.y - ey, body.y + ey, rows, cell)
     left, right = reached_columns(body.x - ex, body.x + ex, columns, cell)
     for row in range(first_row, last_row + 1):
         for k in range(discs.first[row, left], discs.first[row, right + 1]):
-            radius = discs.discs[k, 2]
-            if squared_distance_to(discs.discs[k, 0], discs.discs[k, 1], body) <= radius * radius:
+            e = discs.near[k]
+            radius = discs.discs[e, 2]
+            if squared_distance_to(discs.discs[e, 0], discs.discs[e, 1], body) <= radius * radius:
                 return True
     return False
+
+
+@inline
+def _on_arc(start, arc, half, t, offset):
+    """Return the body, a Rectangle, after a share t of an arc of its axle, on which it turns by twice `half` [rad]."""
+    s, c = sin_cos(t * half)
+    share = t if abs(half) < _STRAIGHT else s / sin_cos(half)[0]
+    chord_s, chord_c = sin_cos((t - ONE) * half)
+    dx, dy = turned(share * arc.x, share * arc.y, chord_c, chord_s)
+    to_c, to_s = turned(start.c, start.s, c * c - s * s, _TWO * c * s)
+    x, y = start.x + offset * (start.c - to_c) + dx, start.y + offset * (start.s - to_s) + dy
+    return Rectangle(x, y, to_c, to_s, start.length, start.width)
+
+
+@part
+def keeps_off_disc(x, y, radius, body, way, p):
+    """Whether a body, a Sweep, keeps off a disc at (x, y) [m] between two samples of its motion.
+
+    Conservative advancement: the body goes on along its arc by the room that it has. way: of its fastest point [m].
+    """
+    offset, t = p["offset"], ZERO
+    arc = arc_of(body.start, body.end, offset)
+    half = arc_tan2(arc.s, arc.c)
+    for _ in range(_MOST):
+        at = _on_arc(body.start, arc, half, t, offset)
+        room = np.sqrt(squared_distance_to(x, y, at)) - radius - body.back
+        if room <= ROUNDING:
+            return False
+        t += room / way
+        if t >= ONE:
+            return True
+    return False
+
+
+@part
+def _touches_disc(body, way, between, p, floor, discs):
+    """Return where a robot's body touches a disc in a motion, as `touches_shelf` does for shelves."""
+    if discs is None:
+        return NOWHERE
+    (start, end), cell, where, r = (body.start, body.end), p["cell"], NOWHERE, p["radius"] + way
+    rows, columns = floor.solid.shape
+    first_row, last_row = reached_rows(min(start.y, end.y) - r, max(start.y, end.y) + r, rows, cell)
+    left, right = reached_columns(min(start.x, end.x) - r, max(start.x, end.x) + r, columns, cell)
+    for row in range(first_row, last_row + 1):
+        for k in range(discs.first[row, left], discs.first[row, right + 1]):
+            e = discs.near[k]
+            x, y, radius = discs.discs[e, 0], discs.discs[e, 1], discs.discs[e, 2]
+            if squared_distance_to(x, y, end) <= radius * radius:
+                return AT_END
+            if between and where == NOWHERE and not keeps_off_disc(x, y, radius, body, way, p):
+                where = BETWEEN
+    return where
+
+
+@inline
+def touches_obstacle(body, way, between, p, floor):
+    """Return where a robot's body touches a shelf, the rim or a disc in a motion; see `touches_shelf`."""
+    at_shelf = touches_shelf(body, way, between, p, floor)
+    if at_shelf == AT_END:
+        return AT_END
+    return max(at_shelf, _touches_disc(body, way, between, p, floor, floor.discs))
 
 
 @inline
@@ -124,14 +172,16 @@ def is_taken(x, y, floor):
 
 
 @part
-def scan_discs(cx, cy, row, column, outlines, turned, out):
+def scan_discs(cx, cy, row, column, discs, turned, out):
     """Shorten the rays from (cx, cy) [m] that meet a disc.
 
     row, column: of the padded cell there; turned float32[2 or more, R]: the rays' directions; out [m]: R or more.
     """
-    for n in range(outlines.first[row, column], outlines.first[row, column + 1]):
-        e = outlines.near[n]
-        dx, dy, radius = outlines.discs[e, 0] - cx, outlines.discs[e, 1] - cy, outlines.discs[e, 2]
+    if discs is None:
+        return
+    for n in range(discs.first[row, column], discs.first[row, column + 1]):
+        e = discs.near[n]
+        dx, dy, radius = discs.discs[e, 0] - cx, discs.discs[e, 1] - cy, discs.discs[e, 2]
         squared = radius * radius
         within = dx * dx + dy * dy <= squared
         for k in range(turned.shape[1]):

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.kernel import inline, kernel
-from warehouse_env.simulation.physics.discs import Outlines, outlines_of
+from warehouse_env.simulation.physics.discs import Discs, discs_near
 
 _EXACT = 1e-9  # [cells] rounding of the crossings below
 WEST, EAST, SOUTH, NORTH = 0, 1, 2, 3  # where an edge faces: to its free side
@@ -22,9 +22,10 @@ _FACES = 4
 class Edges(NamedTuple):
     """Static arrays of one map and lidar range. An edge runs along x = line or y = line, from `low` to `high`."""
 
-    edges: NDArray[np.float32] | Outlines  # [K, 3]: line, low, high [m]; with discs beside them
+    edges: NDArray[np.float32]  # [K, 3]: line, low, high [m]
     seen: NDArray[np.int32]  # edges by cell, one list after another; of each, those along x = line come first
     first: NDArray[np.int32]  # [H + 2, W + 2, 3]: where a cell's list begins, where those along y begin, its end
+    discs: Discs | None
 
 
 class Edge(NamedTuple):
@@ -133,17 +134,6 @@ def _candidates(row, column, cell_edges, edges, reach, marks, out, ways):
 
 
 @kernel
-def _write_order(ways, order):
-    """Write the indices of ways float64[M] into order int32[M], the shortest first, of equals the first."""
-    for n in range(len(order)):
-        k = n
-        while k > 0 and ways[order[k - 1]] > ways[n]:
-            order[k] = order[k - 1]
-            k -= 1
-        order[k] = n
-
-
-@kernel
 def _hide(row, column, edges, near, ways, hidden):
     """Say which of the edges `near` int32[M] are hidden from the cell by another of them; ways: of each, squared.
 
@@ -151,9 +141,7 @@ def _hide(row, column, edges, near, ways, hidden):
     hidden by the same edge. So each is held against those before it that are seen, and those as far away: else a long
     range takes minutes.
     """
-    order, front = np.empty(len(near), np.int32), np.empty(len(near), np.int32)
-    _write_order(ways, order)
-    seen = 0
+    order, front, seen = np.argsort(ways, kind="mergesort"), np.empty(len(near), np.int32), 0  # stable
     for n in range(len(near)):
         e = near[order[n]]
         as_far = n + 1
@@ -171,15 +159,6 @@ def _hide(row, column, edges, near, ways, hidden):
 
 
 @kernel
-def _longer(seen, length, more):
-    """Return seen int32[L] with room for `more` entries after the first `length`."""
-    longer = np.empty(2 * (length + more), np.int32)
-    for k in range(length):
-        longer[k] = seen[k]
-    return longer
-
-
-@kernel
 def _lists(solid, cell_edges, edges, reach):
     """Return (seen, its length, first) of Edges; nothing is seen from a shelf's cell."""
     rows, columns = solid.shape
@@ -194,7 +173,7 @@ def _lists(solid, cell_edges, edges, reach):
                 count = _candidates(row, column, cell_edges, edges, reach, marks, near, ways)
                 _hide(row, column, edges, near[:count], ways[:count], hidden)
             if length + count > len(seen):
-                seen = _longer(seen, length, count)
+                seen = np.concatenate((seen[:length], np.empty(length + 2 * count, np.int32)))
             first[row, column, 0] = length
             for along_y in range(2):
                 for k in range(count):
@@ -218,4 +197,4 @@ def edges_of(solid: NDArray[np.uint8], cell: float, lidar_range: float, discs: N
     metres = ((edges[:, 1:] - 1.0) * cell).astype(np.float32)  # without the padding
     for array in (metres, seen, first):
         array.flags.writeable = False
-    return Edges(outlines_of(metres, discs, solid.shape, cell, lidar_range) if len(discs) else metres, seen, first)
+    return Edges(metres, seen, first, discs_near(discs, lidar_range, solid.shape, cell))

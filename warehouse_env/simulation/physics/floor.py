@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from warehouse_env.config import SensorSpec
 from warehouse_env.kernel import kernel
 from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.simulation.physics.discs import CellDiscs, by_cell, lower_clearance
+from warehouse_env.simulation.physics.discs import LISTED, Discs, discs_near, lower_clearance
 from warehouse_env.simulation.physics.edges import Edges, edges_of
 
 FINE = 8  # samples of the clearance field per cell side
@@ -26,7 +26,7 @@ class Floor(NamedTuple):
     clearance: NDArray[np.uint8]  # [H * FINE, W * FINE], y up: lower bound of the distance to the nearest obstacle
     cell: np.float32  # [m]
     edges: Edges  # what the lidar sees of all obstacles
-    discs: CellDiscs | None  # obstacles that are discs, if there are any
+    discs: Discs | None  # obstacles that are discs, by the cells that they touch
 
 
 @kernel
@@ -67,8 +67,8 @@ def _floor(
     if len(discs):
         lower_clearance(clearance, discs, cell / FINE, UNIT)
     clearance.flags.writeable = False
-    listed = by_cell(discs, solid.shape, cell) if len(discs) else None
-    return Floor(solid, clearance, np.float32(cell), edges_of(solid, cell, lidar_range, discs), listed)
+    edges = edges_of(solid, cell, lidar_range, discs)
+    return Floor(solid, clearance, np.float32(cell), edges, discs_near(discs, LISTED, solid.shape, cell))
 
 
 def floor_of(grid: GridMap, lidar_range: float = SensorSpec.lidar_range) -> Floor:

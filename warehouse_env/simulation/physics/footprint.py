@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from warehouse_env.kernel import inline
-from warehouse_env.simulation.physics.discs import meets_disc
+from warehouse_env.simulation.physics.discs import meets_disc, reached_rows
 from warehouse_env.simulation.physics.floor import FINE, UNIT
-from warehouse_env.simulation.physics.geometry import Rectangle, rectangles_touch, square_at
+from warehouse_env.simulation.physics.geometry import Rectangle, half_box, rectangles_touch, square_at
 from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO, sin_cos
 
 _FINE = np.float32(FINE)
@@ -45,35 +45,22 @@ def body_touches_shelf(body, floor):
 
     Three discs that cover the body settle most cases by the clearance field; the rest is exact.
     """
-    third = body.length * _THIRD
-    radius = np.sqrt(third * third + body.width * body.width)
-    shift = body.length * _TWO_THIRDS
-    if (
-        clearance_at(body.x, body.y, floor) > radius
-        and clearance_at(body.x + shift * body.c, body.y + shift * body.s, floor) > radius
-        and clearance_at(body.x - shift * body.c, body.y - shift * body.s, floor) > radius
-    ):
-        return False
-    return meets_obstacle(body, floor)
+    return disc_room(body, floor) <= ZERO and meets_obstacle(body, floor)
 
 
 @inline
 def meets_obstacle(body, floor):
-    """Return what `body_touches_shelf` does, exactly in any case; solid: see Floor."""
+    """Return what `body_touches_shelf` does, without a first look at the clearance field."""
     return meets_cell(body, floor) or meets_disc(body, floor, floor.discs)
 
 
 @inline
 def meets_cell(body, floor):
     """Return whether a closed Rectangle touches a cell of a shelf or the rim."""
-    ex = body.length * abs(body.c) + body.width * abs(body.s)
-    ey = body.length * abs(body.s) + body.width * abs(body.c)
-    solid, cell, half = floor.solid, floor.cell, HALF * floor.cell
+    (ex, ey), solid, cell, half = half_box(body), floor.solid, floor.cell, HALF * floor.cell
     rows, columns = solid.shape
-    first_row = max(int(np.ceil((body.y - ey) / cell)), 0)
-    last_row = min(int(np.floor((body.y + ey) / cell)) + 1, rows - 1)
-    first_column = max(int(np.ceil((body.x - ex) / cell)), 0)
-    last_column = min(int(np.floor((body.x + ex) / cell)) + 1, columns - 1)
+    first_row, last_row = reached_rows(body.y - ey, body.y + ey, rows, cell)
+    first_column, last_column = reached_rows(body.x - ex, body.x + ex, columns, cell)
     for row in range(first_row, last_row + 1):
         for column in range(first_column, last_column + 1):
             if solid[row, column] != 0:

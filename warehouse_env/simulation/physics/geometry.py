@@ -63,6 +63,12 @@ def square_at(x, y, half):
 
 
 @inline
+def half_box(one):
+    """Return half the width and half the height of the box around a rectangle, along the axes of the floor [m]."""
+    return one.length * abs(one.c) + one.width * abs(one.s), one.length * abs(one.s) + one.width * abs(one.c)
+
+
+@inline
 def squared_distance(one, other):
     """Return the squared distance [m^2] of two rectangles' centres."""
     dx, dy = other.x - one.x, other.y - one.y

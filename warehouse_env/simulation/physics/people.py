@@ -1,13 +1,13 @@
-"""People on foot among the robots: discs on errands of their own, whom no command, route or right of way knows of.
+"""People on foot among the robots: discs that walk from endpoint to endpoint.
 
-They walk from one endpoint to the next by the shortest way, rest there, keep their distance from robots and pass to the
-right of those in their way. Where there is no way past they stand, or step back from who has come too near, and after a
-few seconds turn away. Robots make way for a person whom they keep from walking (traffic/pedestrian_yield.py). Nobody
-walks into a robot, so each contact is a robot's doing; people ignore each other.
+A person takes the shortest way to its goal, rests there, keeps its distance from robots and passes them on the right.
+Where there is no way past, it stands, steps back from robots that come too near, and turns away after a few seconds.
+Robots make way for a person whom they keep from walking (traffic/pedestrian_yield.py). No person walks into a robot, so
+each contact is the robot's fault. People ignore each other.
 
-Robots have them in their lidar. The protective field knows where they are, but not where they will go: it lets a robot
-drive only if, wherever they walk, it stands before anybody can be where its body will be (passive motion safety:
-Bouraine, Fraichard and Salhi 2012). Live routes lead round those who stand; right of way grants nothing across people.
+Robots see people in their lidar. The shield knows where people are, but not where they will go: a robot may drive only
+if it stands before anybody can be where its body will be (passive motion safety: Bouraine, Fraichard and Salhi 2012).
+Live routes lead around standing people; right of way grants nothing across people.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from warehouse_env.errors import ConfigError
 from warehouse_env.kernel import inline, part
 from warehouse_env.maps.distance import label_regions
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
-from warehouse_env.simulation.physics.contact import MOVING, TRY_COS, TRY_SIN, TRY_X, TRY_Y, put_back
+from warehouse_env.simulation.physics.contact import MOVING, put_back, trial_body
 from warehouse_env.simulation.physics.footprint import body_touches_shelf, cell_at
-from warehouse_env.simulation.physics.geometry import square_at
+from warehouse_env.simulation.physics.geometry import body_at, body_of, square_at, squared_distance_to
 from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.physics.poses import poses
 from warehouse_env.simulation.physics.stops import BODY_COS, BODY_SIN, CENTRE_X, CENTRE_Y
@@ -140,16 +140,10 @@ class People:
         occupied, here = self._grid.occupied.copy(), np.array([o["x"], o["y"]], dtype=np.float64)
         own = self._grid.nearest_cell(here)
         beside = own + MOVES[((own + MOVES >= 0) & (own + MOVES < occupied.shape)).all(axis=-1)]
-        ways = self._grid.centre(beside) - here
+        ways, motion = self._grid.centre(beside) - here, robots["motion"]
         for share in (0.0, 0.5, 1.0):
             back = share * self._reaches
-            points = np.stack(
-                [
-                    robots["motion"]["x"] - back * robots["motion"]["cos"],
-                    robots["motion"]["y"] - back * robots["motion"]["sin"],
-                ],
-                axis=-1,
-            )
+            points = np.stack([motion["x"] - back * motion["cos"], motion["y"] - back * motion["sin"]], axis=-1)
             occupied[tuple(self._grid.nearest_cell(points).T)] = True
             to = points[np.hypot(*(points - here).T) < (_TURNS_AWAY if away else 0.0)] - here
             along = (ways[:, None] * to).sum(axis=-1)
@@ -174,18 +168,15 @@ class People:
 @inline
 def distance_to_body(x, y, cx, cy, c, s, p):
     """Return the distance [m] of a point from the body at (cx, cy) [m], heading (c, s); 0 inside it."""
-    dx, dy = x - cx, y - cy
-    along = max(abs(dx * c + dy * s) - p["half_length"], ZERO)
-    aside = max(abs(dy * c - dx * s) - p["half_width"], ZERO)
-    return np.sqrt(along * along + aside * aside)
+    return np.sqrt(squared_distance_to(x, y, body_at(cx, cy, c, s, p)))
 
 
 @inline
 def gap_to(x, y, r, p):
     """Return the gap [m] between a person at (x, y) and robot r; negative where they touch."""
     motion = r["motion"]
-    cx, cy = motion["x"] - p["offset"] * motion["cos"], motion["y"] - p["offset"] * motion["sin"]
-    return distance_to_body(x, y, cx, cy, motion["cos"], motion["sin"], p) - RADIUS
+    body = body_of(motion["x"], motion["y"], motion["cos"], motion["sin"], p)
+    return np.sqrt(squared_distance_to(x, y, body)) - RADIUS
 
 
 @inline
@@ -302,9 +293,8 @@ def keep_off_people(robots, persons, motion, flags, p, kinds):
     for m in range(persons.shape[0]):
         o = persons[m]
         for i in range(robots.shape[0]):
-            c, s, own = motion[TRY_COS, i], motion[TRY_SIN, i], kind_of(i, p, kinds)
-            cx, cy = motion[TRY_X, i] - own["offset"] * c, motion[TRY_Y, i] - own["offset"] * s
-            if flags[MOVING, i] != 0 and distance_to_body(o["x"], o["y"], cx, cy, c, s, own) <= RADIUS:
+            body = trial_body(motion, i, kind_of(i, p, kinds))
+            if flags[MOVING, i] != 0 and np.sqrt(squared_distance_to(o["x"], o["y"], body)) <= RADIUS:
                 put_back(motion, flags, i)
                 r = robots[i]
                 events = r["events"]

@@ -11,7 +11,7 @@ import numpy as np
 
 from warehouse_env.kernel import inline, part
 from warehouse_env.simulation.physics.contact import COS, HEADING, SIN, SPEED, STEER, X, Y
-from warehouse_env.simulation.physics.disc_sweep import touches_obstacle
+from warehouse_env.simulation.physics.discs import touches_obstacle
 from warehouse_env.simulation.physics.footprint import body_room, body_touches_shelf
 from warehouse_env.simulation.physics.geometry import (
     Rectangle,
@@ -23,6 +23,7 @@ from warehouse_env.simulation.physics.geometry import (
 )
 from warehouse_env.simulation.physics.kinematics import (
     arc_driven,
+    arc_end,
     braking,
     chassis_of,
     curvature,
@@ -31,13 +32,10 @@ from warehouse_env.simulation.physics.kinematics import (
     way_driven,
 )
 from warehouse_env.simulation.physics.sweep import NOWHERE, Sweep, touch_between, turns_back
-from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO, sin_cos
+from warehouse_env.simulation.physics.trigonometry import HALF, ZERO, sin_cos
 
 REST = np.float32(1e-6)  # [m/s] under which a stop is over: what rounding leaves of a speed
 _EIGHTH = np.float32(0.125)
-_SIXTH = np.float32(1.0 / 6.0)
-_OVER_120 = np.float32(1.0 / 120.0)
-_SHORT = np.float32(0.2)  # [rad] up to which a series gives the chord of an arc
 _ROOT_2 = np.float32(1.4142137)
 SLACK = np.float32(1e-3)  # [m] for what rounding adds up to where poses are not the samples themselves
 # The field's arrays (see field.scratch). paths float32[N + 1, T + 1, PLACE]: the body's centre and heading now, and
@@ -63,18 +61,6 @@ def stopping_distance(speed, p):
 
 
 @inline
-def _along(x, y, heading, distance, bend):
-    """Return the pose after any distance [m] on an arc, as kinematics.roll does for short ones."""
-    half = HALF * distance * bend
-    s, c = sin_cos(heading + half)
-    if abs(half) > _SHORT:
-        chord = distance * sin_cos(half)[0] / half
-    else:
-        chord = distance * (ONE - half * half * (_SIXTH - half * half * _OVER_120))
-    return x + chord * c, y + chord * s, heading + half + half
-
-
-@inline
 def draw_outline(row, pose, way, bend, before, outlines, p):
     """Write the rectangle that holds all of a stop of `way` [m] from a pose, and of how the body came there.
 
@@ -85,7 +71,7 @@ def draw_outline(row, pose, way, bend, before, outlines, p):
     x, y, heading, c, s = pose
     driven, turned = before
     if way != ZERO:
-        x, y, heading = _along(x, y, heading, HALF * way, bend)
+        x, y, heading = arc_end(x, y, heading, HALF * way, bend)
         s, c = sin_cos(heading)
     half_way = HALF * abs(way)
     half_turn = half_way * abs(bend)

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from warehouse_env.kernel import inline, part
-from warehouse_env.simulation.physics.geometry import rectangles_touch, square_at
+from warehouse_env.simulation.physics.geometry import half_box, rectangles_touch, square_at
 from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO
 
 _EIGHTH = np.float32(0.125)
@@ -273,12 +273,6 @@ def _touch_cell(box, body, spare, p, solid):
 
 
 @inline
-def _reach(one):
-    """Return half the box around a rectangle, along the axes of the floor [m]."""
-    return one.length * abs(one.c) + one.width * abs(one.s), one.length * abs(one.s) + one.width * abs(one.c)
-
-
-@inline
 def touches_shelf(body, way, between, p, floor):
     """Return where a robot's body touches a shelf or the rim in a motion: AT_END, else, if asked, BETWEEN, or NOWHERE.
 
@@ -287,7 +281,7 @@ def touches_shelf(body, way, between, p, floor):
     """
     start, end, cell, half = body.start, body.end, p["cell"], HALF * p["cell"]
     spare = _EIGHTH * way * way / p["far"] + body.back + ROUNDING
-    (ex0, ey0), (ex1, ey1) = _reach(start), _reach(end)
+    (ex0, ey0), (ex1, ey1) = half_box(start), half_box(end)
     (rows, columns), scale, more, near = floor.solid.shape, ONE / cell, spare + _ON_FLOOR, False
     first_row = max(int((min(start.y - ey0, end.y - ey1) - more) * scale + ONE), 0)  # under 0 is rounded up, to the rim
     last_row = min(int((max(start.y + ey0, end.y + ey1) + more) * scale) + 1, rows - 1)

@@ -1,11 +1,10 @@
-"""Zones: floor on which robots may drive so fast and no faster, heeded by all of them whatever they are told.
+"""Zones: parts of the floor with a speed limit, which robots keep whatever they are commanded.
 
-At a point p a robot may have the speed v with v^2 = min over the zones z of (v_z^2 + 2 b |p - z|), v_z its limit,
-|p - z| the distance to it, 0 within, and b a little less than the full braking. Along any way v^2 falls by 2 b a metre
-at most. So who is no faster than that anywhere can brake for whatever zone it comes to, and who leaves one may
-accelerate as it can: no route has to be known for it. In every physics step a robot's command is lowered so that it is
-no faster where it is, nor where it will be; where its speed is over that already, it brakes as hard as it can.
-What counts is where the middle of a robot's fixed axle is, which is its pose.
+At a point p a robot may have the speed v with v^2 = min over the zones z of (v_z^2 + 2 b |p - z|): v_z is the zone's
+limit, |p - z| the distance to it (0 inside), and b a little less than full braking. Along any path v^2 falls by at most
+2 b a metre. So a robot that keeps this speed can brake for any zone that it comes to, without knowing its route.
+In every physics step a robot's command is lowered so that it is no faster than that, now and at the step's end. A
+robot that is too fast already brakes as hard as it can. Its place is the middle of its fixed axle, its pose.
 """
 
 from __future__ import annotations
@@ -41,33 +40,21 @@ def zones_of(grid: GridMap, config: EnvConfig) -> Zones | None:
     hardest = min(robot.max_acceleration for robot in config.bodies)  # that all can brake
     if grid.speed is None or not (grid.speed < fastest).any():
         return None
-    slope, most = 2 * _BRAKING * hardest, (_ABOVE * fastest) ** 2
+    from scipy.ndimage import distance_transform_edt  # not when this is loaded, which takes long
+
+    slope = 2 * _BRAKING * hardest
     fine = max(1, min(math.ceil(grid.cell_size / STEP), _MOST // max(grid.shape)))
     step = grid.cell_size / fine
     rows, columns = grid.shape
-    squares = np.full((rows * fine + 1, columns * fine + 1), most)
-    reach = min(math.ceil(most / slope / step), max(squares.shape))  # [samples] around a zone in which it counts
-    along = np.arange(-reach, fine + reach + 1)
-    off = step * np.maximum(np.maximum(-along, along - fine), 0)
-    added = slope * np.hypot(off[:, None], off[None, :])
-    speed = grid.speed[::-1]
-    reaches = ~_among_slower(speed)
-    for row, column in np.argwhere(speed < fastest).tolist():
-        far = reach if reaches[row, column] else 0
-        top, left = row * fine - far, column * fine - far
-        own = added[reach - far : len(off) - reach + far, reach - far : len(off) - reach + far]
-        part = squares[max(top, 0) : top + len(own), max(left, 0) : left + len(own)]
-        above = own[max(-top, 0) :, max(-left, 0) :][: part.shape[0], : part.shape[1]]
-        np.minimum(part, speed[row, column] ** 2 + above, out=part)
+    squares = np.full((rows * fine + 1, columns * fine + 1), (_ABOVE * fastest) ** 2)
+    for limit in np.unique(grid.speed[grid.speed < fastest]):
+        cells = np.repeat(np.repeat(grid.speed[::-1] == limit, fine, axis=0), fine, axis=1)
+        outside = np.ones(squares.shape, dtype=np.bool_)
+        for row in (slice(None, -1), slice(1, None)):
+            for column in (slice(None, -1), slice(1, None)):  # a cell has the samples on its sides
+                outside[row, column] &= ~cells
+        np.minimum(squares, limit**2 + slope * step * distance_transform_edt(outside), out=squares)
     return Zones(squares.astype(np.float32), np.float32(step))
-
-
-def _among_slower(speed: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return bool[H, W]: cells with no faster one around them: whoever comes to one has braked for those already."""
-    rows, columns = speed.shape
-    around = np.pad(speed, 1, constant_values=-np.inf)
-    views = [around[a : a + rows, b : b + columns] for a in range(3) for b in range(3)]
-    return np.asarray(np.max(views, axis=0) <= speed)
 
 
 @inline

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -29,8 +28,7 @@ class Deadlock(NamedTuple):
     ended_by: Ending  # what that member did: drove on along its route, after a new one, or off it
 
 
-@dataclass(frozen=True)
-class _Open:
+class _Open(NamedTuple):
     """A deadlock that goes on, and its members' records when it was first seen."""
 
     members: tuple[int, ...]
@@ -39,7 +37,7 @@ class _Open:
 
 
 class JamLog:
-    """A watcher of one episode: called after every step, it looks once a PERIOD for circles of waiting robots."""
+    """Watch one episode: call it after every step; once a PERIOD it looks for wait cycles."""
 
     def __init__(self, simulator: Simulator) -> None:
         """Begin with empty logs; the simulator has just been reset."""
@@ -61,13 +59,9 @@ class JamLog:
                 self._look(world, simulator.robots[world], cycle[world], simulator.seconds(world))
 
     def _look(self, world: int, robots: NDArray[Any], cycle: NDArray[np.int32], now: float) -> None:
-        going_on = []
-        for jam in self._open[world]:
-            ending = _ending(jam, robots)
-            if ending is None:
-                going_on.append(jam)
-            else:
-                self._ended[world].append(_closed(jam, now, ending))
+        endings = [(jam, _ending(jam, robots)) for jam in self._open[world]]
+        self._ended[world] += [_closed(jam, now, ending) for jam, ending in endings if ending is not None]
+        going_on = [jam for jam, ending in endings if ending is None]
         involved = {member for jam in going_on for member in jam.members}
         seen = {}
         for first in np.unique(cycle[cycle != NOBODY]).tolist():

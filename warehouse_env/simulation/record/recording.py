@@ -8,15 +8,12 @@ from __future__ import annotations
 import contextlib
 import json
 import math
-import struct
-import tokenize
 import warnings
 import zipfile
-import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO, Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.lib import format as npy
@@ -34,16 +31,12 @@ from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.tasks.orders import Order, as_table, from_table
 
 FORMAT = 1
-_GOING = ("speed", "price")  # arrays of a GridMap that not every floor has
+_ALWAYS = ("height", "picks", "stations")  # arrays of a GridMap that every file has,
+_GOING = ("speed", "price")  # and that not every floor has
 _LARGEST_FILE = 4_000_000_000  # [bytes]
 _LONGEST_TEXT = 2**20  # [bytes] of the config and all else that is no array
 _MOST_CELLS = 10**8  # of a floor
 _MOST_ENTRIES = 2**28  # of any array
-# What NumPy, zip and JSON raise where bytes are not what they were.
-_DAMAGE = (
-    OSError, KeyError, ValueError, AttributeError, TypeError, EOFError, OverflowError, MemoryError, RuntimeError,
-    SyntaxError, zipfile.BadZipFile, zlib.error, struct.error, tokenize.TokenError,
-)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,26 +55,20 @@ class Episode:
     def save(self, path: str | Path) -> None:
         """Write to a file (.npz), as a whole or not at all; WarehouseError where it cannot be written."""
         grid = self.grid
-        text = {"format": FORMAT, "config": self.config.to_dict(), "map": grid.name, "cell_size": grid.cell_size}
-        text["policy"] = self.policy
-        if self.made_of:
-            text["made_of"] = self.made_of
-        ordered: dict[str, Any] = (
-            {} if self.orders is None else {"orders": np.array(as_table(self.orders), dtype=np.float64)}
-        )
-        if any(grid.origin):
-            text["origin"] = grid.origin
-        going = {name: array for name in _GOING if (array := getattr(grid, name)) is not None}
-        if going:
-            text["pace"] = grid.pace
+        text = {
+            "format": FORMAT, "config": self.config.to_dict(), "map": grid.name, "cell_size": grid.cell_size,
+            "policy": self.policy, "made_of": self.made_of, "origin": grid.origin, "pace": grid.pace,
+        }  # fmt: skip
+        arrays: dict[str, Any] = {name: array for name in _GOING if (array := getattr(grid, name)) is not None}
+        if self.orders is not None:
+            arrays["orders"] = np.array(as_table(self.orders), dtype=np.float64)
         if len(grid.discs):
-            ordered |= {"discs": grid.discs, "walls": grid.walls}
+            arrays |= {"discs": grid.discs, "walls": grid.walls}
         with complete_file(path) as part, part.open("wb") as file:
             np.savez_compressed(
                 file, about=np.frombuffer(json.dumps(text).encode(), dtype=np.uint8), occupied=grid.occupied,
                 height=grid.height, picks=grid.picks, stations=grid.stations, one_way=grid.one_way,
-                seeds=np.array(self.seeds, dtype=np.int64), actions=self.actions, pose=self.pose,
-                **ordered, **going,
+                seeds=np.array(self.seeds, dtype=np.int64), actions=self.actions, pose=self.pose, **arrays,
             )  # fmt: skip
 
     @classmethod
@@ -99,17 +86,13 @@ class Episode:
         config, policy = EnvConfig.from_dict(about["config"]), str(about.get("policy", ""))
         _check_shapes(config, *(arrays.header(name) for name in ("seeds", "actions", "pose")))
         cells = arrays.read("occupied", most=_MOST_CELLS)
-        of_cells = [name for name in ("height", "one_way") if name in arrays]  # earlier versions had no one-way cells
-        each = {name: arrays.read(name, most=cells.size) for name in of_cells}
-        picks, stations = (arrays.read(name, most=2 * cells.size) for name in ("picks", "stations"))
-        floor = (cells, each["height"], about["cell_size"], picks, stations, about["map"])
-        going = {name: arrays.read(name, most=8 * cells.size) for name in _GOING if name in arrays}
-        going |= {name: about[name] for name in ("origin", "pace") if name in about}
-        discs, walls = (
-            arrays.read(name, most=most) if name in arrays else None
-            for name, most in (("discs", 3 * MOST), ("walls", cells.size))
-        )
-        grid = GridMap(*floor, one_way=each.get("one_way"), discs=discs, walls=walls, **going)  # type: ignore[arg-type]
+        many = {"height": 1, "picks": 2, "stations": 2, "one_way": 1, "walls": 1, **dict.fromkeys(_GOING, 8)}  # a cell
+        most = {name: count * cells.size for name, count in many.items()} | {"discs": 3 * MOST}
+        floor: dict[str, Any] = {
+            name: arrays.read(name, count) for name, count in most.items() if name in arrays or name in _ALWAYS
+        }
+        floor |= {name: about[name] for name in ("cell_size", "origin", "pace") if name in about}
+        grid = GridMap(cells, name=about["map"], **floor)
         seeds = tuple(arrays.read("seeds").tolist())
         if not all(isinstance(seed, int) and seed >= 0 for seed in seeds):
             raise WarehouseError(f"the seeds {shown(seeds)} must be one whole number a world, none negative")
@@ -141,15 +124,11 @@ def opened(path: str | Path) -> Iterator[zipfile.ZipFile]:
                 yield archive
         except WarehouseError as error:
             raise WarehouseError(f"{path} is no complete episode file: {error}") from None
-        except _DAMAGE as error:
+        except Exception as error:  # NumPy, zip and JSON raise a dozen kinds where bytes are not what they were
             raise WarehouseError(f"{path} is no complete episode file: {shown(error)}") from None
 
 
-class _Header(NamedTuple):
-    """What an array in a file will be."""
-
-    shape: tuple[int, ...]
-    dtype: np.dtype[Any]
+Header = tuple[tuple[int, ...], np.dtype[Any]]  # of an array: its shape and kind
 
 
 class _Arrays:
@@ -161,10 +140,13 @@ class _Arrays:
     def __contains__(self, name: str) -> bool:
         return f"{name}.npy" in self._archive.namelist()
 
-    def header(self, name: str) -> _Header:
+    def header(self, name: str) -> Header:
         """Return what an array will be; ValueError for a format that NumPy does not write for plain numbers."""
         with self._archive.open(f"{name}.npy") as file:
-            return _header(file)
+            if npy.read_magic(file) != (1, 0):
+                raise ValueError("it has arrays of an unknown format")
+            shape, _, dtype = npy.read_array_header_1_0(file)
+            return shape, dtype
 
     def read(self, name: str, most: int = _MOST_ENTRIES) -> NDArray[Any]:
         """Return an array; WarehouseError if it has more than `most` entries, or other than numbers."""
@@ -175,28 +157,21 @@ class _Arrays:
             return np.asarray(npy.read_array(file, allow_pickle=False))
 
 
-def _header(file: IO[bytes]) -> _Header:
-    read = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}.get(npy.read_magic(file))
-    if read is None:
-        raise ValueError("it has arrays of an unknown format")
-    shape, _, dtype = read(file)
-    return _Header(shape, dtype)
-
-
-def _check_shapes(config: EnvConfig, seeds: _Header, actions: _Header, pose: _Header) -> None:
+def _check_shapes(config: EnvConfig, *headers: Header) -> None:
     """Raise WarehouseError unless seeds, actions and poses are of one length and of the config's robots."""
-    worlds, robots = seeds.shape[0] if len(seeds.shape) == 1 else 0, config.num_agents
-    steps = actions.shape[0] if actions.shape else 0
+    (seeds, _), (actions, _), (pose, kind) = headers
+    worlds, robots = seeds[0] if len(seeds) == 1 else 0, config.num_agents
+    steps = actions[0] if actions else 0
     each: tuple[int, ...] = (2,)
     if config.action_type == "discrete":
         liked = len(config.speed_levels) * len(config.lateral_offsets)
-        each = (liked,) if len(actions.shape) == 4 else ()
+        each = (liked,) if len(actions) == 4 else ()
     if not worlds:
-        raise WarehouseError(f"seeds of shape {seeds.shape} are not one or more, one a world")
-    if steps and actions.shape != (steps, worlds, robots, *each):
-        raise WarehouseError(f"actions of shape {actions.shape} do not fit {worlds} worlds of {robots} robots")
-    if pose.shape != (steps + 1, worlds, robots, 3) or pose.dtype.kind != "f":
-        raise WarehouseError(f"poses of shape {pose.shape} do not fit {steps} steps of {robots} robots")
+        raise WarehouseError(f"seeds of shape {seeds} are not one or more, one a world")
+    if steps and actions != (steps, worlds, robots, *each):
+        raise WarehouseError(f"actions of shape {actions} do not fit {worlds} worlds of {robots} robots")
+    if pose != (steps + 1, worlds, robots, 3) or kind.kind != "f":
+        raise WarehouseError(f"poses of shape {pose} do not fit {steps} steps of {robots} robots")
 
 
 class Recorder:

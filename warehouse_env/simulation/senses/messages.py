@@ -1,19 +1,16 @@
-"""Messages lost: what a robot tells the others in an env step reaches nobody, and they go on with what they knew.
+"""Message loss: in an env step nobody hears a silent robot, and the others go on with what they knew.
 
-The protocol, as vehicles would speak it: in each physics step a robot says which motion it commits to, one step as
-commanded and then a full stop, and drives it once all near have acknowledged it. Silence means that it keeps what it
-said last: whoever hears no acknowledgement brakes along that stop, on which the others count, and stands at its end
-until it is heard again. So nobody takes ground that the others do not know of, whatever is lost and for how long, and
-losses cost time, never a contact.
+The protocol, as vehicles would speak it: in each physics step a robot says to which motion it commits, one step as
+commanded and then a full stop. It drives that motion once all robots near it have acknowledged it; otherwise it brakes
+along the stop that it said last, on which the others count. So no robot takes ground that the others do not know of,
+and losses cost time, never a contact. A silent robot
 
-A robot whose messages are lost (`silent` of its record)
+- brakes within its stop, under the shield (traffic/shield.py);
+- appears only in lidar: it is no neighbour, and so in no prediction;
+- is granted its stretch by right of way unheard: the others know the one of the decision before.
 
-- brakes within its stop, under the protective field (traffic/shield.py);
-- is in no other's observation but by lidar: not among the neighbours, and so in no prediction;
-- is granted its stretch by right of way unheard: the others know of the one it had in the decision before.
-
-Whose messages are lost is drawn before each env step from a stream of the world's own, apart from its tasks', so that
-the same seed has the same tasks whatever is lost.
+Losses are drawn before each env step from a stream of the world's own, so that the same seed has the same tasks
+whatever is lost.
 """
 
 from __future__ import annotations
@@ -36,7 +33,6 @@ class Messages:
         spec = config.uncertainty_spec
         loss = spec.loss
         self._lasts = max(1, round(spec.burst / (config.time_step * config.action_repeat)))  # env steps
-        self._late = max(spec.latency - spec.bounds.latency, 0.0) / spec.latency if spec.latency else 0.0
         self._begins = loss / (loss + self._lasts * (1.0 - loss))  # the chance in an env step of who is heard
         self._left = np.zeros((worlds, config.num_agents), np.int64)  # env steps for which each is silent yet
         # made when first used, as the Dispatcher's
@@ -50,10 +46,10 @@ class Messages:
 
     def lose(self, robots: NDArray[Any]) -> None:
         """Write who of robots ROBOT[B, N] is silent in the env step to come."""
-        if self._begins == self._late == 0:
+        if self._begins == 0:
             return
         self._left = np.maximum(self._left - 1, 0)
         for world in range(len(robots)):
-            chances = self._rngs[world].random((2 if self._late else 1, robots.shape[1]))
-            self._left[world, (chances[0] < self._begins) & (self._left[world] == 0)] = self._lasts
-            robots["shield"]["silent"][world] = (self._left[world] > 0) | (chances[-1] < self._late)
+            begins = self._rngs[world].random(robots.shape[1]) < self._begins
+            self._left[world, begins & (self._left[world] == 0)] = self._lasts
+            robots["shield"]["silent"][world] = self._left[world] > 0

@@ -65,25 +65,6 @@ def rank(table, sides, preferences, commands, choices):
     return True
 
 
-@kernel
-def shorten(table, sides, preferences, kept):
-    """Write kept uint16[B, N, A], all that `rank` reads of preferences [B, N, A]: two numbers an offset, the rest 0.
-
-    The better an offset, the higher the numbers of its best action and, below it, of the best one that drives on.
-    """
-    order = np.empty(sides.size, np.int64)
-    kept[:] = 0
-    for b in range(preferences.shape[0]):
-        for i in range(preferences.shape[1]):
-            _sort(table, sides, preferences[b, i], order)
-            for n in range(sides.size):
-                best, value = order[n], 2 * (sides.size - n)
-                going = _best(table, preferences[b, i], table[best, 1], ZERO)
-                if going >= 0:
-                    kept[b, i, going] = value - 1
-                kept[b, i, best] = value
-
-
 @inline
 def speed_of(r, choices, speed, urged):
     """Return the speed [m/s] that a robot likes with the offset that it has, else `speed`; one above 0 if urged."""

@@ -34,10 +34,10 @@ class Scanners(NamedTuple):
     edges: Edges
 
 
-def scanners_of(rays: int, edges: Edges) -> Scanners:
-    """Return scanners of so many rays, evenly all round."""
+def unit_vectors(rays: int) -> NDArray[np.float32]:
+    """Return float32[2, rays]: the directions of rays, evenly all round, in the robot's frame."""
     angles = 2 * np.pi * np.arange(rays) / rays
-    return Scanners(np.stack([np.cos(angles), np.sin(angles)]).astype(np.float32), edges)
+    return np.stack([np.cos(angles), np.sin(angles)]).astype(np.float32)
 
 
 _RAYS, _APART = 5, np.float32(0.45)  # rays by which a disc is looked for, this part of its radius from each other

@@ -36,24 +36,10 @@ def scan_shelves(eye, p, edges, rays, turned, out):
     """Write the distance [m] of each ray from an eye to the nearest shelf or disc, at most lidar_range.
 
     eye: x, y [m], cosine and sine of its heading; rays: float32[2, R], unit vectors in the robot's frame; turned:
-    float32[TURNED, R], scratch.
-    """
-    lines = edges.edges
-    if hasattr(lines, "lines"):
-        _scan_lines(eye, p, lines.lines, edges.seen, edges.first, rays, turned, out)
-        row, column = _padded_cell(eye[0], eye[1], p["cell"], edges.first)
-        scan_discs(eye[0], eye[1], row, column, lines, turned, out)
-    else:
-        _scan_lines(eye, p, lines, edges.seen, edges.first, rays, turned, out)
-
-
-@inline
-def _scan_lines(eye, p, edges, seen, first, rays, turned, out):
-    """Write the distance [m] of each ray from an eye to the nearest shelf, at most lidar_range.
-
-    edges, seen, first: see Edges. A ray of direction (ux, uy) from (cx, cy) meets the line x = a at a distance
+    float32[TURNED, R], scratch. A ray of direction (ux, uy) from (cx, cy) meets the line x = a at a distance
     (a - cx) / ux, at y = cy + distance x uy; rounding moves that by less than half of a seam.
     """
+    lines, seen, first = edges.edges, edges.seen, edges.first
     cx, cy, c, s = eye
     cell = p["cell"]
     for k in range(rays.shape[1]):
@@ -68,10 +54,11 @@ def _scan_lines(eye, p, edges, seen, first, rays, turned, out):
     seam = _SEAM * p["lidar_range"]
     for n in range(first[row, column, 0], first[row, column, 1]):
         e = seen[n]
-        _meet(edges[e, 0] - cx, edges[e, 1] - cy - seam, edges[e, 2] - cy + seam, turned[PER_X], turned[RAY_Y], out)
+        _meet(lines[e, 0] - cx, lines[e, 1] - cy - seam, lines[e, 2] - cy + seam, turned[PER_X], turned[RAY_Y], out)
     for n in range(first[row, column, 1], first[row, column, 2]):
         e = seen[n]
-        _meet(edges[e, 0] - cy, edges[e, 1] - cx - seam, edges[e, 2] - cx + seam, turned[PER_Y], turned[RAY_X], out)
+        _meet(lines[e, 0] - cy, lines[e, 1] - cx - seam, lines[e, 2] - cx + seam, turned[PER_Y], turned[RAY_X], out)
+    scan_discs(cx, cy, row, column, edges.discs, turned, out)
 
 
 @inline

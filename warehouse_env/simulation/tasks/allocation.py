@@ -1,4 +1,4 @@
-"""Who gets which order: a registry of rules, from what each robot would have to drive to each order's first pick."""
+"""Rules that give orders to robots, by the distance from each robot to each order's first pick face."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ class Allocator(Protocol):
     """A rule that gives free robots open orders."""
 
     def __call__(self, cost: NDArray[np.float64]) -> list[tuple[int, int]]:
-        """Return pairs (robot, order) in which nobody comes twice; as many as there are robots or orders.
+        """Return pairs (robot, order), each robot and order at most once; as many as there are robots or orders.
 
         cost float[F, K] [cells]: from each free robot to each open order, oldest first. Ties go to the lower number.
         """
@@ -42,38 +42,10 @@ def nearest(cost: NDArray[np.float64]) -> list[tuple[int, int]]:
 
 
 def optimal(cost: NDArray[np.float64]) -> list[tuple[int, int]]:
-    """Pair robots and orders so that the sum of all costs is least.
+    """Pair robots and orders so that the sum of all costs is least (the Hungarian method)."""
+    from scipy.optimize import linear_sum_assignment
 
-    By shortest augmenting paths with potentials (the Hungarian method: Kuhn 1955, Jonker and Volgenant 1987), O(F F K).
-    Own code: scipy, which has it, would be new in the core for this alone; tests hold it against scipy's.
-    """
-    if cost.shape[0] > cost.shape[1]:
-        return sorted((robot, order) for order, robot in optimal(cost.T))
-    rows, columns = cost.shape
-    row_price, column_price = np.zeros(rows), np.zeros(columns)
-    row_of = np.full(columns, -1)
-    for row in range(rows):
-        least, came_from = np.full(columns, np.inf), np.full(columns, -1)
-        done = np.zeros(columns, dtype=np.bool_)
-        at, column, length = row, -1, 0.0
-        while True:  # Dijkstra over reduced costs, until a column without a row
-            reach = length + cost[at] - row_price[at] - column_price
-            better = ~done & (reach < least)
-            least[better], came_from[better] = reach[better], column
-            column = int(np.where(done, np.inf, least).argmin())
-            length, done[column] = float(least[column]), True
-            if row_of[column] < 0:
-                break
-            at = int(row_of[column])
-        settled = np.flatnonzero(done & (row_of >= 0))
-        row_price[row_of[settled]] += length - least[settled]
-        column_price[settled] -= length - least[settled]
-        row_price[row] += length
-        while column >= 0:  # along the path, each column takes the row of the one before it
-            before = int(came_from[column])
-            row_of[column] = row if before < 0 else row_of[before]
-            column = before
-    return sorted((int(row), column) for column, row in enumerate(row_of) if row >= 0)
+    return [(int(robot), int(order)) for robot, order in zip(*linear_sum_assignment(cost), strict=True)]
 
 
 ALLOCATORS: dict[str, Allocator] = {"nearest": nearest, "fifo": fifo, "optimal": optimal}

@@ -1,4 +1,4 @@
-"""Robots that stand where they are told to and go where they are told to: scenes, benchmarks, a user's own tasks."""
+"""Given starts and goals, for scenes, benchmarks and a user's own tasks."""
 
 from __future__ import annotations
 

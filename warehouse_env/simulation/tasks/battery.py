@@ -1,10 +1,9 @@
-"""Batteries: what robots use up by driving, by their mass and by standing there at all, and what chargers give back.
+"""Batteries: energy that robots use and chargers give back.
 
-A robot of mass m under a load l that drives a way s within a time t uses up c (m + l) g s + P t, with the share c of
-its weight that driving takes (BatterySpec.resistance) and the power P that it takes at all times.
+A robot of mass m under a load l that drives a distance s in a time t uses c (m + l) g s + P t. c is the share of its
+weight that driving takes (BatterySpec.resistance), P the power that it takes at all times.
 
-Nobody strands: whoever has left only what the way to the nearest charger takes, and half as much again, goes there at
-once, whatever it is at.
+No robot strands: as soon as its charge falls to 1.5 times what the way to the nearest charger takes, it goes there.
 """
 
 from __future__ import annotations
@@ -12,7 +11,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from warehouse_env.config import EnvConfig
 
@@ -28,9 +27,9 @@ class Batteries:
     def __init__(self, config: EnvConfig, home: NDArray[np.float64]) -> None:
         """home float64[H, W] [m]: the way from each cell to the nearest charger, inf where there is none."""
         assert config.battery is not None
-        self._spec, self._home, count = config.battery, home, config.num_agents
+        self.spec, self._home, count = config.battery, home, config.num_agents
         self._mass = np.array([robot.mass for robot in config.robots])  # [kg]
-        spec, service = self._spec, config.service
+        spec, service = self.spec, config.service
         self._pause = max(service.pick, service.station) if service is not None else 0.0  # [s] before it can go
         self.charge = np.full(count, spec.capacity)  # [Wh]
         self.lowest = self.charge.copy()  # [Wh] in this episode
@@ -40,13 +39,13 @@ class Batteries:
 
     def begin(self, rng: np.random.Generator) -> None:
         """Begin an episode, each robot somewhere between low and full."""
-        share = rng.uniform(self._spec.low, 1.0, len(self.charge))
-        self.charge[:] = self.lowest[:] = share * self._spec.capacity
+        share = rng.uniform(self.spec.low, 1.0, len(self.charge))
+        self.charge[:] = self.lowest[:] = share * self.spec.capacity
         self._seen[:] = self._at = self.charged = 0.0
 
     def use(self, now: float, driven: NDArray[np.float64], load: NDArray[np.float64], at_charger: NDArray[Any]) -> None:
         """Let time go on to `now` [s]; driven [N] [m] since the reset, load [N] [kg], at_charger bool[N]."""
-        passed, spec = now - self._at, self._spec
+        passed, spec = now - self._at, self.spec
         force = spec.resistance * GRAVITY * (self._mass + load)
         used = force * (driven - self._seen) + spec.standing * passed - at_charger * (spec.power * passed)
         self.charge = np.clip(self.charge - used / _JOULES, 0.0, spec.capacity)
@@ -54,24 +53,24 @@ class Batteries:
         self.charged += float(at_charger.sum()) * passed
         self._seen[:], self._at = driven, now
 
-    def is_critical(self, cells: NDArray[np.int64], load: NDArray[np.float64]) -> NDArray[np.bool_]:
+    def is_critical(self, cells: ArrayLike, load: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Return bool[N]: who must go and charge now, from cells int[N, 2] with loads [N] [kg]."""
-        return np.asarray(self.charge < self.needed(self._home[tuple(cells.T)], load))
+        return np.asarray(self.charge < self.needed(self._home[tuple(np.transpose(cells))], load))
 
     def needed(self, way: Any, load: Any) -> Any:
         """Return what is kept for a way [m] to a charger under a load [kg], in watt-hours."""
-        force = self._spec.resistance * GRAVITY * (self._mass + load)
-        return (_MARGIN * way * (force + self._spec.standing / _SLOW) + self._spec.standing * self._pause) / _JOULES
+        force = self.spec.resistance * GRAVITY * (self._mass + load)
+        return (_MARGIN * way * (force + self.spec.standing / _SLOW) + self.spec.standing * self._pause) / _JOULES
 
     @property
     def share(self) -> NDArray[np.float64]:
         """What is left, of the capacity [N]."""
-        return self.charge / self._spec.capacity
+        return self.charge / self.spec.capacity
 
     def row(self, seconds: float) -> dict[str, float]:
         """Return the metrics: time at chargers of all time, the least that any robot had left, and who has none."""
         return {
             "charging_share": self.charged / (len(self.charge) * seconds) if seconds > 0 else np.nan,
-            "lowest_charge": float(self.lowest.min()) / self._spec.capacity,
+            "lowest_charge": float(self.lowest.min()) / self.spec.capacity,
             "stranded": float((self.charge <= 0.0).sum()),
         }

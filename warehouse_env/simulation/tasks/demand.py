@@ -1,4 +1,4 @@
-"""Orders by chance: when they come (Poisson, or in waves), what they want (classes of demand), how heavy they are."""
+"""Random orders: their times (Poisson, or in waves), their goods (classes of demand) and their weights."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from warehouse_env.work import OrderSpec
 class Demand:
     """An endless stream of orders, drawn one after the other from a generator of its own.
 
-    Which pick faces are of class A, B, C is drawn first, for the whole episode: goods lie where they lie.
+    The class (A, B, C, ...) of each pick face is drawn first and stays the same for the whole episode.
     """
 
     def __init__(self, spec: OrderSpec, grid: GridMap, payload: float, rng: np.random.Generator) -> None:

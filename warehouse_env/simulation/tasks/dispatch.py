@@ -1,4 +1,4 @@
-"""Dispatching: robots are given tasks and routes at the reset, on arrival, and where another bars their way."""
+"""Give robots tasks and routes: at the reset, on arrival, and where another robot bars their way."""
 
 from __future__ import annotations
 
@@ -12,12 +12,11 @@ from numpy.typing import NDArray
 import warehouse_env.simulation.state as state
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
-from warehouse_env.kernel import compiled_for, kernel
+from warehouse_env.kernel import compiled_for
 from warehouse_env.maps.grid_map import Cell
 from warehouse_env.portable import Portable
 from warehouse_env.routes.book import Route, RouteBook
 from warehouse_env.routes.goals import Goal, Pose, face, facing
-from warehouse_env.simulation.driver.line import forget_grants
 from warehouse_env.simulation.physics.floor import Floor
 from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.tasks.assignment import Assignment
@@ -25,7 +24,16 @@ from warehouse_env.simulation.tasks.one_shot import OneShotTasks
 from warehouse_env.simulation.tasks.orders import Order
 from warehouse_env.simulation.tasks.placement import Limits, place, stand
 from warehouse_env.simulation.tasks.shifts import Shifts, check_given
-from warehouse_env.simulation.tasks.tasks import Arrival, Tasks, book_arrival, pass_by, set_out
+from warehouse_env.simulation.tasks.tasks import (
+    Arrival,
+    Tasks,
+    book_arrival,
+    pass_by,
+    set_out,
+    take_end,
+    take_goal,
+    take_route,
+)  # fmt: skip
 from warehouse_env.simulation.traffic.live import LiveRoutes
 from warehouse_env.simulation.traffic.off_route import far_off, find_off_route
 
@@ -33,54 +41,6 @@ from warehouse_env.simulation.traffic.off_route import far_off, find_off_route
 JOIN = 3.0
 _ALONG_AISLES = np.eye(2, dtype=np.float32)  # directions of which a robot that finds room has room in one
 ROUTE_BLOCK = 64  # way-points by which the routes' array grows
-
-
-@kernel
-def _take_route(robots, routes, world, robot, points, heading):
-    """Write way-points float32[R, 2] [m] into routes float32[B, N, R', 2], and that its robot begins them.
-
-    heading: that of a goal that says none.
-    """
-    spacing = np.float32(0.0)
-    for k in range(len(points)):
-        routes[world, robot, k, 0], routes[world, robot, k, 1] = points[k, 0], points[k, 1]
-        if k > 0:
-            spacing = max(spacing, np.hypot(points[k, 0] - points[k - 1, 0], points[k, 1] - points[k - 1, 1]))
-    r = robots[world, robot]
-    on_route, manoeuvre = r["on_route"], r["manoeuvre"]
-    on_route["points"], on_route["spacing"] = (
-        len(points) if spacing > 0.0 else 1,
-        spacing,
-    )  # it stands at the end already
-    on_route["position"] = on_route["lateral"] = on_route["bearing"] = np.float32(0.0)
-    manoeuvre["arcs"] = manoeuvre["seeks"] = manoeuvre["docks"] = 0  # of a manoeuvre to the route before
-    manoeuvre["search_wait"] = r["traffic"]["side"] = np.float32(0.0)
-    forget_grants(r)
-    r["task"]["goal_heading"], r["task"]["either"], manoeuvre["join"] = heading, False, np.float32(0.0)
-
-
-@kernel
-def _take_end(robots, world, robot, x, y, heading, either, join):
-    """Write the pose at which a robot's route ends: its goal, which it seeks from `join` [m] before the end on.
-
-    either: its body may as well stand there the other way round.
-    """
-    r = robots[world, robot]
-    task = r["task"]
-    task["goal_x"], task["goal_y"], task["goal_heading"], task["either"] = x, y, heading, either
-    r["manoeuvre"]["join"] = np.float32(0.0) if np.isnan(heading) else join
-
-
-@kernel
-def _take_goal(robots, routes, world, robot, row, column):
-    """Begin the task to the goal's cell, where the robot's route ends."""
-    r = robots[world, robot]
-    task = r["task"]
-    r["clocks"]["milestone"] = r["clocks"]["stalled_time"] = np.float32(0.0)
-    last = r["on_route"]["points"] - 1
-    r["totals"]["task_length"] = np.float64(last) * np.float64(r["on_route"]["spacing"])
-    task["goal_x"], task["goal_y"] = routes[world, robot, last, 0], routes[world, robot, last, 1]
-    task["goal_row"], task["goal_col"] = row, column
 
 
 class Dispatcher(Portable):
@@ -138,18 +98,11 @@ class Dispatcher(Portable):
             self.shifts.begin(world, entropy)
         if assignment is not None:
             self._assign(world, assignment, floor)
-        elif self._config.orders is not None:
-            self._place_all(world, floor, idle=True)
         else:
-            self._place_all(world, floor, idle=False)
+            self._place_all(world, floor, idle=self._config.orders is not None)
         if self.shifts is not None:
-            self._begin_shift(world)
-
-    def _begin_shift(self, world: int) -> None:
-        """Tell a world's shift what its robots are at, and send them on."""
-        assert self.shifts is not None
-        self.shifts.begin_at(world, self.robots[world])
-        self._go_on(world, 0)
+            self.shifts.begin_at(world, self.robots[world])
+            self._go_on(self.shifts, world, 0)
 
     def _assign(self, world: int, assignment: Assignment, floor: Floor) -> None:
         """Stand the robots of a world where they are told to, with the goals that they are given."""
@@ -230,7 +183,7 @@ class Dispatcher(Portable):
     def give_task(self, world: int, robot: int, goal: Cell, route: Route) -> None:
         """Give a robot a goal and its first route there."""
         self.give_route(world, robot, route)
-        _take_goal(self.robots, self.routes, world, robot, *goal)
+        take_goal(self.robots, self.routes, world, robot, *goal)
 
     def give_route(self, world: int, robot: int, route: Route) -> None:
         """Give a robot another route to its goal.
@@ -245,11 +198,11 @@ class Dispatcher(Portable):
             self.routes = grown
         if self.live is not None:
             self.live.give_up(world, robot)
-        _take_route(self.robots, self.routes, world, robot, points, self._any_heading)
+        take_route(self.robots, self.routes, world, robot, points, self._any_heading)
         if route.end is not None:
             params, kinds = self._limits
             join = JOIN * float(kind_of(robot, params[0], kinds)["long"])
-            _take_end(self.robots, world, robot, *route.end, route.either, join)
+            take_end(self.robots, world, robot, *route.end, route.either, join)
         if self.live is not None:
             self.live.take_up(self.robots, self.routes, world, robot, route.cells, route.reach)
 
@@ -284,12 +237,11 @@ class Dispatcher(Portable):
         """Send those on whom their shift sends elsewhere; return the worlds of those who got another goal."""
         if self.shifts is None:
             return []
-        return [world for world in range(len(self.robots)) if self._go_on(world, int(steps[world]))]
+        return [world for world, step in enumerate(steps.tolist()) if self._go_on(self.shifts, world, step)]
 
-    def _go_on(self, world: int, step: int) -> bool:
+    def _go_on(self, shifts: Shifts, world: int, step: int) -> bool:
         """Give a world's robots the goals that its shift has for them now; return whether it has any."""
-        assert self.shifts is not None
-        goals = self.shifts.go_on(world, self.robots[world])
+        goals = shifts.go_on(world, self.robots[world])
         for robot, goal in goals.items():
             self._told.pop((world, robot), None)
             set_out(self.robots, world, robot, *goal)

@@ -1,11 +1,14 @@
-"""What one robot is at: its record in a shift (shift.py)."""
+"""What one robot does in a shift (shift.py), and how long its service takes."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import IntEnum, auto
 
+import numpy as np
+
 from warehouse_env.maps.grid_map import Cell
+from warehouse_env.work import ServiceSpec
 
 
 class Doing(IntEnum):
@@ -30,3 +33,14 @@ class Duty:
     order: int | None = None  # its number, if the work is one
     wants: Cell | None = None  # that it waits for
     since: float = 0.0  # [s], when it began to wait
+
+
+def service_time(spec: ServiceSpec | None, at_station: bool, rng: np.random.Generator) -> float:
+    """Return a service's length [s]: always the mean, or gamma distributed about it; 0 where none takes time."""
+    if spec is None:
+        return 0.0
+    mean = spec.station if at_station else spec.pick
+    if spec.variation == 0 or mean == 0:
+        return mean
+    shape = 1.0 / spec.variation**2
+    return float(rng.gamma(shape, mean / shape))

@@ -1,4 +1,4 @@
-"""One goal for each robot, drawn so that all can get there whoever arrives first (well_formed.py)."""
+"""One goal for each robot, drawn so that all can get there in any order of arrivals (well_formed.py)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from warehouse_env.config import EnvConfig
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.simulation.tasks.placement import GAP
 from warehouse_env.simulation.tasks.tasks import Tasks
-from warehouse_env.simulation.tasks.well_formed import body_reach, cut_off, parking_of
+from warehouse_env.simulation.tasks.well_formed import body_reach, cut_off, disc_of
 
 TRIALS = 400  # to draw goals anew for one that is cut off; none to some tens are the rule
 NEAR = 8  # goals about a start or goal of which one is looked for that bars it
@@ -28,8 +28,8 @@ class OneShotTasks(Tasks):
 
     def __init__(self, grid: GridMap, config: EnvConfig) -> None:
         super().__init__(grid, config)
-        self._parking = parking_of(grid, config)
-        self._reaches = self._parking.reaches()
+        self._disc = disc_of(config, grid.cell_size)
+        self._reach = int((self._disc**2).sum(axis=1).max())  # squared [cells]
         self._apart = (2 * body_reach(config) + float(GAP)) / grid.cell_size  # [cells] between starts
         self._starts: list[Cell] = []
 
@@ -113,7 +113,7 @@ class OneShotTasks(Tasks):
 
     def _cut_off(self) -> NDArray[np.bool_]:
         starts = np.array(self._starts, dtype=np.int64)
-        return cut_off(self._grid, starts, np.array(self._goals, dtype=np.int64), self._parking)
+        return cut_off(self._grid, starts, np.array(self._goals, dtype=np.int64), self._disc)
 
     def _apart_from(self, cells: Sequence[Cell], others: NDArray[np.int64]) -> list[Cell]:
         """Return those of `cells` at which a parked body bars none of `others` int64[K, 2]."""
@@ -121,5 +121,4 @@ class OneShotTasks(Tasks):
             return list(cells)
         apart = (np.array(cells)[:, None] - others[None]) ** 2
         distances = apart.sum(axis=2).min(axis=1).tolist()
-        reaches = [self._reaches[self._parking.kinds[cell]] for cell in cells]
-        return [cell for cell, squared, reach in zip(cells, distances, reaches, strict=True) if squared > reach * reach]
+        return [cell for cell, squared in zip(cells, distances, strict=True) if squared > self._reach]

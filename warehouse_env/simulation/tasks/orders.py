@@ -1,6 +1,6 @@
 """Orders: what somebody wants fetched, from where, to where, and until when; read from and written to files.
 
-A file holds one order a line, as CSV with the names of FIELDS in its first line, or as JSON lines (`.jsonl`):
+A file is CSV. Its first line names FIELDS, each further line is one order:
 
     release_s,picks,drop,due_s,weight_kg
     0,12:7 15:7,1:9,900,120
@@ -11,22 +11,19 @@ Cells are row:column; an order with several pick faces visits them in this order
 from __future__ import annotations
 
 import csv
-import json
 import math
 import multiprocessing
 import re
 import warnings
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from warehouse_env.errors import ConfigError, MapWarning, WarehouseError, shown
-from warehouse_env.files import as_number, complete_file, named_rows, parsed_json, path_of, read_text
+from warehouse_env.files import as_number, complete_file, named_rows, read_text
 from warehouse_env.maps.grid_map import Cell, GridMap
 
-EXAMPLE_ORDERS = Path(__file__).parents[2] / "maps" / "data" / "paper46-orders.csv"  # an hour on the floor paper46
 FIELDS = ("release_s", "picks", "drop", "due_s", "weight_kg")
-_JSON = (".jsonl", ".json")
 _LARGEST_FILE = 256_000_000  # [bytes]
 _LATEST = 1e9  # [s]
 _CELL = re.compile(r"(-?\d{1,9}):(-?\d{1,9})", re.ASCII)
@@ -45,24 +42,17 @@ class Order(NamedTuple):
 def read_orders(path: str | Path) -> tuple[Order, ...]:
     """Return the orders of a file by their release; ConfigError names the line that cannot be used."""
     text, what = read_text(path, "orders", _LARGEST_FILE, ConfigError), f"orders {path}"
-    if path_of(path).suffix.lower() in _JSON:
-        lines = [(number, line) for number, line in enumerate(text.split("\n"), 1) if line.strip()]
-        rows: list[tuple[int, Any]] = [(number, parsed_json(line, what, ConfigError, number)) for number, line in lines]
-    else:
-        rows = [*named_rows(text, what, FIELDS, ConfigError)]
-    orders = [_order(row, f"{what}, line {line}") for line, row in rows]
+    orders = [_order(row, f"{what}, line {line}") for line, row in named_rows(text, what, FIELDS, ConfigError)]
     if not orders:
         raise ConfigError(f"{what} hold none; give one a line: {', '.join(FIELDS)}")
     return tuple(sorted(orders, key=lambda order: order.release))
 
 
 def write_orders(path: str | Path, orders: Iterable[Order]) -> None:
-    """Write orders to a file, which `read_orders` reads; as JSON lines where it is called so, else as CSV."""
-    as_json = Path(path).suffix.lower() in _JSON
+    """Write orders to a CSV file, which `read_orders` reads; ConfigError for the name of another format."""
+    if Path(path).suffix.lower() in (".json", ".jsonl"):
+        raise ConfigError(f"{path}: orders are written as CSV; give a name that ends in .csv")
     with complete_file(path) as part, part.open("w", encoding="utf-8", newline="") as file:
-        if as_json:
-            file.writelines(json.dumps(dict(zip(FIELDS, order, strict=True))) + "\n" for order in orders)
-            return
         table = csv.writer(file, lineterminator="\n")
         table.writerow(FIELDS)
         for release, picks, drop, due, weight in orders:
@@ -102,32 +92,31 @@ def _named(cell: Cell) -> str:
     return f"{cell[0]}:{cell[1]}"
 
 
-def _order(row: Any, where: str) -> Order:
+def _order(row: dict[str, str], where: str) -> Order:
     """Return the order of a line's values."""
-    if not isinstance(row, dict) or set(row) != set(FIELDS):
+    if set(row) != set(FIELDS):
         raise ConfigError(f"{where} must have exactly the fields {', '.join(FIELDS)}, and no empty ones")
     release, due, weight = (_number(row[name], name, where) for name in ("release_s", "due_s", "weight_kg"))
-    picks = row["picks"].split() if isinstance(row["picks"], str) else row["picks"]
-    if not isinstance(picks, list) or not picks:
+    picks = row["picks"].split()
+    if not picks:
         raise ConfigError(f"{where}: picks={shown(picks)} must be one or more cells, row:column")
     if due < release:
         raise ConfigError(f"{where}: due_s={due:g} must not be before release_s={release:g}")
     return Order(release, tuple(_cell(pick, where) for pick in picks), _cell(row["drop"], where), due, weight)
 
 
-def _number(value: Any, name: str, where: str) -> float:
+def _number(value: str, name: str, where: str) -> float:
     found = as_number(value)
     if not 0.0 <= found <= _LATEST:
         raise ConfigError(f"{where}: {name}={shown(value)} must be a number from 0 to {_LATEST:g}")
     return found
 
 
-def _cell(value: Any, where: str) -> Cell:
-    found = _CELL.fullmatch(value.strip()) if isinstance(value, str) else None
-    pair = list(map(int, found.groups())) if found else value
-    if not isinstance(pair, list) or len(pair) != 2 or not all(type(number) is int for number in pair):
-        raise ConfigError(f'{where}: the cell {shown(value)} must be two whole numbers, as "12:7" or [12, 7]')
-    return pair[0], pair[1]
+def _cell(value: str, where: str) -> Cell:
+    found = _CELL.fullmatch(value.strip())
+    if found is None:
+        raise ConfigError(f"{where}: the cell {shown(value)} must be two whole numbers, such as 12:7")
+    return int(found[1]), int(found[2])
 
 
 def as_table(orders: Sequence[Order]) -> list[list[float]]:

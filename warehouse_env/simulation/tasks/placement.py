@@ -1,4 +1,4 @@
-"""Where robots stand at the start: on distinct endpoints, facing along their first route, touching nothing."""
+"""Stand robots at the start: on distinct endpoints, facing along their first route, touching nothing."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.physics.trigonometry import ZERO, sin_cos
 
 Limits = tuple[NDArray[Any], NDArray[Any] | None]
-"""PARAMETERS[1] of a world's robots, and PARAMETERS[N] of each where these are not all alike (state.kinds_of)."""
+"""PARAMETERS[1] of a world's robots, and PARAMETERS[N] of each where these are not all alike."""
 GAP = np.float32(0.15)  # [m] to robots at the start, half of it to shelves
 TOUCH = np.float32(1e-6)  # [m] of gap under which bodies touch
 TURNS = (0, 1, -1, 2, -2, 3, -3, 4)  # eighths of a circle tried off the route's direction
@@ -35,10 +35,8 @@ def _fits(robots, index, pose, p, kinds, floor, gap):
         return False
     for j in range(index):
         o, kind = robots[j], kind_of(j, p, kinds)
-        other, reach = (
-            body_of(o["motion"]["x"], o["motion"]["y"], o["motion"]["cos"], o["motion"]["sin"], kind),
-            own["radius"] + kind["radius"] + gap,
-        )
+        motion, reach = o["motion"], own["radius"] + kind["radius"] + gap
+        other = body_of(motion["x"], motion["y"], motion["cos"], motion["sin"], kind)
         if squared_distance(body, other) < reach * reach and gap > rectangle_gap(body, other):
             return False
     return True
@@ -74,16 +72,11 @@ def _put_all(robots, routes, pose, speed, params, kinds, floor):
     for b in range(robots.shape[0]):
         for i in range(robots.shape[1]):
             r, x, y = robots[b, i], pose[b, i, 0], pose[b, i, 1]
-            on_route = r["on_route"]
-            at = x, y, pose[b, i, 2]
+            on_route, clocks, at = r["on_route"], r["clocks"], (x, y, pose[b, i, 2])
             free[b] = free[b] and _fits(robots[b], i, at, p, kinds, floor, TOUCH)
             _put(robots[b], i, at)
-            r["clocks"]["anchor_x"], r["clocks"]["anchor_y"], r["motion"]["speed"], r["motion"]["steer"] = (
-                x,
-                y,
-                speed[b, i],
-                ZERO,
-            )
+            clocks["anchor_x"], clocks["anchor_y"] = x, y
+            r["motion"]["speed"], r["motion"]["steer"] = speed[b, i], ZERO
             on_route["position"] = np.float32(_nearest(routes[b, i], on_route["points"], x, y)) * on_route["spacing"]
             line.locate(r, routes[b, i])
             line.aim(r, routes[b, i], kind_of(i, p, kinds))

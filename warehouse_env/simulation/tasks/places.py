@@ -1,7 +1,7 @@
-"""Where robots stand that have nothing to drive to: waiting places beside the traffic, and who queues for what.
+"""Waiting places beside the traffic for robots without a goal, and the queues for cells that others hold.
 
-A place is a cell that is nobody's pick face or station. Whoever stands there, at any heading, leaves all endpoints
-joined, and wherever the floor allows it bars no aisle: what is free around it hangs together without it.
+A place is a cell that is neither pick face nor station. A robot that stands there, at any heading, leaves all endpoints
+connected. Where the floor allows it, it blocks no aisle: the free cells around it stay connected without it.
 """
 
 from __future__ import annotations

@@ -1,15 +1,15 @@
-"""A shift: what each robot of one world does next, where driving is not all: service, orders, queues, charging.
+"""A shift: what each robot of one world does next under service times, orders, queues and charging.
 
-A robot drives to a cell that it alone holds, or it stands: served, at a waiting place, or at a charger. What it does
+A robot drives to a cell that it alone holds, or it stands: in service, at a waiting place, or at a charger. Its state
 changes when it arrives, when its service ends, when an order is released, when a cell that it waits for becomes free,
-and when its battery says so.
+and when its battery is low.
 
     FREE -> STOP -> SERVED -> STOP ... -> FREE     an order's pick faces and its station, or a drawn goal
             WAITS                                  at a place beside the traffic, for a cell that another holds
     FREE -> RESTS                                  at such a place, for an order
             CHARGER -> CHARGES                     below BatterySpec.low between orders; at once when it is critical
 
-Robots that stand count as parked (`alive` 0): others see them standing, and nobody asks them to leave.
+Robots that stand count as parked (`alive` 0): others see them standing, and no rule asks them to leave.
 """
 
 from __future__ import annotations
@@ -25,11 +25,9 @@ from warehouse_env.config import EnvConfig
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.simulation.tasks.allocation import make_allocator
 from warehouse_env.simulation.tasks.battery import Batteries
-from warehouse_env.simulation.tasks.duty import Doing, Duty
-from warehouse_env.simulation.tasks.ledger import Ledger
+from warehouse_env.simulation.tasks.duty import Doing, Duty, service_time
+from warehouse_env.simulation.tasks.ledger import Ledger, Tally
 from warehouse_env.simulation.tasks.places import Places, nearest_cell
-from warehouse_env.simulation.tasks.service import service_time
-from warehouse_env.simulation.tasks.tally import Tally
 from warehouse_env.simulation.tasks.tasks import Tasks
 
 WINDOW = 64  # open orders that are looked at for an allocation, the oldest
@@ -51,7 +49,6 @@ class Shift:
         self._waiting, self._chargers = list(waiting), list(chargers)
         self._stations = set(grid.endpoints[1])
         self._step = config.time_step * config.action_repeat  # [s]
-        self._full = config.battery.full if config.battery else 0.0
         self._allocate_by = make_allocator(config.orders.allocation) if config.orders else None
         self.batteries = batteries
         self.load = np.zeros(config.num_agents)  # [kg]
@@ -115,14 +112,15 @@ class Shift:
         self._ticks += 1
         self._goals, now = {}, self._now
         if self.batteries is not None and now - self._looked >= _LOOK:
-            self._look_at_batteries(now, robots)
+            self._looked = now
+            self._look_at_batteries(self.batteries, robots)
         if now < self._wake - _ROUNDING:
             return self._goals
         for robot in np.flatnonzero(self._until <= now + _ROUNDING).tolist():
             self._end_service(robot, now, robots)
         if self.ledger is not None:
             self.ledger.release(now)
-            self._allocate(robots)
+            self._allocate(self.ledger, robots)
         for robot, cell in self._places.next_in():
             self._head_for(robot, cell, Doing.CHARGER if cell in self._chargers else Doing.STOP)
         for robot, duty in enumerate(self.duties):
@@ -131,19 +129,14 @@ class Shift:
         self._wake = min(float(self._until.min()), math.inf if self.ledger is None else self.ledger.next_release)
         return self._goals
 
-    def _look_at_batteries(self, now: float, robots: NDArray[Any]) -> None:
-        """Let charge be used and given; who has enough goes on, who is critical goes to charge."""
-        spec, batteries = self._config.battery, self.batteries
-        assert spec is not None
-        assert batteries is not None
-        self._looked = now
+    def _look_at_batteries(self, batteries: Batteries, robots: NDArray[Any]) -> None:
+        """Use and give charge. Charged robots go on; robots whose charge is critical go to a charger."""
         charging = np.array([duty.doing == Doing.CHARGES for duty in self.duties])
-        batteries.use(now, robots["totals"]["distance"], self.load, charging)
-        share = batteries.share
+        batteries.use(self._now, robots["totals"]["distance"], self.load, charging)
+        share, spec = batteries.share, batteries.spec
         for robot in np.flatnonzero(charging & (share >= spec.full)).tolist():
             self._next(robot)
-        cells = self._grid.standing(np.stack([robots["motion"]["x"], robots["motion"]["y"]], axis=-1))
-        critical = batteries.is_critical(cells, self.load)
+        critical = batteries.is_critical(self._cells(robots), self.load)
         for robot in np.flatnonzero(critical | (share < spec.low)).tolist():
             duty = self.duties[robot]
             if duty.doing == Doing.RESTS:
@@ -185,10 +178,9 @@ class Shift:
 
     def _next(self, robot: int) -> None:
         """Send a robot to what comes next, if that is settled already: charging, or a stop."""
-        duty, spec = self.duties[robot], self._config.battery
+        duty = self.duties[robot]
         duty.doing, self._wake = Doing.FREE, -math.inf
-        low = spec is not None and self.batteries is not None and self.batteries.share[robot] < spec.low
-        if low and not duty.stops:
+        if self._is_low(robot) and not duty.stops:
             self._go_and_charge(robot)
         elif duty.stops:
             self._head_for(robot, duty.stops[0], Doing.STOP)
@@ -228,10 +220,10 @@ class Shift:
         duty, batteries = self.duties[robot], self.batteries
         duty.doing = Doing.RESTS
         free = [cell for cell in self._chargers if cell not in self._places.held_by]
-        if batteries is not None and free and batteries.share[robot] < self._full:
-            self._drive(robot, nearest_cell(free, self._cell(robots, robot)), Doing.CHARGER)
+        if batteries is not None and free and batteries.share[robot] < batteries.spec.full:
+            self._drive(robot, nearest_cell(free, self._cells(robots)[robot]), Doing.CHARGER)
         elif not self._places.stands(robot):
-            place = self._places.near(self._cell(robots, robot))
+            place = self._places.near(self._cells(robots)[robot])
             if place is not None:
                 self._drive(robot, place, Doing.RESTS)
 
@@ -242,32 +234,32 @@ class Shift:
         charger = min(self._chargers, key=lambda cell: (cell in held) + self._places.queued(cell))
         self._head_for(robot, charger, Doing.CHARGER)
 
-    def _allocate(self, robots: NDArray[Any]) -> None:
+    def _is_low(self, robot: int) -> bool:
+        """Whether a robot must charge before it takes on anything else."""
+        return self.batteries is not None and bool(self.batteries.share[robot] < self.batteries.spec.low)
+
+    def _allocate(self, ledger: Ledger, robots: NDArray[Any]) -> None:
         """Give open orders whose first pick face is free to robots that have nothing to do, and charge enough."""
-        ledger, spec, batteries = self.ledger, self._config.battery, self.batteries
-        assert ledger is not None
         assert self._allocate_by is not None
-        free = [robot for robot, duty in enumerate(self.duties) if duty.doing in (Doing.FREE, Doing.RESTS)]
-        if spec is not None and batteries is not None:
-            share = batteries.share
-            free = [robot for robot in free if share[robot] >= spec.low]
+        idle = (robot for robot, duty in enumerate(self.duties) if duty.doing in (Doing.FREE, Doing.RESTS))
+        free = [robot for robot in idle if not self._is_low(robot)]
         if not ledger.open or not free:
             return
         held = self._places.held_by
         numbers = [number for number, order in ledger.open.items() if order.picks[0] not in held][:WINDOW]
         picks = tuple(np.array([ledger.open[number].picks[0] for number in numbers], dtype=np.int64).reshape(-1, 2).T)
-        cost = np.array([self._grid.distance_to(self._cell(robots, robot))[picks] for robot in free])
+        cells = self._cells(robots)
+        cost = np.array([self._grid.distance_to(cells[robot])[picks] for robot in free])
         for one, column in self._allocate_by(np.minimum(cost, _NO_WAY)) if numbers else ():
             if ledger.open[numbers[column]].picks[0] not in held and np.isfinite(cost[one, column]):
                 robot, order = free[one], ledger.give(numbers[column])
                 self.duties[robot].order, self.duties[robot].stops = numbers[column], [*order.picks, order.drop]
                 self._head_for(robot, order.picks[0], Doing.STOP)
 
-    def _cell(self, robots: NDArray[Any], robot: int) -> Cell:
-        row, column = self._grid.standing(
-            np.array([robots[robot]["motion"]["x"], robots[robot]["motion"]["y"]])
-        ).tolist()
-        return row, column
+    def _cells(self, robots: NDArray[Any]) -> list[Cell]:
+        """Return the cell from which each robot plans."""
+        points = np.stack([robots["motion"]["x"], robots["motion"]["y"]], axis=-1)
+        return [(row, column) for row, column in self._grid.standing(points).tolist()]
 
     def at_work(self) -> NDArray[np.bool_]:
         """Return bool[N]: whether a robot that stands will go on."""

@@ -1,4 +1,10 @@
-"""The shifts of all worlds: what they share (orders, places, limits under load) and their generators."""
+"""The shifts of all worlds: what they share (orders, places, limits under load) and their generators.
+
+A load slows a robot down: the drive pulls as hard, and the brakes take up as much, as without it. With a robot of mass
+m under a load l, and r = m / (m + l), its acceleration is r times that without load (the same force), and its top speed
+sqrt(r) times (the same kinetic energy), so that it stops within the same way. The emergency braking that the shield
+counts on is that of the empty robot: brakes are made for the payload.
+"""
 
 from __future__ import annotations
 
@@ -10,14 +16,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from warehouse_env.config import EnvConfig
+from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.errors import ConfigError, shown
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.simulation.state import goal_of
 from warehouse_env.simulation.tasks.battery import Batteries
 from warehouse_env.simulation.tasks.demand import Demand
 from warehouse_env.simulation.tasks.ledger import Ledger
-from warehouse_env.simulation.tasks.loads import limits_for, put_on
 from warehouse_env.simulation.tasks.orders import Order, check_orders, read_orders
 from warehouse_env.simulation.tasks.placement import Limits
 from warehouse_env.simulation.tasks.places import standing_places
@@ -37,6 +42,12 @@ def check_given(orders: object, config: EnvConfig) -> None:
         raise ConfigError("orders that are given need orders=OrderSpec() in the config")
 
 
+def slowed(robot: RobotSpec, load: float) -> tuple[float, float]:
+    """Return (top speed [m/s], acceleration [m/s^2]) under a load [kg]."""
+    share = robot.mass / (robot.mass + load)
+    return robot.max_speed * math.sqrt(share), robot.max_acceleration * share
+
+
 def _ways_home(grid: GridMap, chargers: Sequence[Cell]) -> NDArray[np.float64]:
     """Return float64[H, W] [m]: the way from each cell to the nearest charger; inf where there is none."""
     fields = [grid.distance_to(charger) for charger in chargers]
@@ -45,8 +56,7 @@ def _ways_home(grid: GridMap, chargers: Sequence[Cell]) -> NDArray[np.float64]:
 
 def _check_reach(config: EnvConfig, grid: GridMap, batteries: Batteries, home: NDArray[np.float64]) -> None:
     """Raise ConfigError for batteries with which a robot cannot go from a charger to any place and back."""
-    spec = config.battery
-    assert spec is not None
+    spec = batteries.spec
     way = float(home[tuple(np.array(grid.endpoints[2]).T)].max())
     least = 2 * float(np.max(batteries.needed(way, np.array([robot.payload for robot in config.robots])))) / spec.full
     if spec.capacity < least:
@@ -65,7 +75,8 @@ class Shifts:
     ) -> None:  # fmt: skip
         """limits: see placement.py; orders: instead of those that the config names, None: what it says."""
         self._config, self._grid, self._robots = config, grid, config.robots
-        self.orders = tuple(orders) if orders is not None else self._orders_of(config)
+        named = config.orders.file if config.orders is not None else None
+        self.orders = tuple(orders) if orders is not None else None if named is None else read_orders(named)
         if self.orders is not None:
             check_orders(self.orders, grid, config.payload)
         waiting, chargers = self._places(config, grid)
@@ -76,18 +87,14 @@ class Shifts:
         self._each = [
             Shift(config, grid, one, waiting, chargers, battery) for one, battery in zip(tasks, batteries, strict=True)
         ]
-        self.limits = limits_for(limits, len(tasks), config.num_agents) if config.loads else None
+        own, shape = limits[0] if limits[1] is None else limits[1], (len(tasks), config.num_agents)
+        # PARAMETERS[B, N], by which each robot's path follower drives it; None where nobody carries anything
+        self.limits = np.broadcast_to(own, shape).copy() if config.loads else None
         self._rngs: defaultdict[int, np.random.Generator] = defaultdict(np.random.default_rng)
 
     def __getitem__(self, world: int) -> Shift:
         """Return the shift of a world."""
         return self._each[world]
-
-    @staticmethod
-    def _orders_of(config: EnvConfig) -> tuple[Order, ...] | None:
-        """Return the orders of the file that the config names, None where it names none."""
-        named = config.orders.file if config.orders is not None else None
-        return None if named is None else read_orders(named)
 
     @staticmethod
     def _places(config: EnvConfig, grid: GridMap) -> tuple[list[Cell], list[Cell]]:
@@ -134,7 +141,8 @@ class Shifts:
     def _put_loads(self, world: int, robots: Any) -> None:
         if self.limits is not None:
             for robot in robots:
-                put_on(self.limits, world, robot, self._robots[robot], float(self._each[world].load[robot]))
+                own, load = self.limits[world, robot], float(self._each[world].load[robot])
+                own["max_speed"], own["max_acceleration"] = slowed(self._robots[robot], load)
 
     def write_needs(self, observation: NDArray[np.float32], own: slice) -> None:
         """Write the slice `needs` of observations float32[B, N, D]."""

@@ -1,4 +1,4 @@
-"""Who goes where next: endpoints as starts and goals, distinct at any moment."""
+"""Choose the robots' goals: endpoints, distinct at any moment."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from warehouse_env.errors import ConfigError
 from warehouse_env.kernel import kernel
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.portable import Portable
+from warehouse_env.simulation.driver.line import forget_grants
 
 
 class Arrival(NamedTuple):
@@ -46,7 +47,7 @@ def book_arrival(robots, world, robot, seconds, late):
 
 @kernel
 def pass_by(robots, world, robot):
-    """End a robot's way to a place that is no goal of its work: it counts as none, nor do the metres driven there."""
+    """End a robot's way to a place that is no goal of its work: neither it nor the metres driven there count."""
     r = robots[world, robot]
     totals = r["totals"]
     r["events"]["arrived"] = 0
@@ -57,13 +58,59 @@ def pass_by(robots, world, robot):
 
 @kernel
 def set_out(robots, world, robot, row, column):
-    """Let a robot that stood, or was on its way elsewhere, drive to the goal's cell: its clocks begin anew."""
+    """Send a robot that stood, or was on its way elsewhere, to the goal's cell; its clocks restart."""
     r = robots[world, robot]
     task, clocks = r["task"], r["clocks"]
     if task["alive"] == 0:
         clocks["waiting_time"] = clocks["standing_time"] = r["shield"]["vetoed_time"] = np.float32(0.0)
         clocks["anchor_x"], clocks["anchor_y"] = r["motion"]["x"], r["motion"]["y"]
     task["alive"] = 1
+    task["goal_row"], task["goal_col"] = row, column
+
+
+@kernel
+def take_route(robots, routes, world, robot, points, heading):
+    """Write way-points float32[R, 2] [m] into routes float32[B, N, R', 2], and that its robot begins them.
+
+    heading: that of a goal that says none.
+    """
+    spacing = np.float32(0.0)
+    for k in range(len(points)):
+        routes[world, robot, k, 0], routes[world, robot, k, 1] = points[k, 0], points[k, 1]
+        if k > 0:
+            spacing = max(spacing, np.hypot(points[k, 0] - points[k - 1, 0], points[k, 1] - points[k - 1, 1]))
+    r = robots[world, robot]
+    on_route, manoeuvre = r["on_route"], r["manoeuvre"]
+    on_route["points"] = len(points) if spacing > 0.0 else 1  # it stands at the end already
+    on_route["spacing"] = spacing
+    on_route["position"] = on_route["lateral"] = on_route["bearing"] = np.float32(0.0)
+    manoeuvre["arcs"] = manoeuvre["seeks"] = manoeuvre["docks"] = 0  # of a manoeuvre to the route before
+    manoeuvre["search_wait"] = r["traffic"]["side"] = np.float32(0.0)
+    forget_grants(r)
+    r["task"]["goal_heading"], r["task"]["either"], manoeuvre["join"] = heading, False, np.float32(0.0)
+
+
+@kernel
+def take_end(robots, world, robot, x, y, heading, either, join):
+    """Write the pose at which a robot's route ends: its goal, which it seeks from `join` [m] before the end on.
+
+    either: its body may as well stand there the other way round.
+    """
+    r = robots[world, robot]
+    task = r["task"]
+    task["goal_x"], task["goal_y"], task["goal_heading"], task["either"] = x, y, heading, either
+    r["manoeuvre"]["join"] = np.float32(0.0) if np.isnan(heading) else join
+
+
+@kernel
+def take_goal(robots, routes, world, robot, row, column):
+    """Begin the task to the goal's cell, where the robot's route ends."""
+    r = robots[world, robot]
+    task = r["task"]
+    r["clocks"]["milestone"] = r["clocks"]["stalled_time"] = np.float32(0.0)
+    last = r["on_route"]["points"] - 1
+    r["totals"]["task_length"] = np.float64(last) * np.float64(r["on_route"]["spacing"])
+    task["goal_x"], task["goal_y"] = routes[world, robot, last, 0], routes[world, robot, last, 1]
     task["goal_row"], task["goal_col"] = row, column
 
 
@@ -101,9 +148,9 @@ class Tasks(Portable):
         return [self.places[k] for k in rng.permutation(len(self.places))[::-1]]
 
     def elsewhere(self, rng: np.random.Generator) -> list[Cell]:
-        """Return the other cells of floor from which all places can be reached and back, in an order by chance.
+        """Return the other cells of floor from which all places can be reached and back, in a random order.
 
-        Robots are stood there where the places do not hold all of them: on small floors these lie side by side.
+        Robots that do not fit on pick faces and stations start there.
         """
         region = self._grid.return_region(self.places[0])
         region[tuple(np.transpose(self.places))] = False
@@ -116,7 +163,7 @@ class Tasks(Portable):
     def assign(self, starts: Sequence[Cell], goals: Sequence[Cell]) -> None:
         """Take these as the robots' goals; after a pick face the next is a station, after anything else a pick face.
 
-        starts: where the robots stand, of which lifelong tasks make nothing.
+        starts: where the robots stand, which lifelong tasks ignore.
         """
         self._goals, self._taken = list(goals), set(goals)
         picks = set(self._kinds[0])
@@ -127,7 +174,7 @@ class Tasks(Portable):
         return math.nan
 
     def next_goal(self, robot: int, at: Cell, rng: np.random.Generator) -> Cell:
-        """Give a robot its next goal, other than where it is and than all goals of others."""
+        """Give a robot its next goal: neither where it is nor the goal of another robot."""
         old = self._goals[robot]
         kind = self._next_kind[robot]
         goal = self._draw(self._kinds[kind], at, rng) or self._draw(self.places, at, rng) or at
@@ -139,7 +186,7 @@ class Tasks(Portable):
         return goal
 
     def _draw(self, cells: list[Cell], at: Cell, rng: np.random.Generator) -> Cell | None:
-        """Return a free one of `cells` by chance, or None: a few blind draws first, then a full look."""
+        """Draw a free one of `cells`, None if there is none: a few blind draws first, then a full search."""
         for _ in range(8):
             cell = cells[int(rng.integers(len(cells)))]
             if cell not in self._taken and cell != at:

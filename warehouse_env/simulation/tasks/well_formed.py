@@ -7,9 +7,6 @@ by eq. 26 moves over free cells that the discs of all others leave (its own goal
 empty until the robot is there). This is the condition of well-formed infrastructures (Cap, Novak, Kleiner & Selecky
 2015) for goals alone, checked exactly on the grid, for the worst parking pose of everybody at once. In any order of
 arrivals a robot alone on the floor could then still drive to its goal.
-
-With `arrival="pose"` a robot that faces along what is beside it lies in a rectangle instead of a disc, larger than its
-body by what it may be off, and by the room to drive in: faces on both sides of an aisle can then be goals at once.
 """
 
 from __future__ import annotations
@@ -24,11 +21,8 @@ from warehouse_env.config import EnvConfig
 from warehouse_env.kernel import inline, kernel
 from warehouse_env.maps.distance import label_regions
 from warehouse_env.maps.grid_map import MOVES, GridMap
-from warehouse_env.routes.goals import face
 
 MARGIN = 0.05  # [m] between a passing body and the disc of a parked one
-ENTRY = 1.0  # [m], of the default body, ahead of and behind who stands in parallel, to drive in and out: two bodies one
-# behind the other with less between them leave nobody room to park there
 
 
 def body_reach(config: EnvConfig) -> float:
@@ -41,51 +35,10 @@ def disc_of(config: EnvConfig, cell: float) -> NDArray[np.int64]:
     """Return int64[K, 2]: where (row, column), from a goal's cell, a parked body may bar a cell of `cell` [m]."""
     off = config.pose_radius if config.arrival == "pose" else config.arrival_radius
     reach = (off + body_reach(config) + config.widest_body.width / 2 + MARGIN) / cell
-    offsets = _offsets(math.floor(reach))
+    steps = np.arange(-math.floor(reach), math.floor(reach) + 1)
+    offsets = np.stack(np.meshgrid(steps, steps, indexing="ij"), axis=-1).reshape(-1, 2)
     within: NDArray[np.int64] = offsets[(offsets**2).sum(axis=1) < reach * reach]
     return within
-
-
-def _offsets(most: int) -> NDArray[np.int64]:
-    """Return int64[K, 2]: (row, column) up to `most` either way."""
-    steps = np.arange(-most, most + 1)
-    return np.stack(np.meshgrid(steps, steps, indexing="ij"), axis=-1).reshape(-1, 2)
-
-
-def rectangle_of(config: EnvConfig, cell: float, upright: bool) -> NDArray[np.int64]:
-    """Return what `disc_of` does, of a body with its middle in the cell's, along the rows or upright, and of ENTRY."""
-    robot = config.widest_body
-    off = config.pose_radius + robot.farthest * math.sin(config.pose_angle)
-    half = np.array([robot.width / 2 + off, robot.length / 2 + off + ENTRY * robot.longer]) / cell
-    half = half[::-1] if upright else half
-    passing = (robot.width / 2 + MARGIN) / cell
-    offsets = _offsets(math.floor(half.max() + passing))
-    apart = np.hypot(*np.maximum(np.abs(offsets) - half, 0.0).T)
-    within: NDArray[np.int64] = offsets[apart < passing]
-    return within
-
-
-class Parking(NamedTuple):
-    """What bodies parked at goals may bar: one of some shapes about each."""
-
-    shapes: tuple[NDArray[np.int64], ...]  # each [K, 2], see disc_of
-    kinds: NDArray[np.int64]  # [H, W], which of them a body parked in a cell has
-
-    def reaches(self) -> list[float]:
-        """Return how far [cells] each shape may bar."""
-        return [math.sqrt(int((shape**2).sum(axis=1).max())) for shape in self.shapes]
-
-
-def parking_of(grid: GridMap, config: EnvConfig) -> Parking:
-    """Return what bodies parked on a floor may bar: discs, but rectangles where it is known how they stand."""
-    disc, kinds = disc_of(config, grid.cell_size), np.zeros(grid.shape, dtype=np.int64)
-    if config.arrival != "pose":
-        return Parking((disc,), kinds)
-    for cell in grid.endpoints[2]:
-        poses = face(grid, cell, config.widest_body).poses
-        if len(poses) > 1:  # in parallel, with its middle in the cell's
-            kinds[cell] = 2 if abs(math.sin(poses[0][2])) > 0.5 else 1
-    return Parking((disc, *(rectangle_of(config, grid.cell_size, upright) for upright in (False, True))), kinds)
 
 
 class Barred(NamedTuple):
@@ -167,25 +120,25 @@ def _cover(bars, own, goal, disc, mark):
 
 
 @kernel
-def _cut_off(free, starts, goals, shapes, kinds, out):
-    """Write into out bool[N]; see cut_off. shapes int64[S, K, 2], kinds int64[N]: which of them each goal has."""
+def _cut_off(free, starts, goals, disc, out):
+    """Write into out bool[N]; see cut_off."""
     bars, own, seen = np.zeros(free.shape, np.int32), np.zeros(free.shape, np.int32), np.zeros(free.shape, np.int32)
     for k in range(len(goals)):
-        _cover(bars, own, goals[k], shapes[kinds[k]], 0)
+        _cover(bars, own, goals[k], disc, 0)
     label = label_regions(free & (bars == 0))
     floor, reached = Barred(free, bars, own), Reached(label, seen, np.zeros(label.max() + 1, np.int32))
     for k in range(len(goals)):
-        disc = shapes[kinds[k]]
         _cover(bars, own, goals[k], disc, k + 1)
         out[k] = not _joined(floor, reached, k + 1, starts[k], goals[k], disc)
 
 
-def cut_off(grid: GridMap, starts: NDArray[np.int64], goals: NDArray[np.int64], parking: Parking) -> NDArray[np.bool_]:
-    """Return bool[N]: whose goal the bodies parked at the other goals part from its start; cells int64[N, 2]."""
+def cut_off(
+    grid: GridMap, starts: NDArray[np.int64], goals: NDArray[np.int64], disc: NDArray[np.int64]
+) -> NDArray[np.bool_]:
+    """Return bool[N]: whose goal the bodies parked at the other goals part from its start; cells int64[N, 2].
+
+    disc: see `disc_of`.
+    """
     out = np.empty(len(goals), dtype=np.bool_)
-    most = max(map(len, parking.shapes))
-    shapes = np.full((len(parking.shapes), most, 2), sum(grid.shape), dtype=np.int64)  # what is left lies off the floor
-    for row, shape in zip(shapes, parking.shapes, strict=True):
-        row[: len(shape)] = shape
-    _cut_off(~grid.closed, starts, goals, shapes, parking.kinds[tuple(goals.T)], out)
+    _cut_off(~grid.closed, starts, goals, disc, out)
     return out
