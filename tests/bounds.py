@@ -38,9 +38,10 @@ from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import LAYOUTS
 from warehouse_env.maps.movingai import EXAMPLE_MAP
 from warehouse_env.planning import PLANNERS
+from warehouse_env.simulation.physics.deviation import errs
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.tasks.assignment import Assignment
-from warehouse_env.traffic_spec import TrafficSpec, UncertaintySpec
+from warehouse_env.traffic_spec import ErrorBounds, TrafficSpec, UncertaintySpec
 from warehouse_env.work import BatterySpec, OrderSpec, ServiceSpec
 
 GROUP, ATTEMPTS = 5, 20
@@ -84,7 +85,9 @@ CHOICES: dict[str, Callable[[Random], Any]] = {  # each field of EnvConfig -> ho
         routes=rng.choice([False, True, "barred"]),
     ),
     "uncertainty": lambda rng: UncertaintySpec(
-        latency=rng.choice([0.0, 0.3]), loss=rng.choice([0.0, 0.3, 1.0]), burst=rng.choice([0.0, 2.0]),
+        latency=rng.choice([0.0, 0.3]), pose_error=rng.choice([0.0, 0.0, 0.02, 1.0]),
+        heading_error=rng.choice([0.0, 0.5]), actuation_error=rng.choice([0.0, 0.5]), loss=rng.choice([0.0, 0.3, 1.0]),
+        burst=rng.choice([0.0, 2.0]), declared=rng.choice([None, ErrorBounds(), ErrorBounds(latency=0.3)]),
     ),
     "service": _one(None, ServiceSpec(1.0, 1.0, 0.5, load=200.0)),
     "orders": _one(None, OrderSpec(per_hour=2000.0, picks=3)),
@@ -161,7 +164,7 @@ def episode(number: int, seed: int = 0) -> bool:
         simulator.step(_actions(simulator, rng))
         assert np.isfinite(simulator.observation).all()
         points, side = simulator.state.pose[..., :2], simulator.grid.cell_size * np.array(simulator.grid.shape[::-1])
-        assert ((points >= 0) & (points <= side.astype(np.float32))).all()
+        assert errs(simulator.config) or ((points >= 0) & (points <= side.astype(np.float32))).all()
     return True
 
 

@@ -13,7 +13,7 @@ import pytest
 
 from warehouse_env.config import ConfigChanges, EnvConfig, TrafficMode
 from warehouse_env.simulation.state import latency_steps
-from warehouse_env.traffic_spec import TRAFFIC, TrafficSpec, UncertaintySpec, read_traffic, written_traffic
+from warehouse_env.traffic_spec import TRAFFIC, ErrorBounds, TrafficSpec, UncertaintySpec, read_traffic, written_traffic
 
 ROOT = Path(__file__).parent.parent
 CONFIG = ROOT / "warehouse_env" / "config.py"
@@ -84,9 +84,12 @@ def test_traffic_is_read_as_it_is_written(spec: TrafficSpec) -> None:
     assert EnvConfig.from_dict(json.loads(json.dumps(EnvConfig(traffic=spec).to_dict()))).traffic_spec == spec
 
 
-def test_only_the_shield_waits_for_late_messages() -> None:
-    late = UncertaintySpec(latency=0.3)
-    assert [latency_steps(EnvConfig(traffic=one, uncertainty=late)) for one in ("shield", "none")] == [3, 0]
+def test_the_shield_counts_on_the_real_bounds_unless_others_are_declared() -> None:
+    late, declared = UncertaintySpec(latency=0.3), UncertaintySpec(latency=0.3, declared=ErrorBounds())
+    assert [latency_steps(EnvConfig(traffic="shield", uncertainty=one)) for one in (late, declared)] == [3, 0]
+    assert late.bounds is late
+    assert not declared.errs
+    assert UncertaintySpec(pose_error=0.1).errs
 
 
 if __name__ == "__main__":

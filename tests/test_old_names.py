@@ -12,7 +12,7 @@ from agents.weights_folder import read_record
 from train.learning.config import ReinforceConfig, ThreadedPPOConfig
 from warehouse_env.config import EnvConfig, TrafficMode
 from warehouse_env.errors import ConfigError
-from warehouse_env.traffic_spec import TRAFFIC, TrafficSpec, UncertaintySpec
+from warehouse_env.traffic_spec import TRAFFIC, ErrorBounds, TrafficSpec, UncertaintySpec
 
 SHIELD, AFTER_6 = TrafficSpec(shield=True), dataclasses.replace(TRAFFIC["assist"], right_of_way_after=6.0)
 OLD: list[tuple[dict[str, Any], dict[str, Any]]] = [  # stored fields -> fields of today
@@ -37,7 +37,14 @@ OLD: list[tuple[dict[str, Any], dict[str, Any]]] = [  # stored fields -> fields 
     ),
     ({"message_loss": 0.1, "message_burst": 5.0}, {"uncertainty": UncertaintySpec(loss=0.1, burst=5.0)}),
     ({"message_loss": 0.0, "field_spec": {}}, {"uncertainty": None}),
+    ({"message_latency": 0.3}, {"uncertainty": UncertaintySpec(latency=0.3, declared=ErrorBounds())}),
     ({"message_latency": 0.3, "field_spec": {"latency": 0.3}}, {"uncertainty": UncertaintySpec(latency=0.3)}),
+    ({"field_spec": {"latency": 0.3}}, {"uncertainty": UncertaintySpec(declared=ErrorBounds(latency=0.3))}),
+    *(
+        ({name: 0.02, "field_spec": {name: bound}}, {"uncertainty": UncertaintySpec(**{name: 0.02}, declared=declared)})
+        for name in ("pose_error", "heading_error", "actuation_error")
+        for bound, declared in ((0.02, None), (0.03, ErrorBounds(**{name: 0.03})))
+    ),
 ]  # fmt: skip
 
 
@@ -57,8 +64,7 @@ def test_every_old_name_has_its_meaning(stored: dict[str, Any], today: dict[str,
         ({"reroute_spec": 3}, "reroute_spec must be an object"),
         ({"reroute": True, "reroute_spec": {"every": 2.0}}, r"'every' is no option any more: it is 4\.0 for all"),
         ({"reroute": True, "reroute_spec": {"evry": 2.0}}, "unknown TrafficSpec parameter 'evry'"),
-        ({"message_latency": 0.3}, "'declared' is no option any more"),
-        ({"pose_error": 0.02, "field_spec": {"pose_error": 0.02}}, "'pose_error' is no option any more"),
+        ({"field_spec": {"latncy": 0.3}}, "did you mean latency"),
         ({"protective_field": "lidar", "field_spec": {"scanner_rays": 36}}, "'scanner_rays' is no option any more"),
         ({"map_file": 3}, "layout=3 must be a text"),
     ],

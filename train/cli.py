@@ -47,7 +47,7 @@ _COMMANDS = {
     "demo": ("commands.demo:Demo", "compare the shipped policies in three minutes: table, pictures, video"),
     "plan": ("commands.plan:PlanCommand", "compare planners on the tasks of a map"),
     "tables papers": ("tables.runner:PapersTable", "reproduce the papers' tables, ours beside theirs, with verdicts"),
-    "tables planners": ("tables.runner:PlannersTable", "plan the same pairs of cells on five floors with every planner"),
+    "tables planners": ("tables.runner:PlannersTable", "plan the same pairs of cells on five floors by every planner"),
     "tables floors": ("tables.floors:FloorsTable", "drive policies and the rule on many floors, some drawn at random"),
     "layouts": ("commands.layouts:Layouts", "list, draw, check and convert maps"),
     "places": (

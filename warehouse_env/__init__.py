@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from warehouse_env.render.video import VideoWriter
     from warehouse_env.simulation.simulator import Simulator
     from warehouse_env.threads import set_num_threads
-    from warehouse_env.traffic_spec import TrafficSpec, UncertaintySpec
+    from warehouse_env.traffic_spec import ErrorBounds, TrafficSpec, UncertaintySpec
     from warehouse_env.work import BatterySpec, OrderSpec, ServiceSpec
 
 __version__ = "0.1.0"
@@ -36,6 +36,7 @@ __version__ = "0.1.0"
 _HOME = {
     "BatterySpec": "work",
     "EnvConfig": "config",
+    "ErrorBounds": "traffic_spec",
     "FleetPart": "config",
     "OrderSpec": "work",
     "RewardWeights": "config",
@@ -86,6 +87,7 @@ __all__ = [
     "BatterySpec",
     "ConfigError",
     "EnvConfig",
+    "ErrorBounds",
     "FleetPart",
     "GridMap",
     "MapError",

@@ -164,7 +164,7 @@ class EnvConfig(Checked):
     # how robots meet. none: they ignore each other; routes: they replan around others; shield: also brake before they
     # could touch; rules: also settle who goes first; assist: rules only near robots that have stood for 12 s
     traffic: TrafficMode | TrafficSpec = "none"
-    uncertainty: UncertaintySpec | None = None  # what is lost or late; None: nothing
+    uncertainty: UncertaintySpec | None = None  # what is lost, late or off; None: nothing
     service: ServiceSpec | None = None  # robots stand to be loaded and unloaded; None: an arrival takes no time
     orders: OrderSpec | None = None  # goals are what somebody orders; None: they are drawn, and never end
     battery: BatterySpec | None = None  # robots use up energy and charge; None: they need none
@@ -204,12 +204,14 @@ class EnvConfig(Checked):
         """Keep a preset by its name, and refuse traffic that other options rule out (docs/traffic.md)."""
         object.__setattr__(self, "traffic", preset_or_spec(self.traffic_spec))
         object.__setattr__(self, "uncertainty", None if self.uncertainty == UncertaintySpec() else self.uncertainty)
-        spec = self.traffic_spec
+        spec, uncertain = self.traffic_spec, self.uncertainty_spec
         rule = "without right of way for raw actions, which follow no route"
         self._require(self.action_type != "raw" or not spec.right_of_way, "traffic", rule)
         by_lidar = spec.shield == "lidar"
         rule = "without the shield by lidar in a fleet of several kinds: no robot sees how hard another brakes"
         self._require(not (by_lidar and self.fleet), "traffic", rule)
+        rule = "without the shield by lidar where a pose_error, heading_error or actuation_error is set or declared"
+        self._require(not (by_lidar and (uncertain.errs or uncertain.bounds.errs)), "traffic", rule)
 
     def _check_work(self) -> None:
         """Refuse work where robots do not work on: who is served stands as if parked, for a while."""
@@ -230,7 +232,7 @@ class EnvConfig(Checked):
 
     @property
     def uncertainty_spec(self) -> UncertaintySpec:
-        """What is lost or late; zeros where nothing is."""
+        """What is lost, late or off; zeros where nothing is."""
         return self.uncertainty or UncertaintySpec()
 
     @property

@@ -84,19 +84,40 @@ def driven_with(base: TrafficSpec, needed: TrafficSpec) -> TrafficSpec:
 
 
 @dataclass(frozen=True)
-class UncertaintySpec(CheckedPart):
-    """What is lost or late of the robots' messages (docs/traffic.md)."""
+class ErrorBounds(CheckedPart):
+    """Bounds of how late messages are heard, and of how far robots are off their plans."""
 
-    retired: ClassVar[dict[str, Any]] = {
-        "pose_error": 0.0, "heading_error": 0.0, "actuation_error": 0.0, "declared": None,
-    }  # fmt: skip
-
-    latency: float = 0.0  # [s] after which a message is heard at the latest
-    loss: float = 0.0  # share of env steps in which nobody hears a robot (simulation/senses/messages.py)
-    burst: float = 0.0  # [s] for which nobody hears it each time; one env step at least
+    latency: float = 0.0  # [s] after which a message is heard at the latest, evenly drawn from 0 on
+    pose_error: float = 0.0  # [m] from where a robot believes to be to where it is, at most
+    heading_error: float = 0.0  # [rad], the same of its heading
+    actuation_error: float = 0.0  # share by which a robot accelerates and steers more or less than commanded, at most
 
     def __post_init__(self) -> None:
         super().__post_init__()
         self._between(0.0, 60.0, "latency")
+        self._between(0.0, 1.0, "pose_error")
+        self._between(0.0, 0.5, "heading_error", "actuation_error")
+
+    @property
+    def errs(self) -> bool:
+        """Whether poses, headings or actuators may be off."""
+        return any((self.pose_error, self.heading_error, self.actuation_error))
+
+
+@dataclass(frozen=True)
+class UncertaintySpec(ErrorBounds):
+    """What is lost, late or off; the shield keeps its promise within the declared bounds (docs/traffic.md)."""
+
+    loss: float = 0.0  # share of env steps in which nobody hears a robot (simulation/senses/messages.py)
+    burst: float = 0.0  # [s] for which nobody hears it each time; one env step at least
+    declared: ErrorBounds | None = None  # bounds that the shield counts on; None: the real ones
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
         self._between(0.0, 1.0, "loss")
         self._between(0.0, 3600.0, "burst")
+
+    @property
+    def bounds(self) -> ErrorBounds:
+        """The bounds that the shield counts on."""
+        return self if self.declared is None else self.declared

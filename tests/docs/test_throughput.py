@@ -43,4 +43,11 @@ def test_the_picture_has_the_means_of_the_rows(chart: Any) -> None:
         for policy in chart.BARS:
             assert f"{chart.measured(policy, floor, 32).mean:.0f}" in numbers, (policy, floor)
         assert f">one robot alone: {chart.measured('greedy', floor, 1).mean:.0f}<" in drawn
-    assert "](docs/throughput.svg)" in PAGES["README.md"]
+    assert "](../throughput.svg)" in PAGES["docs/measured/traffic.md"]
+
+
+def test_it_is_drawn_as_it_is_kept(chart: Any, tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    kept = re.findall(r">([^<>]*)</text>", chart.PICTURE.read_text(encoding="utf-8"))
+    monkeypatch.setattr(chart, "PICTURE", tmp_path / "again.svg")
+    chart.draw()
+    assert re.findall(r">([^<>]*)</text>", (tmp_path / "again.svg").read_text(encoding="utf-8")) == kept

@@ -1,4 +1,4 @@
-"""Every rule switched on: the same bits alone and among others, in a copy, and without the compiler."""
+"""Every rule and error, switched on: the same bits alone and among others, in a copy, and without the compiler."""
 
 from __future__ import annotations
 
@@ -22,6 +22,7 @@ from warehouse_env.work import BatterySpec, OrderSpec, ServiceSpec
 
 FIELD: dict[str, Any] = {"traffic": TrafficSpec(shield=True)}
 RIGHT: dict[str, Any] = {"traffic": "rules"}
+ERRORS: dict[str, Any] = {"pose_error": 0.02, "heading_error": 0.02, "actuation_error": 0.05}
 STACKS: dict[str, dict[str, Any]] = {
     "field, raw": {**FIELD, "action_type": "raw"},
     "right of way around rings": {"traffic": replace(TRAFFIC["rules"], right_of_way_after=2.0)},
@@ -29,7 +30,7 @@ STACKS: dict[str, dict[str, Any]] = {
     "searched routes": {**RIGHT, "planner": "astar_turns"},
     "people": {**RIGHT, "people": 3},
     "silence": {**RIGHT, "uncertainty": UncertaintySpec(loss=0.4), "sensor": SensorSpec(predictions=True)},
-    "late": {**FIELD, "uncertainty": UncertaintySpec(latency=0.3)},
+    "errors": {**FIELD, "uncertainty": UncertaintySpec(latency=0.3, **ERRORS)},
     "poses": {**RIGHT, "arrival": "pose"},
     "kinds": {**RIGHT, "fleet": (FleetPart(1, RobotSpec(length=0.7, wheelbase=0.4, max_speed=1.0)),)},
     "orders": {
@@ -38,7 +39,7 @@ STACKS: dict[str, dict[str, Any]] = {
     },
     "one shot": {**RIGHT, "tasks": "one_shot"},
 }  # fmt: skip
-PLAIN = ("field, raw", "right of way around rings", "ants' routes", "people", "silence")  # others take long
+PLAIN = ("field, raw", "right of way around rings", "ants' routes", "people", "silence", "errors")  # others take long
 DISCS = [(3.5, 4.5, 0.3), (6.5, 6.5, 0.25)]
 
 

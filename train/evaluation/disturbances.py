@@ -8,6 +8,7 @@ only the shield. A new disturbance is a line in DISTURBANCES.
 from __future__ import annotations
 
 import itertools
+import math
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -22,7 +23,7 @@ from warehouse_env.errors import unknown_name
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.observation import observation_layout
 from warehouse_env.simulation.simulator import Simulator
-from warehouse_env.traffic_spec import UncertaintySpec
+from warehouse_env.traffic_spec import ErrorBounds, UncertaintySpec
 
 NARROW = 3  # [cells] between two shelves up to which it is an aisle
 UNDISTURBED = "none"
@@ -66,6 +67,8 @@ def _uncertain(summary: str, **uncertainty: Any) -> Disturbance:
     return Disturbance(summary, {"uncertainty": UncertaintySpec(**uncertainty)})
 
 
+# Errors of poses and actuators as localisation by lidar and worn drives have them.
+ERRORS: dict[str, Any] = {"pose_error": 0.02, "heading_error": math.radians(1.0), "actuation_error": 0.05}
 LATE = 0.3  # [s]
 
 DISTURBANCES: dict[str, Disturbance] = {
@@ -86,7 +89,9 @@ DISTURBANCES: dict[str, Disturbance] = {
     "much_message_loss": _uncertain("messages lost, 30%", loss=0.3),
     "message_bursts": _uncertain("lost for 5 s, 10%", loss=0.1, burst=5.0),
     "latency": _uncertain("heard 0.3 s late", latency=LATE),
-    "lost_and_late": _uncertain("lost and late", loss=0.1, burst=5.0, latency=LATE),
+    "errors": _uncertain("off 2 cm, 1 deg, drives 5%", **ERRORS),
+    "undeclared_errors": _uncertain("the same, not declared", **ERRORS, declared=ErrorBounds()),
+    "all_at_once": _uncertain("lost, late and off", loss=0.1, burst=5.0, latency=LATE, **ERRORS),
     "breakdown": Disturbance("one broken down", breakdown=60.0),
     "people": Disturbance("4 people walk", {"people": 4}),
     "many_people": Disturbance("12 people walk", {"people": 12}),

@@ -221,7 +221,8 @@ class GridMap:
     def standing(self, points: ArrayLike) -> NDArray[np.int64]:
         """Return int64[..., 2], the cells from which robots at points (x, y) [m] plan: those that hold them.
 
-        A robot can stand in a cell that a disc closes: it plans from the nearest cell of `free_cells`.
+        A robot may stand in a cell that a disc closes, or believe that it is in a shelf or off the floor: it plans from
+        the nearest cell of `free_cells`.
         """
         cells = self.nearest_cell(points)
         for at in map(tuple, np.argwhere(self.occupied[cells[..., 0], cells[..., 1]])):

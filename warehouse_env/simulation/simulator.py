@@ -25,6 +25,7 @@ from warehouse_env.simulation.driver.manoeuvre import ARCS
 from warehouse_env.simulation.driver.scratch import make_search_scratch
 from warehouse_env.simulation.driver.turning import turning_metrics
 from warehouse_env.simulation.physics.buckets import bucket_grid
+from warehouse_env.simulation.physics.deviation import Deviation, errs, planned_config
 from warehouse_env.simulation.physics.floor import floor_of
 from warehouse_env.simulation.physics.people import People
 from warehouse_env.simulation.physics.poses import poses, speeds
@@ -94,28 +95,31 @@ class Simulator(Portable):
             planner = planner if planner is not None else make_planner(config.planner)
             routes = RouteBook(self.grid, planner, keep_right=config.keep_right, wider=config.widest_body.wider)
         given.check_pace(config, self.grid.cell_size)
-        given.check_stop(config, state.stop_samples(config))
+        planned = planned_config(config)
+        given.check_stop(config, state.stop_samples(planned))
         self.layout = observation_layout(config)
         each = state.ROBOT.itemsize + 8 * ROUTE_BLOCK
         each += 4 * config.num_agents if config.traffic_spec.shield == "lidar" else 0  # whom it sees
         cells = self.grid.occupied.size
         given.check_memory(num_worlds, config.num_agents, self.layout.size, each, config.people, cells)
-        self._every_kind = state.every_kind(config, self.grid.cell_size)
+        self._every_kind = state.every_kind(planned, self.grid.cell_size, config.kinds)
         self._params = self._every_kind[:1].copy()
         self._kinds = self._every_kind[list(config.kind_of)] if config.fleet else None
         self._limits: Limits = self._params, self._kinds
         self.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (self.layout.size,), np.float32)
-        self._actions = ActionDecoder(config)
+        self._actions = ActionDecoder(planned)
         self.action_space = self._actions.space
         self._weights = weight_vector(config.reward)
         self._reward_weights = config.reward
-        self.robots = np.zeros((num_worlds, config.num_agents), dtype=state.ROBOT)
-        self.people = People(config, self.grid, num_worlds)
-        self.dispatcher = Dispatcher(config, routes, self.robots, self.people.persons, self._limits, orders)
+        self._planned = np.zeros((num_worlds, config.num_agents), dtype=state.ROBOT)
+        self.robots = self._planned.copy() if errs(config) else self._planned  # where they are, in truth
+        self.people = People(planned, self.grid, num_worlds)
+        self.dispatcher = Dispatcher(planned, routes, self._planned, self.people.persons, self._limits, orders)
+        self._deviation = Deviation(config, num_worlds)
         self._messages = Messages(config, num_worlds)
-        self._make_arrays()
+        self._make_arrays(planned)
 
-    def _make_arrays(self) -> None:
+    def _make_arrays(self, planned: EnvConfig) -> None:
         b, n, p, self._decides = self.num_worlds, self.num_agents, self._params, self.config.traffic_spec.right_of_way
         self.arcs = np.zeros((b, n, ARCS, 2), dtype=np.float32)  # [m], [rad]; the robots' manoeuvres
         self._paths = np.zeros((b, n + 1 if self._decides else 0, POSES, COLUMNS), dtype=np.float32)
@@ -141,10 +145,14 @@ class Simulator(Portable):
         )
         bucket_rows, bucket_columns, side = bucket_grid(n, columns * size, rows * size, look)
         shared = {
-            "most_pairs": state.most_pairs(n, reach, widest, self.config),
+            "most_pairs": state.most_pairs(n, reach, widest, planned),
             "bucket_rows": bucket_rows, "bucket_columns": bucket_columns, "bucket": side,
         }  # fmt: skip
-        for records in self._limits:
+        self._true_params, self._true_kinds = self._limits  # of the bodies, where these are not what is planned
+        if self.robots is not self._planned:
+            self._true_params = state.parameters_of(self.config, size)
+            self._true_kinds = state.kinds_of(self.config, size)
+        for records in (p, self._kinds, self._true_params, self._true_kinds):
             if records is not None:
                 for name, value in shared.items():
                     records[name] = value
@@ -161,7 +169,7 @@ class Simulator(Portable):
         """Make the views and the floor, and keep the kernels' arguments ready."""
         self.state, self.events = state.state_of(self.robots), state.events_of(self.robots)
         self._floor = floor_of(self.grid, self.config.sensor.lidar_range)
-        self._zones = zones_of(self.grid, self.config)
+        self._zones = zones_of(self.grid, planned_config(self.config))
         self._rays = unit_vectors(self.config.sensor.rays)
         self._scanners = None if self._sights is None else Scanners(unit_vectors(RAYS), self._floor.edges)
         self._compiled: dict[Callable[..., Any], Callable[..., Any]] = {}  # kernels, once a step asks for them
@@ -171,20 +179,20 @@ class Simulator(Portable):
 
     def _collect(self) -> None:
         """Keep the kernels' arguments ready: collecting them takes longer than a small world's step."""
-        shifts, people, table = self.dispatcher.shifts, self.people, None
+        shifts, people, deviation, table = self.dispatcher.shifts, self.people, self._deviation, None
         if self.config.sensor.predictions:  # what discrete actions mean to each kind of robots, float32[K, A, 2]
-            actions, kinds = self._actions, self.config.kinds
+            actions, kinds = self._actions, planned_config(self.config).kinds
             table = np.stack([actions.commands_of(robot) for robot in kinds]) if len(kinds) > 1 else actions.table[None]
         self._worlds = Worlds(
-            self.robots, self.routes, self.arcs, self._commands, people.persons, people.ways,
-            None if shifts is None else shifts.limits, self._sights, self._stamps,
+            self._planned, self.routes, self.arcs, self._commands, people.persons, people.ways,
+            None if shifts is None else shifts.limits, self._sights, deviation.bodies, deviation.errors, self._stamps,
             self.steps, self.truncated, self.terminated, self._waiting, self._faults, self._paths, self._choices,
             self.observation, self.reward_terms, self.reward,
         )  # fmt: skip
         self._setup = Setup(
             self._features,
             Equipment(self.layout.starts, self._rays, table, self._weights, self._scanners, self._zones),
-            Vehicles(*self._limits), self._floor,
+            Vehicles(*self._limits), Vehicles(self._true_params, self._true_kinds), self._floor,
         )  # fmt: skip
 
     def _make_scratch(self) -> Scratch:
@@ -257,16 +265,18 @@ class Simulator(Portable):
     def _reset(self, assignments: Sequence[Assignment | None], seed: int | Sequence[int] | None) -> NDArray[np.float32]:
         for world, entropy in enumerate(given.seeds_of(seed, self.num_worlds)):
             self._reset_world(world, entropy, assignments[world])
+        self._show()
         self._observe()
         return self.observation
 
     def reset_world(self, world: int, seed: int | None = None) -> None:
         """Start one world anew; its row of `observation` is updated. seed None: its generator goes on."""
         self._reset_world(world, None if seed is None else [given.whole_seed(seed), 0])
+        self._show()
         self._observe(world)
 
     def _reset_world(self, world: int, entropy: list[int] | None, assignment: Assignment | None = None) -> None:
-        robots = self.robots[world]
+        robots = self._planned[world]
         robots[...] = np.zeros((), dtype=state.ROBOT)
         self._stamps[world] = self._faults[world] = self._commands[:, world] = self.steps[world] = 0
         self.arrivals = [arrival for arrival in self.arrivals if arrival.world != world]
@@ -281,6 +291,13 @@ class Simulator(Portable):
         self._messages.begin(world, entropy)
         self.people.begin(world, entropy, robots)
         robots["clocks"]["anchor_x"], robots["clocks"]["anchor_y"] = robots["motion"]["x"], robots["motion"]["y"]
+        if self.robots is not self._planned:
+            self._deviation.begin(world, entropy, robots)
+
+    def _show(self) -> None:
+        """Show outsiders where the bodies are, where that is not as planned."""
+        if self.robots is not self._planned:
+            self._deviation.show(self.robots, self._planned)
 
     def put(self, pose: ArrayLike, speed: ArrayLike) -> NDArray[np.bool_]:
         """Put robots at poses float[B, N, 3] (x [m], y [m], heading [rad]) with speeds float[B, N] [m/s], or one for
@@ -291,13 +308,17 @@ class Simulator(Portable):
         """
         placed = poses("pose", pose, (self.num_worlds, self.num_agents, 3), self.grid)
         driven = speeds(speed, self.num_worlds, self.config.robots)
-        free = put_all(self.robots, self.routes, placed, driven, self._limits, self._floor)
+        free = put_all(self._planned, self.routes, placed, driven, self._limits, self._floor)
+        if self.robots is not self._planned:
+            for world in range(self.num_worlds):
+                self._deviation.stand(world, self._planned[world])
+            self._show()
         self._observe()
         return free
 
     def break_down(self, world: int, robot: int) -> None:
         """Take a robot out of service until its world's reset: it brakes, and stands in the others' way for good."""
-        self.robots["task"]["alive"][world, robot] = 0
+        self.robots["task"]["alive"][world, robot] = self._planned["task"]["alive"][world, robot] = 0
         self.terminated[world, robot] = True
         if self.dispatcher.shifts is not None:
             self.dispatcher.shifts[world].break_down(robot)
@@ -311,11 +332,13 @@ class Simulator(Portable):
         if len(self._commands) > 1:
             self._commands[1:] = self._commands[:-1]
         self._actions.decode(actions, self._commands[0], self._choices)
-        self._messages.lose(self.robots)
+        self._messages.lose(self._planned)
+        if self.robots is not self._planned:
+            self._deviation.draw()
         arrivals = sum(self._each(self._advance))
         if self._features.checked:
             raise_fault(self._faults)
-        self.people.send_on(self.robots)
+        self.people.send_on(self._planned)
         self.arrivals = self.dispatcher.arrive(self.steps) if arrivals else []
         rerouted = self.dispatcher.work_on(self.steps) + self.dispatcher.reroute(self.steps)
         if self.dispatcher.all_look:
@@ -324,6 +347,7 @@ class Simulator(Portable):
             self._observe(rerouted)
         else:
             self._tell_needs()
+        self._show()
         return self.observation
 
     def _tell_needs(self) -> None:

@@ -7,6 +7,7 @@ would cost a step of one robot 2% for unpacking them, and gain nothing: a record
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -66,6 +67,7 @@ ROBOT = _record(
         ("vetoed", I), ("vetoed_by", I), ("vetoed_time", F),  # in the last env step; by whom; [s] without a break
         ("silent", B),  # its messages of this env step are lost (senses/messages.py)
         ("occluded_speed_bound", F),  # [m/s], of robots that it cannot see (traffic/lidar_shield.py)
+        ("off_plan", B),  # it is not where it has planned to be (physics/deviation.py)
     )),
     ("manoeuvre", _record(  # driver/driving.py
         ("arcs", B), ("arc", B), ("arc_x", F), ("arc_y", F), ("arc_heading", F),  # arcs, 0: none; the current one and
@@ -134,13 +136,21 @@ def parameters_of(config: EnvConfig, cell: float) -> NDArray[Any]:
     return every_kind(config, cell)[:1]
 
 
-def every_kind(config: EnvConfig, cell: float) -> NDArray[Any]:
-    """Return the parameters of the kinds of robots, PARAMETERS[K]."""
+def kinds_of(config: EnvConfig, cell: float) -> NDArray[Any] | None:
+    """Return the parameters of each robot, PARAMETERS[N]; None where all are alike."""
+    return every_kind(config, cell)[list(config.kind_of)] if config.fleet else None
+
+
+def every_kind(config: EnvConfig, cell: float, bodies: Sequence[RobotSpec] | None = None) -> NDArray[Any]:
+    """Return the parameters of the kinds of robots, PARAMETERS[K].
+
+    bodies: to which lengths are in proportion, if not those of the config: where errors are planned for, it has larger.
+    """
     kinds = [_parameters_of_one(config, robot, cell) for robot in config.kinds]
     p = np.concatenate(kinds)
     p["kind"] = np.arange(len(kinds))
-    for record, robot in zip(p, config.kinds, strict=True):
-        record["long"], record["wide"] = robot.longer, robot.wider
+    for record, body in zip(p, bodies or config.kinds, strict=True):
+        record["long"], record["wide"] = body.longer, body.wider
     for name in LARGEST:
         p[name] = p[name].max()
     return p
@@ -196,7 +206,7 @@ def latency_steps(config: EnvConfig) -> int:
     """Return the physics steps from when a robot says what it will do until it does it."""
     if config.traffic_spec.shield is not True:
         return 0
-    return math.ceil(config.uncertainty_spec.latency / config.time_step - 1e-9)
+    return math.ceil(config.uncertainty_spec.bounds.latency / config.time_step - 1e-9)
 
 
 def stop_samples(config: EnvConfig) -> int:

@@ -14,7 +14,7 @@ import numpy as np
 
 from warehouse_env.kernel import inline, kernel
 from warehouse_env.simulation.driver import arrival, line, tracking
-from warehouse_env.simulation.physics import buckets, contact, contact_episodes, people, zones
+from warehouse_env.simulation.physics import buckets, contact, contact_episodes, deviation, people, zones
 from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.physics.kinematics import approach, braking
 from warehouse_env.simulation.physics.trigonometry import ONE, ZERO
@@ -175,7 +175,7 @@ def _choose(worlds, b, commands, setup, scratch):
 
     Robots under loads have limits of their own, but contact and field count on those without.
     """
-    features, (params, kinds), masks, floor = setup.features, setup.vehicles, setup.equipment.zones, setup.floor
+    features, (params, kinds), masks, floor = setup.features, setup.planned, setup.equipment.zones, setup.floor
     p, robots, motion = params[0], worlds.robots[b], scratch.motions[1]
     for i in range(robots.shape[0]):
         r, own = robots[i], kind_of(i, p, kinds)
@@ -188,6 +188,32 @@ def _choose(worlds, b, commands, setup, scratch):
         contact.load(robots, i, first, second, own, floor, motion)
     scanners = setup.equipment.scanners
     _guard(worlds, b, scratch, features.guarded, features.walking, scanners, (p, kinds), floor)
+
+
+@inline
+def _move_as_planned(worlds, b, scratch, guarded, walking, erring, vehicles, floor):
+    """Carry out the motions chosen in world b with bodies that are where their robots have planned to be."""
+    if erring is None:
+        robots = worlds.robots[b]
+        _move(robots, worlds.persons[b], scratch.near[0], scratch.motions, walking, guarded, vehicles, floor)
+        contact.store(robots, scratch.motions[1])
+
+
+@inline
+def _move_as_can(worlds, at, scratch, guarded, walking, erring, vehicles, floor):
+    """Carry out the motions chosen in world b, at = (b, physics step of the env step), with bodies that err.
+
+    vehicles: (p, kinds) of the robots planned, and of the bodies (deviation.py).
+    """
+    if erring is not None:
+        (b, repeat), ((p, kinds), true) = at, vehicles
+        true_p, true_kinds = true
+        pairs, motion, flags, lanes = scratch.motions
+        robots, actual, errors, own = worlds.robots[b], worlds.actual[b], worlds.errors[b, repeat], scratch.own
+        deviation.plan(motion, flags, lanes, p, kinds)
+        deviation.load(robots, actual, motion, errors, own, true_p, true_kinds, floor)
+        _move(robots, worlds.persons[b], scratch.near[0], (pairs, own, flags, lanes), walking, None, true, floor)
+        deviation.store(robots, actual, motion, errors, own, guarded, true_p, true_kinds)
 
 
 @inline
@@ -212,20 +238,20 @@ def _count_step(worlds, b, p):
 def _step(worlds, at, setup, scratch):
     """Advance world b by a physics step; at: (b, which one of the env step it is)."""
     (b, repeat), features, floor, (order, starts, bodies) = at, setup.features, setup.floor, scratch.places
-    vehicles = setup.vehicles.shared[0], setup.vehicles.kinds
-    (p, kinds), (pairs, motion, _, _), walking, guarded = vehicles, scratch.motions, features.walking, features.guarded
+    planned, true = (setup.planned.shared[0], setup.planned.kinds), (setup.bodies.shared[0], setup.bodies.kinds)
+    (p, kinds), pairs, walking, guarded = planned, scratch.motions[0], features.walking, features.guarded
     robots, persons, clock = worlds.robots[b], worlds.persons[b], worlds.steps[b] * p["repeat"] + 1 + repeat
     buckets.sort(robots, p, kinds, starts, order, bodies)
     scratch.near[0] = contact.list_pairs(bodies, order, starts, p, pairs)
     said = max(p["latency"] - repeat + p["repeat"] - 1, 0) // p["repeat"]  # env steps ago
     _choose(worlds, b, worlds.commands[said, b], setup, scratch)
-    _move(robots, persons, scratch.near[0], scratch.motions, walking, guarded, vehicles, floor)
-    contact.store(robots, motion)
+    _move_as_planned(worlds, b, scratch, guarded, walking, features.erring, planned, floor)
+    _move_as_can(worlds, at, scratch, guarded, walking, features.erring, (planned, true), floor)
     shield.settle(robots, guarded)
     people.walk(persons, worlds.ways[b], robots, walking, p, kinds, floor)
-    _check(worlds, b, clock, features.checked, vehicles, floor)
-    contact_episodes.judge_pairs(robots, motion, pairs, scratch.near[0], worlds.stamps[b], clock, p, kinds)
-    contact_episodes.end_shelf_contacts(robots, p, kinds, floor)
+    _check(worlds, b, clock, features.checked, planned, floor)
+    contact_episodes.judge_pairs(robots, scratch.own, pairs, scratch.near[0], worlds.stamps[b], clock, *true)
+    contact_episodes.end_shelf_contacts(robots, *true, floor)
     people.end_contacts(robots, persons, walking, p, kinds)
     for i in range(robots.shape[0]):
         worlds.waiting[b] += _end(robots[i], worlds.routes[b, i], features.stopping, p)
@@ -241,7 +267,7 @@ def _rank(robots, guarded, order):
 @inline
 def _advance(begin, end, worlds, setup, scratch):
     """Move worlds on by one env step; return (arrivals, robots that seek a manoeuvre)."""
-    p, guarded = setup.vehicles.shared[0], setup.features.guarded
+    p, guarded = setup.planned.shared[0], setup.features.guarded
     arrivals, seeking, count = 0, 0, worlds.robots.shape[1]
     for b in range(begin, end):
         worlds.waiting[b] = 0
@@ -269,7 +295,7 @@ def _predict(row, starts, table, sights, p):
 @inline
 def _observe_world(worlds, b, setup, scratch):
     """Write observations, reward terms and rewards of world b."""
-    (params, kinds), equipment, (order, begins, bodies) = setup.vehicles, setup.equipment, scratch.places
+    (params, kinds), equipment, (order, begins, bodies) = setup.bodies, setup.equipment, scratch.places
     p, robots, rays, starts = params[0], worlds.robots[b], equipment.rays, equipment.starts
     near = starts.neighbours
     buckets.sort(robots, p, kinds, begins, order, bodies)

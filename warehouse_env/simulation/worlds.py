@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from warehouse_env.config import EnvConfig
 from warehouse_env.observation import Starts
-from warehouse_env.simulation.physics import buckets, contact
+from warehouse_env.simulation.physics import buckets, contact, deviation
 from warehouse_env.simulation.physics.floor import Floor
 from warehouse_env.simulation.physics.zones import Zones
 from warehouse_env.simulation.senses import prediction, sensing
@@ -32,6 +32,7 @@ class Features(NamedTuple):
     walking: Literal[True] | None  # people
     guarded: Literal[True] | None  # the protective field
     checked: Literal[True] | None  # and looked for faults (audit.py)
+    erring: Literal[True] | None  # bodies that are not quite where their robots have planned to be (deviation.py)
 
     @classmethod
     def of(cls, config: EnvConfig) -> Features:
@@ -39,14 +40,14 @@ class Features(NamedTuple):
         field = config.traffic_spec.shield
         checked = field and audit.is_wanted()
         stopping = config.arrival != "pass"
-        has = (config.action_type != "raw", stopping, config.people > 0, field, checked)
+        has = (config.action_type != "raw", stopping, config.people > 0, field, checked, deviation.errs(config))
         return cls(*(True if one else None for one in has))
 
 
 class Worlds(NamedTuple):
     """The arrays of B worlds of N robots and M people."""
 
-    robots: NDArray[np.void]  # ROBOT[B, N]
+    robots: NDArray[np.void]  # ROBOT[B, N], as they have planned to be
     routes: Floats  # [B, N, R, 2] [m]
     arcs: Floats  # [B, N, ARCS, 2], their manoeuvres (manoeuvre.py)
     commands: Floats  # [S, B, N, 2], the latest first: speed [m/s] and offset [m], or raw acceleration, steering rate
@@ -54,6 +55,8 @@ class Worlds(NamedTuple):
     ways: Floats  # [B, M, H, W], see people.People
     limits: NDArray[np.void] | None  # PARAMETERS[B, N], of robots under loads (tasks/shifts.py)
     sights: Floats | None  # [B, N, N], see lidar_shield.py
+    actual: NDArray[np.void]  # BODY[B, N], where erring bodies are, and
+    errors: NDArray[Any]  # what they err by (deviation.py)
     stamps: NDArray[np.int32]  # [B, N, K, 2], see contact_episodes.judge_pairs
     steps: NDArray[np.int64]  # [B], since the reset
     truncated: NDArray[np.bool_]  # [B]
@@ -90,7 +93,8 @@ class Setup(NamedTuple):
 
     features: Features
     equipment: Equipment
-    vehicles: Vehicles
+    planned: Vehicles  # as robots plan with
+    bodies: Vehicles  # as they are (deviation.py)
     floor: Floor
 
 
@@ -102,6 +106,7 @@ class Scratch(NamedTuple):
     near: NDArray[np.int64]  # [1], how many pairs of robots may meet
     guards: Any  # shield.scratch
     looks: Any  # lidar_shield.scratch, or None
+    own: Floats  # the motions of the bodies, where these err (deviation.py); else those of `motions`
     sights: tuple[Floats, Floats, Floats]  # sensing.scan_shelves' and prediction.write_predictions': turned, legs, path
     order: NDArray[np.int32]  # [N], robots by their right
     found: NDArray[np.int64]  # waits.scratch
@@ -110,16 +115,17 @@ class Scratch(NamedTuple):
 
 def make_scratch(setup: Setup, count: int, decides: bool) -> Scratch:
     """Return scratch for worlds of `count` robots; decides: whether there is right of way."""
-    p = setup.vehicles.shared[0]
+    p, motions = setup.bodies.shared[0], contact.scratch(count, setup.planned.shared[0])
     sights = (
         np.empty((sensing.TURNED, p["rays"]), np.float32),
         np.empty((prediction.LEGS, p["route_points"]), np.float32),
         np.empty(prediction.PATH, np.float32),
     )
     return Scratch(
-        buckets.scratch(count, p), contact.scratch(count, p), np.empty(1, np.int64), shield.scratch(count, p),
+        buckets.scratch(count, p), motions, np.empty(1, np.int64), shield.scratch(count, setup.planned.shared[0]),
         lidar_shield.scratch(count, setup.equipment.scanners),
-        sights, np.empty(count, np.int32), waits.scratch(count), reservations.scratch(count if decides else 0),
+        np.empty_like(motions[1]) if setup.features.erring else motions[1], sights, np.empty(count, np.int32),
+        waits.scratch(count), reservations.scratch(count if decides else 0),
     )  # fmt: skip
 
 

@@ -132,14 +132,3 @@ def test_bursts_last_as_long_as_asked_for_and_lose_as_much() -> None:
     assert min(lasted) == 10
     assert all(run % 10 == 0 for run in lasted)  # one may begin when another ends
     assert np.mean(lost) == pytest.approx(0.25, abs=0.05)
-
-
-def test_what_is_said_comes_into_force_one_latency_later() -> None:
-    """0.3 s: three physics steps after it was said, whatever is said in between."""
-    changes = {"traffic": TrafficSpec(shield=True), "uncertainty": UncertaintySpec(latency=0.3)}
-    simulator = stage(room(6, 20), (5.0, 3.0, 0.0), **changes)
-    speeds = []
-    for command in ((1.0, 0.0), (0.0, 0.0), (0.0, 0.0), (0.0, 0.0), (0.0, 0.0)):
-        simulator.step(raw(simulator, command))
-        speeds.append(float(simulator.state.speed[0, 0]))
-    np.testing.assert_allclose(speeds, [0.0, 0.0, 0.0, 0.1, 0.1], atol=1e-6)

@@ -132,7 +132,9 @@ def test_a_reset_forgets_who_was_seen() -> None:
     assert (simulator._sights == NOT_SEEN).all()
 
 
-def test_no_other_shield_is_known() -> None:
+def test_errors_are_refused() -> None:
+    with pytest.raises(ConfigError, match="must be without the shield by lidar where a pose_error"):
+        EnvConfig(traffic=TrafficSpec(shield="lidar"), uncertainty=UncertaintySpec(pose_error=0.01))
     with pytest.raises(ConfigError, match=r"TrafficSpec\.shield"):
         TrafficSpec(shield="radar")  # type: ignore[arg-type]
     config = EnvConfig(traffic=TrafficSpec(shield="lidar"))

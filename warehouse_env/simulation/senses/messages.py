@@ -33,6 +33,7 @@ class Messages:
         spec = config.uncertainty_spec
         loss = spec.loss
         self._lasts = max(1, round(spec.burst / (config.time_step * config.action_repeat)))  # env steps
+        self._late = max(spec.latency - spec.bounds.latency, 0.0) / spec.latency if spec.latency else 0.0
         self._begins = loss / (loss + self._lasts * (1.0 - loss))  # the chance in an env step of who is heard
         self._left = np.zeros((worlds, config.num_agents), np.int64)  # env steps for which each is silent yet
         # made when first used, as the Dispatcher's
@@ -46,10 +47,10 @@ class Messages:
 
     def lose(self, robots: NDArray[Any]) -> None:
         """Write who of robots ROBOT[B, N] is silent in the env step to come."""
-        if self._begins == 0:
+        if self._begins == self._late == 0:
             return
         self._left = np.maximum(self._left - 1, 0)
         for world in range(len(robots)):
-            begins = self._rngs[world].random(robots.shape[1]) < self._begins
-            self._left[world, begins & (self._left[world] == 0)] = self._lasts
-            robots["shield"]["silent"][world] = self._left[world] > 0
+            chances = self._rngs[world].random((2 if self._late else 1, robots.shape[1]))
+            self._left[world, (chances[0] < self._begins) & (self._left[world] == 0)] = self._lasts
+            robots["shield"]["silent"][world] = (self._left[world] > 0) | (chances[-1] < self._late)

@@ -20,7 +20,7 @@ def assign_right_of_way(begin, end, worlds, setup, scratch):
 
     Arguments: see step.run.
     """
-    (params, kinds), order, found, searching = setup.vehicles, scratch.order, scratch.found, 0
+    (params, kinds), order, found, searching = setup.planned, scratch.order, scratch.found, 0
     p, commands = params[0], worlds.commands[0]
     seconds = p["time_step"] * np.float32(p["repeat"])
     for b in range(begin, end):

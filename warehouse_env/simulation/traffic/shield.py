@@ -191,7 +191,7 @@ def guard(robots, persons, scratch, walking, p, kinds, floor):
         r, own = robots[i], kind_of(i, p, kinds)
         shield = r["shield"]
         refuser = FREE
-        if shield["silent"] == 0:
+        if shield["silent"] == 0 and shield["off_plan"] == 0:
             command = motion[ACCELERATION, i], motion[STEER_RATE, i]
             refuser = commit(i, command, persons, around, walking, own, kinds, floor)
             if refuser == FREE:

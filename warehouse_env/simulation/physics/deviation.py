@@ -1,0 +1,264 @@
+"""What robots really do, where they know their place and obey their commands only within some errors.
+
+All rules, the path follower and the protective field work on what robots *plan*, as if it came true: ROBOT holds that.
+Here each body drives after what its robot has planned, steered back to it by where it believes to be; its true pose is
+what touches, and what outsiders see. A planned robot is as much larger than its body, and its limits are as much
+narrower, as the declared errors of UncertaintySpec call for (`planned_config`): within these bounds no point of a body
+is ever farther than `tube` from where it is planned, so what holds of planned robots holds of bodies
+(as in tube-based control: Langson, Chryssochoos, Rakovic and Mayne 2004).
+
+A robot counts its own way exactly and corrects where it believes to be by what its localisation says, a part with each
+metre: while it stands, nothing drifts. Who believes to be off its plan by more than errors within the bounds allow
+brakes, and says its place anew once it stands. So beyond the bounds it drives in jerks, and contacts are possible.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warehouse_env.config import EnvConfig, RobotSpec
+from warehouse_env.kernel import inline, kernel
+from warehouse_env.simulation.physics import contact
+from warehouse_env.simulation.physics.contact import HEADING, SPEED, STEER, X, Y
+from warehouse_env.simulation.physics.footprint import clearance_at
+from warehouse_env.simulation.physics.kinds import kind_of
+from warehouse_env.simulation.physics.trigonometry import ONE, ZERO, sin_cos, wrap
+from warehouse_env.simulation.state import MOTION
+
+F = np.float32
+BODY = np.dtype(
+    [
+        ("motion", MOTION),
+        ("error_x", F), ("error_y", F), ("error_heading", F),  # of where it believes to be [m], [rad]
+        ("off", F), ("strays", np.int32),  # [m] that any point of it seems to be off its plan; how often too far
+    ],
+    align=True,
+)  # fmt: skip
+POSE_X, POSE_Y, POSE_HEADING, ACCELERATING, STEERING = range(5)  # columns of errors
+ERRORS = 5
+OFF_PLAN = 0.03  # [m] that a point of a body may seem to be off its plan
+_RESERVE, _LESS_STEERING = 0.02, 0.05  # shares of the limits that are kept for steering back, beside all errors
+_DRIFT, _PERIOD = (
+    0.7,
+    20.0,
+)  # share of an error that drifts, the rest is new at each step; [s] to drift through all of it
+_STREAM = 5  # behind the world's own entropy, see messages.py
+_TRUSTS = 0.5  # [m] of its way after which a robot believes its localisation, as much as to 1 - 1/e
+_PER_METRE = np.float32(1.0 / _TRUSTS)
+_STIFF = np.float32(3.0)  # [1/m]: of what a body is aside, a way of 1 / _STIFF leaves 2/e
+_CATCH_UP = np.float32(2.0)  # [1/s], along the way
+_TWO = np.float32(2.0)
+_HOLDS = np.float32(0.02)  # [m/s] from which brakes bring a body to rest, whatever its actuators do
+
+
+def errs(config: EnvConfig) -> bool:
+    """Return whether poses or actuators err, or are declared to."""
+    spec = config.uncertainty_spec
+    return spec.errs or (bool(config.traffic_spec.shield) and spec.bounds.errs)
+
+
+def tube(config: EnvConfig, robot: RobotSpec) -> float:
+    """Return how far [m] any point of a robot's body is at most from where it is planned, by the declared bounds."""
+    spec = config.uncertainty_spec.bounds
+    return spec.pose_error + (robot.farthest + _TRUSTS) * spec.heading_error + OFF_PLAN
+
+
+def planned_config(config: EnvConfig) -> EnvConfig:
+    """Return the config of robots as planned: larger by the tube, within limits that leave room to steer back."""
+    if not (errs(config) and config.traffic_spec.shield):
+        return config
+    parts = tuple(replace(part, robot=_planned(config, part.robot)) for part in config.fleet)
+    return config.replace(robot=_planned(config, config.robot), fleet=parts)
+
+
+def _planned(config: EnvConfig, robot: RobotSpec) -> RobotSpec:
+    """Return a robot as planned."""
+    wide = tube(config, robot)
+    most = 1.0 - config.uncertainty_spec.bounds.actuation_error - _RESERVE
+    return replace(
+        robot, length=robot.length + 2 * wide, width=robot.width + 2 * wide,
+        front_overhang=robot.front_overhang + wide, max_speed=robot.max_speed * (1 - _RESERVE),
+        min_speed=robot.min_speed * (1 - _RESERVE), max_acceleration=robot.max_acceleration * most,
+        max_steering=robot.max_steering * (1 - _LESS_STEERING), max_steering_rate=robot.max_steering_rate * most,
+    )  # fmt: skip
+
+
+class Deviation:
+    """The bodies BODY[B, N] of robots that err, and what the errors of the env step to come are.
+
+    errors float32[B, repeat, N, ERRORS]: of the believed x, y [m] and heading [rad] after each physics step, and of
+    accelerating and steering in it, as shares. Each drifts within its bound, and jitters.
+    """
+
+    def __init__(self, config: EnvConfig, worlds: int) -> None:
+        spec = config.uncertainty_spec
+        aside = spec.pose_error / math.sqrt(2.0)
+        bounds = (aside, aside, spec.heading_error, spec.actuation_error, spec.actuation_error)
+        self._bounds = np.array(bounds, dtype=F)
+        self._pace = math.sqrt(3.0 * config.time_step / _PERIOD)  # of a walk by even steps
+        shape = (worlds, config.num_agents if errs(config) else 0)
+        self.bodies = np.zeros(shape, dtype=BODY)
+        self.errors = np.zeros((worlds, config.action_repeat, shape[1], ERRORS), dtype=F)
+        self._drift = np.zeros((*shape, ERRORS))  # -1 to 1
+        # made when first used, as the Dispatcher's
+        self._rngs: defaultdict[int, np.random.Generator] = defaultdict(np.random.default_rng)
+
+    def begin(self, world: int, entropy: list[int] | None, robots: NDArray[Any]) -> None:
+        """Begin a world's episode: its robots ROBOT[N] are where they believe to be, not quite where their bodies are.
+
+        entropy: what its generator is seeded with; None: it goes on.
+        """
+        if entropy is not None:
+            self._rngs[world] = np.random.default_rng(np.random.SeedSequence([*entropy, _STREAM]))
+        self._drift[world] = self._rngs[world].uniform(-1.0, 1.0, self._drift[world].shape)
+        self.bodies[world] = np.zeros((), dtype=BODY)
+        error = (_DRIFT * self._drift[world] * self._bounds).astype(F)
+        for name, column in (("error_x", POSE_X), ("error_y", POSE_Y), ("error_heading", POSE_HEADING)):
+            self.bodies[name][world] = error[:, column]
+        self.stand(world, robots)
+
+    def stand(self, world: int, robots: NDArray[Any]) -> None:
+        """Place the bodies of a world as their robots ROBOT[N] were put."""
+        _place(self.bodies[world], robots)
+
+    def draw(self) -> None:
+        """Draw the errors of the env step to come."""
+        worlds, repeats, robots, _ = self.errors.shape
+        for world in range(worlds):
+            both = self._rngs[world].uniform(-1.0, 1.0, (repeats, 2, robots, ERRORS))
+            for repeat, (walk, jitter) in enumerate(both):
+                drift = self._drift[world] + self._pace * walk
+                self._drift[world] = np.where(np.abs(drift) > 1.0, np.sign(drift) * 2.0 - drift, drift)
+                self.errors[world, repeat] = (_DRIFT * self._drift[world] + (1 - _DRIFT) * jitter) * self._bounds
+
+    def show(self, robots: NDArray[Any], planned: NDArray[Any]) -> None:
+        """Make `robots` ROBOT[B, N] what is `planned`, but where their bodies are, and as fast as these."""
+        robots[...] = planned
+        robots["motion"] = self.bodies["motion"]
+
+
+@kernel
+def _place(bodies, robots):
+    for i in range(bodies.shape[0]):
+        r, body = robots[i], bodies[i]
+        motion = r["motion"]
+        body["motion"]["x"], body["motion"]["y"] = motion["x"] - body["error_x"], motion["y"] - body["error_y"]
+        body["motion"]["heading"] = wrap(motion["heading"] - body["error_heading"])
+        body["motion"]["sin"], body["motion"]["cos"] = sin_cos(body["motion"]["heading"])
+        body["motion"]["speed"], body["motion"]["steer"], body["off"] = motion["speed"], motion["steer"], ZERO
+
+
+@inline
+def _off(x, y, heading, c, s, body):
+    """Return (metres ahead, metres to the left, angle [rad]) by which a body seems to be off a planned pose."""
+    dx, dy = body["motion"]["x"] + body["error_x"] - x, body["motion"]["y"] + body["error_y"] - y
+    return dx * c + dy * s, dy * c - dx * s, wrap(body["motion"]["heading"] + body["error_heading"] - heading)
+
+
+@inline
+def _back_to_plan(r, body, next_speed, next_steer, p):
+    """Return (speed [m/s], steering [rad]) that a body tries to have after the step, to come back to its plan.
+
+    As one that is aside comes back to a line: critically damped over the way.
+    """
+    motion = r["motion"]
+    if next_speed == ZERO:
+        return ZERO, next_steer
+    ahead, aside, turned = _off(motion["x"], motion["y"], motion["heading"], motion["cos"], motion["sin"], body)
+    forward = ONE if next_speed > ZERO else -ONE
+    bend = -_STIFF * (_STIFF * aside + forward * _TWO * turned)
+    _, c = sin_cos(next_steer)
+    speed = next_speed - _CATCH_UP * ahead
+    return (max(speed, ZERO) if next_speed > ZERO else min(speed, ZERO)), next_steer - bend * p["wheelbase"] * c * c
+
+
+@inline
+def _changed(value, wanted, error, most, p):
+    """Return what changes a value per second, for it to be as wanted after a physics step, by actuators that err."""
+    rate = min(max((wanted - value) / p["time_step"], -most), most)
+    return min(max(rate * (ONE + error), -most), most)
+
+
+@inline
+def load(robots, bodies, planned, errors, own, params, kinds, floor):
+    """Take the bodies and what they do in this physics step into `own`; planned: where their robots will be.
+
+    bodies: BODY[N]; planned, own: float32[MOTION, N]; errors: float32[N, ERRORS]; params: of the bodies; kinds: of
+    each, see kinds.py.
+    """
+    for i in range(robots.shape[0]):
+        body, p = bodies[i], kind_of(i, params, kinds)
+        speed, steer = _back_to_plan(robots[i], body, planned[SPEED, i], planned[STEER, i], p)
+        stops = speed == ZERO and abs(body["motion"]["speed"]) <= _HOLDS
+        error = ZERO if stops else errors[i, ACCELERATING]
+        own[contact.ACCELERATION, i] = _changed(body["motion"]["speed"], speed, error, p["max_acceleration"], p)
+        own[contact.STEER_RATE, i] = _changed(
+            body["motion"]["steer"], steer, errors[i, STEERING], p["max_steer_rate"], p
+        )
+        c, s = body["motion"]["cos"], body["motion"]["sin"]
+        own[X, i], own[Y, i], own[HEADING, i] = body["motion"]["x"], body["motion"]["y"], body["motion"]["heading"]
+        own[contact.COS, i], own[contact.SIN, i] = c, s
+        own[SPEED, i], own[STEER, i] = body["motion"]["speed"], body["motion"]["steer"]
+        x, y = body["motion"]["x"] - p["offset"] * c, body["motion"]["y"] - p["offset"] * s
+        own[contact.ROOM, i] = clearance_at(x, y, floor) - p["radius"]
+
+
+@inline
+def plan(motion, flags, lanes, p, kinds):
+    """Carry out what is planned for a physics step, float32[MOTION, N], and nothing bars."""
+    for _ in range(p["substeps"]):
+        contact.try_motion(motion, flags, lanes, p, kinds)
+        for i in range(motion.shape[1]):
+            for k in range(5):
+                motion[X + k, i] = motion[contact.TRY_X + k, i]
+
+
+@inline
+def _localise(body, dx, dy, errors):
+    """Go on believing after a way (dx, dy) [m]: counted exactly from where the body believed to be, then corrected."""
+    s, c = sin_cos(body["error_heading"])
+    body["error_x"] += c * dx - s * dy - dx
+    body["error_y"] += s * dx + c * dy - dy
+    trust = min(np.sqrt(dx * dx + dy * dy) * _PER_METRE, ONE)
+    body["error_x"] += trust * (errors[POSE_X] - body["error_x"])
+    body["error_y"] += trust * (errors[POSE_Y] - body["error_y"])
+    body["error_heading"] += trust * (errors[POSE_HEADING] - body["error_heading"])
+
+
+@inline
+def _say_place_anew(r, body):
+    """Plan from where a body believes to be."""
+    motion = r["motion"]
+    motion["x"], motion["y"] = body["motion"]["x"] + body["error_x"], body["motion"]["y"] + body["error_y"]
+    motion["heading"] = wrap(body["motion"]["heading"] + body["error_heading"])
+    motion["sin"], motion["cos"] = sin_cos(motion["heading"])
+    motion["speed"], motion["steer"] = body["motion"]["speed"], body["motion"]["steer"]
+    r["shield"]["off_plan"] = 0
+
+
+@inline
+def store(robots, bodies, planned, errors, own, guarded, p, kinds):
+    """Write a physics step back into robots and bodies, and see who is off its plan."""
+    contact.store(robots, planned)
+    for i in range(robots.shape[0]):
+        r, body = robots[i], bodies[i]
+        motion, shield = r["motion"], r["shield"]
+        _localise(body, own[X, i] - body["motion"]["x"], own[Y, i] - body["motion"]["y"], errors[i])
+        body["motion"]["x"], body["motion"]["y"], body["motion"]["heading"] = own[X, i], own[Y, i], own[HEADING, i]
+        body["motion"]["cos"], body["motion"]["sin"] = own[contact.COS, i], own[contact.SIN, i]
+        body["motion"]["speed"], body["motion"]["steer"] = own[SPEED, i], own[STEER, i]
+        ahead, aside, turned = _off(motion["x"], motion["y"], motion["heading"], motion["cos"], motion["sin"], body)
+        body["off"] = np.sqrt(ahead * ahead + aside * aside) + kind_of(i, p, kinds)["far"] * abs(turned)
+        if body["off"] > OFF_PLAN and shield["off_plan"] == 0:
+            body["strays"] += 1
+            shield["off_plan"] = 1
+        if shield["off_plan"] != 0 and (
+            guarded is None or (motion["speed"] == ZERO and body["motion"]["speed"] == ZERO)
+        ):
+            _say_place_anew(r, body)
