@@ -27,7 +27,6 @@ SHORTER = {
     "seconds=36, speed=6": "seconds=1",
     "seconds=20, speed=3": "seconds=1",
     "seconds=40, speed=6": "seconds=1",
-    "range(1, 11)": "range(1, 2)",
 }
 
 

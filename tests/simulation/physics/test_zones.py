@@ -86,7 +86,7 @@ def test_no_limit_that_binds_is_no_zone() -> None:
     assert zones_of(GridMap(np.zeros((1, 20))), CONFIG) is None
     assert strip(np.inf).speed is None
     for wrong in (0.0, -1.0, np.nan):
-        with pytest.raises(MapError, match="speed must hold"):
+        with pytest.raises(MapError, match="speed"):
             strip(wrong)
 
 

@@ -51,7 +51,7 @@ def test_an_overlap_that_goes_on_is_one() -> None:
     simulator, audit = Simulator(CONFIG), Audit(CONFIG)
     simulator.reset(4)
     for name in ("x", "y", "heading", "cos", "sin"):
-        simulator.robots[name][0, 2] = simulator.robots[name][0, 0]
+        simulator.robots["motion"][name][0, 2] = simulator.robots["motion"][name][0, 0]
     simulator.robots["motion"]["y"][0, 2] += 0.5
     for step in range(4):
         if step == 2:
