@@ -27,7 +27,7 @@ SMALL = RobotSpec(length=0.5, width=0.4, wheelbase=0.3, front_overhang=0.4, max_
 # what of the world's record is a robot's own, of which a fleet has others
 OWN = (
     "half_length", "half_width", "offset", "radius", "wheelbase", "min_speed", "max_speed", "max_acceleration",
-    "max_steer", "max_steer_rate", "stride", "blur", "swing", "far", "reel",
+    "max_steer", "max_steer_rate", "stride", "blur", "swing", "far", "point_speed_ratio",
 )  # fmt: skip
 OPTIONS: dict[str, dict[str, Any]] = {
     "all rules": {"traffic": "rules", "people": 2, "arrival": "pose"},

@@ -110,7 +110,8 @@ PARAMETERS = np.dtype(
         ("half_length", F), ("half_width", F), ("offset", F), ("radius", F),  # [m]; offset: front axle to centre
         ("kind", I), ("widest", F), ("widest_length", F), ("widest_width", F),  # number of its kind; [m], see LARGEST
         ("wheelbase", F), ("min_speed", F), ("max_speed", F), ("max_acceleration", F),
-        ("max_steer", F), ("max_steer_rate", F), ("long", F), ("wide", F),  # times as long, as wide as RobotSpec()
+        ("max_steer", F), ("max_steer_rate", F),
+        ("length_scale", F), ("width_scale", F),  # beside RobotSpec()
         ("arrival_radius", F), ("arrival_angle", F), ("beyond", F),  # [m], [rad], and [m] aimed at beyond a route
         ("near_miss_gap", F), ("pair_range", F), ("stride", F), ("blur", F),
         ("cell", F), ("lidar_range", F), ("rays", I), ("neighbours", I), ("route_points", I), ("route_spacing", F),
@@ -118,7 +119,7 @@ PARAMETERS = np.dtype(
         ("most_pairs", I), ("bucket", F), ("bucket_rows", I), ("bucket_columns", I),  # [m]; set by the Simulator
         ("right_of_way", B), ("right_of_way_after", F),  # [s]
         ("field", B), ("field_margin", F), ("stop_samples", I), ("swing", F), ("far", F), ("field_range", F),
-        ("reel", F),  # fastest point by speed, at most
+        ("point_speed_ratio", F),  # fastest point by speed, at most
         ("action_type", I), ("one_shot", B), ("collision_ends", B), ("max_steps", np.int64),
     ],
     align=True,
@@ -150,7 +151,7 @@ def every_kind(config: EnvConfig, cell: float, bodies: Sequence[RobotSpec] | Non
     p = np.concatenate(kinds)
     p["kind"] = np.arange(len(kinds))
     for record, body in zip(p, bodies or config.kinds, strict=True):
-        record["long"], record["wide"] = body.longer, body.wider
+        record["length_scale"], record["width_scale"] = body.longer, body.wider
     for name in LARGEST:
         p[name] = p[name].max()
     return p
@@ -190,7 +191,7 @@ def _parameters_of_one(config: EnvConfig, robot: RobotSpec, cell: float) -> NDAr
         "predictions": sensor.predictions,
         "right_of_way": traffic.right_of_way, "right_of_way_after": traffic.right_of_way_after,
         "field": traffic.shield is not False, "field_margin": traffic.margin,
-        "reel": reel,
+        "point_speed_ratio": reel,
         "stop_samples": _stop_samples(config, robot), "swing": wide,
         "far": far,
         "field_range": 2 * (radius + stride + wide * stop) + traffic.margin,

@@ -196,7 +196,7 @@ def drive_arcs(r, arcs, wanted, stopping, p):
         return ZERO, ZERO
     k = manoeuvre["arc"]
     direction = ONE if arcs[k, 0] > ZERO else -ONE
-    back, along = BACK_TO_ARC / (p["long"] * p["long"]), ALONG_ARC / p["long"]
+    back, along = BACK_TO_ARC / (p["length_scale"] * p["length_scale"]), ALONG_ARC / p["length_scale"]
     bend = curvature(arcs[k, 1], p["wheelbase"]) - back * lateral - direction * along * turned
     steer = to_steering(bend, p["wheelbase"], p["max_steer"])
     off = abs(steer - r["motion"]["steer"])

@@ -13,7 +13,7 @@ from warehouse_env.simulation.physics.footprint import clearance_at
 from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO, arc_tan, arc_tan2, wrap
 
 TWO = np.float32(2.0)
-# lengths are those of the default body, in proportion for others (state.PARAMETERS: long, wide)
+# lengths are those of the default body, in proportion for others (length_scale and width_scale of state.PARAMETERS)
 LOOK_AHEAD = np.float32(0.55)  # [m] standing
 LOOK_AHEAD_TIME = np.float32(0.45)  # [s] of driving added to it
 LANE_CLEARANCE = np.float32(0.45)  # [m] a way-point moved sideways keeps from shelves
@@ -83,7 +83,7 @@ def way_point(r, route, ahead, beyond):
 @inline
 def look_ahead(speed, p):
     """Return how far ahead [m] the point lies that is steered for at a speed [m/s]."""
-    return LOOK_AHEAD * p["long"] + LOOK_AHEAD_TIME * speed
+    return LOOK_AHEAD * p["length_scale"] + LOOK_AHEAD_TIME * speed
 
 
 @inline
@@ -92,8 +92,8 @@ def room_beside(tx, ty, ux, uy, offset, to_go, floor, p):
 
     ux, uy: the route's direction there; to_go [m]: of the route, at the end of which it fades out.
     """
-    offset *= min(ONE, to_go / (OFFSET_FADE * p["long"]))
-    least = LANE_CLEARANCE * p["wide"]
+    offset *= min(ONE, to_go / (OFFSET_FADE * p["length_scale"]))
+    least = LANE_CLEARANCE * p["width_scale"]
     if clearance_at(tx - offset * uy, ty + offset * ux, floor) < least:
         offset *= HALF
         if clearance_at(tx - offset * uy, ty + offset * ux, floor) < least:

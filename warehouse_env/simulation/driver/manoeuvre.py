@@ -85,7 +85,12 @@ def _margin_at(pose, margin, around):
 @inline
 def _to_go(pose, goals, around):
     """Return (whether a goal is reached, seconds from there on; or estimated seconds to the best goal)."""
-    least, arrived, long, large = np.float32(np.inf), False, around.p["long"], min(around.p["long"], _LARGE)
+    least, arrived, long, large = (
+        np.float32(np.inf),
+        False,
+        around.p["length_scale"],
+        min(around.p["length_scale"], _LARGE),
+    )
     for k in range(goals.shape[0]):
         c, s, after = goals[k, COSINE], goals[k, SINE], goals[k, COST]
         dx, dy, turn = pose.x - goals[k, X], pose.y - goals[k, Y], wrap(pose.heading - goals[k, HEADING])
@@ -182,7 +187,7 @@ def _keep(node, pose, seconds, margin, nodes):
 def _begin(query, goals, trial):
     """Start a try at the robot's pose; return whether that pose is a goal."""
     scratch, around, pose, margin = query.scratch, query.around, query.pose, MARGINS[trial]
-    turning.write_moves(STRIDES[trial] * around.p["long"], around.p, scratch.moves)
+    turning.write_moves(STRIDES[trial] * around.p["length_scale"], around.p, scratch.moves)
     write_rooms(pose, margin, around)
     scratch.cells.keys[:] = 0
     _keep(0, pose, ZERO, _margin_at(pose, margin, around), scratch.nodes)
@@ -265,7 +270,7 @@ def search_once(query, goals, trial, arcs, shots):
     """Run try `trial` of TRIES for these goals of the query; return the number of arcs, NONE or CUT_OFF."""
     if _begin(query, goals, trial):
         return 0
-    cell = CELLS[trial] * query.around.p["long"]
+    cell = CELLS[trial] * query.around.p["length_scale"]
     size, waiting, used = 0, 0, whole(1)
     while True:
         size, waiting = _branch(used - 1, size, waiting, cell, query, goals)

@@ -25,7 +25,7 @@ def _write_goals(r, route, apart, goals, p):
     on_route = r["on_route"]
     many = goals.shape[0] - TURNED
     to_go = np.float32(on_route["points"] - 1) * on_route["spacing"] - on_route["position"]
-    first, apart = FIRST * p["long"], apart * p["long"]
+    first, apart = FIRST * p["length_scale"], apart * p["length_scale"]
     last = min(first + apart * np.float32(many - 1), to_go)
     for k in range(many):
         ahead = min(first + apart * np.float32(k), to_go)

@@ -80,8 +80,8 @@ def seconds_between(ahead, left, turn, turning, cell):
 def _fill(p, turning):
     """Fill float32[HEADINGS, SIDE, SIDE]: Dijkstra from the origin against the direction of driving."""
     moves = np.empty((MOVES, 9), np.float32)
-    cell_size = CELL * p["long"]
-    write_moves(STRIDE * p["long"], p, moves)
+    cell_size = CELL * p["length_scale"]
+    write_moves(STRIDE * p["length_scale"], p, moves)
     turning[...] = np.float32(np.inf)
     poses = np.empty((_OPEN_STATES, 3), np.float32)
     arrived_by = np.empty(_OPEN_STATES, np.int8)
@@ -132,7 +132,7 @@ def _metrics(values: bytes, dtype: np.dtype[Any]) -> NDArray[np.float32]:
 def turning_metrics(params: NDArray[Any]) -> NDArray[np.float32]:
     """Return float32[K, HEADINGS, SIDE, SIDE] [s] for kinds of robots PARAMETERS[K] (state.py); kept for reuse."""
     kept = np.zeros(len(params), dtype=params.dtype)
-    for name in ("wheelbase", "max_steer", "max_steer_rate", "long"):
+    for name in ("wheelbase", "max_steer", "max_steer_rate", "length_scale"):
         kept[name] = params[name]
     return _metrics(kept.tobytes(), kept.dtype)
 

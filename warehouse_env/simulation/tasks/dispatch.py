@@ -201,7 +201,7 @@ class Dispatcher(Portable):
         take_route(self.robots, self.routes, world, robot, points, self._any_heading)
         if route.end is not None:
             params, kinds = self._limits
-            join = JOIN * float(kind_of(robot, params[0], kinds)["long"])
+            join = JOIN * float(kind_of(robot, params[0], kinds)["length_scale"])
             take_end(self.robots, world, robot, *route.end, route.either, join)
         if self.live is not None:
             self.live.take_up(self.robots, self.routes, world, robot, route.cells, route.reach)

@@ -77,7 +77,7 @@ def _write_way_back(r, p, avoid):
     """Write the bodies of a robot that backs straight off into avoid[:BEHIND_IT]; return how many."""
     motion = r["motion"]
     for k in range(BEHIND_IT):
-        behind = p["offset"] + np.float32(k + 1) * BEHIND_STEP * p["long"]
+        behind = p["offset"] + np.float32(k + 1) * BEHIND_STEP * p["length_scale"]
         write_body(
             motion["x"] - behind * motion["cos"],
             motion["y"] - behind * motion["sin"],

@@ -172,8 +172,8 @@ def _look(robots, persons, motion, places, sights, walking, p, floor):
             other_x, other_y = centre_of(j, motion, p)
             dx, dy, had = other_x - x, other_y - y, sights[i, j] != NOT_SEEN
             if dx * dx + dy * dy < reach * reach and see_each_other(i, j, persons, motion, places, walking, p, floor):
-                sights[i, j] = min((abs(motion[SPEED, j]) + gain) * p["reel"], fastest)
-                sights[j, i] = min((abs(motion[SPEED, i]) + gain) * p["reel"], fastest)
+                sights[i, j] = min((abs(motion[SPEED, j]) + gain) * p["point_speed_ratio"], fastest)
+                sights[j, i] = min((abs(motion[SPEED, i]) + gain) * p["point_speed_ratio"], fastest)
             elif had:
                 robots[i]["shield"]["occluded_speed_bound"] = max(
                     robots[i]["shield"]["occluded_speed_bound"], sights[i, j]

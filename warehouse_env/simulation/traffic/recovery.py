@@ -109,7 +109,7 @@ def write_near(i, world, others, people, setup, bodies):
     cx, cy, within = (
         motion["x"] - p["offset"] * motion["cos"],
         motion["y"] - p["offset"] * motion["sin"],
-        others * p["long"],
+        others * p["length_scale"],
     )
     for j in range(world.robots.shape[0]):
         o, other = world.robots[j], own_of(j, setup)
