@@ -5,9 +5,12 @@ from __future__ import annotations
 import pickle
 from pathlib import Path
 
+import pytest
+
 from tests import long
 
 
+@pytest.mark.nightly
 def test_two_drives_one_of_them_pickled_half_way_come_to_the_same(tmp_path: Path) -> None:
     env = long.config(8, 2, 60)
     for name in ("whole", "parted"):

@@ -39,6 +39,7 @@ def test_it_is_kept_with_small_outputs_of_one_run_from_the_top(path: Path) -> No
     assert path.stat().st_size < 800_000
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_it_runs_from_top_to_bottom(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("WAREHOUSE_QUICK", "1")

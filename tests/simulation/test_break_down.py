@@ -12,7 +12,6 @@ from tests.simulation.worlds import raw, room, stage
 from warehouse_env.config import EnvConfig
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.state import field_of
-from warehouse_env.simulation.traffic.audit import SWITCH
 
 
 def test_it_brakes_and_stands() -> None:
@@ -29,8 +28,7 @@ def test_it_brakes_and_stands() -> None:
     assert (simulator.state.speed[0, 0], simulator.state.steer[0, 0]) == (0.0, np.float32(0.2))
 
 
-def test_the_others_go_on_around_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(SWITCH, "1")
+def test_the_others_go_on_around_it() -> None:
     base = EnvConfig(num_agents=16, planner="astar_turns", layout="paper46", traffic="routes", action_repeat=2)
     simulator = Simulator(policy_config("greedy", base), 2)
     simulator.reset(7)

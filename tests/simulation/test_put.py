@@ -53,7 +53,9 @@ def test_where_a_robot_is_on_its_route() -> None:
     assert simulator.observation[:, 0, ego + 4] == pytest.approx([0.6, -1.0], abs=1e-4)
 
 
-MIXED = CONFIG.replace(num_agents=2, fleet=(FleetPart(1, RobotSpec(min_speed=0.0, max_speed=0.8)),))
+# of a feature set that test_fleet compiles as well
+FLEET = (FleetPart(1, RobotSpec(min_speed=0.0, max_speed=0.8)),)
+MIXED = CONFIG.replace(num_agents=2, action_type="raw", sensor=SensorSpec(), fleet=FLEET)
 THERE = [[(5.5, 5.5, 0.0), (9.5, 5.5, 0.0)]]
 
 
@@ -86,8 +88,9 @@ def test_what_robots_cannot_be_put_to_is_refused(pose: Any, speed: Any, says: st
 @pytest.mark.parametrize("turns", [1, -1, 2, 150, -150])
 def test_a_heading_of_many_turns_is_that_of_the_remainder(turns: int) -> None:
     heading, seen = np.pi / 2, []
+    config = CONFIG.replace(num_agents=1, arrival="pose", sensor=SensorSpec())
     for more in (0, turns):
-        simulator = Simulator(CONFIG.replace(num_agents=1, arrival="pose"), 2, grid=make_layout("open"))
+        simulator = Simulator(config, 2, grid=make_layout("open"))
         turned = heading + more * 2 * np.pi
         simulator.reset_to([Assignment([(20.5, 20.5, turned)], [(30.5, 20.5, 1.0 + turned)])] * 2, 0)
         seen += [simulator.observation.copy(), simulator.state.pose.copy()]

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tests.simulation.worlds import coast, drawn, raw, room, stage
@@ -31,6 +31,12 @@ from warehouse_env.traffic_spec import TrafficSpec
 
 STEP = 0.1 * float(PACE)  # [m]
 FAR = (18.0, 5.0, 0.0)
+
+
+@pytest.fixture
+def checked(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every Simulator looks for itself whether a safe stop exists, after each physics step."""
+    monkeypatch.setenv(audit.SWITCH, "1")
 
 
 def with_people(*where: Any, people: int = 1, **changes: Any) -> Simulator:
@@ -110,6 +116,7 @@ def test_where_there_is_no_way_past_a_person_turns_away() -> None:
     assert wanted[first] < 5.0  # on its own side
 
 
+@pytest.mark.usefixtures("checked")
 @pytest.mark.parametrize("lane", [["##########", "..........", "##########"], [".........."]])
 def test_nobody_comes_so_near_to_a_robot_that_it_may_not_drive_on(lane: list[str]) -> None:
     """However long a robot stands in its way: under the field it could not leave then."""
@@ -188,6 +195,7 @@ def test_lidar_sees_people_from_the_bodys_centre() -> None:
     assert ranges[7] == pytest.approx(expected, abs=1e-4)
 
 
+@pytest.mark.usefixtures("checked")
 @pytest.mark.parametrize("away", [0.4, 1.0, 2.5])
 def test_under_the_field_a_robot_stops_before_a_person(away: float) -> None:
     simulator = with_people(room(10, 20), (5.0, 5.0, 0.0), traffic=TrafficSpec(shield=True))
@@ -212,7 +220,8 @@ def test_who_turns_away_goes_past_no_robot() -> None:
     assert np.isfinite(way[2, 5])
 
 
-@settings(max_examples=25, deadline=None)
+@pytest.mark.usefixtures("checked")
+@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.integers(0, 2**31 - 1))
 def test_whatever_people_and_robots_do_the_field_lets_nobody_be_hit(seed: int) -> None:
     """People who dart about at PACE, through each other and into robots, which get random commands."""
@@ -235,8 +244,8 @@ def test_whatever_people_and_robots_do_the_field_lets_nobody_be_hit(seed: int) -
     assert simulator.robots["totals"]["distance"].sum() > 1.0
 
 
-def test_the_checked_mode_finds_a_robot_that_cannot_stop(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(audit.SWITCH, "1")
+@pytest.mark.usefixtures("checked")
+def test_the_checked_mode_finds_a_robot_that_cannot_stop() -> None:
     simulator = with_people(room(10, 20), (5.0, 5.0, 0.0, 1.5), traffic=TrafficSpec(shield=True))
     still(simulator, 6.2, 5.0)  # put there, where no robot would have been so fast
     with pytest.raises(UnsafeError, match="a person"):
