@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from tests.simulation.test_determinism import MAP, bits
 from tests.simulation.worlds import drawn, plain_python
 from warehouse_env.config import EnvConfig, FleetPart, RobotSpec, SensorSpec
+from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.traffic import live
 from warehouse_env.traffic_spec import TRAFFIC, TrafficSpec, UncertaintySpec
@@ -44,7 +45,7 @@ PLAIN = ("right of way around rings", "ants' routes", "people", "errors")  # oth
 def make(name: str, worlds: int, robots: int) -> Simulator:
     """A simulator of a floor with shelves."""
     settings = {"planner": "astar", "action_repeat": 2, "num_agents": robots} | STACKS[name]
-    grid = drawn(MAP * 2)
+    grid = GridMap(drawn(MAP * 2).occupied, name="drawn")
     with pytest.MonkeyPatch.context() as patch:
         if name.endswith(" routes"):
             patch.setattr(live, "EVERY", 0.4)
