@@ -34,14 +34,13 @@ BASE = (
 )
 PLANNING = (*BASE, "warehouse_env.maps", "warehouse_env.planning")
 ROUTES = (*PLANNING, "warehouse_env.routes")
-TRAFFIC = (*ROUTES, "warehouse_env.traffic")
-SIMULATION = (*TRAFFIC, "warehouse_env.observation", "warehouse_env.simulation")
+SIMULATION = (*ROUTES, "warehouse_env.observation", "warehouse_env.simulation")
 # The rooms of the simulation, from the ground up: each sees those below it, and the records of `state`.
 PHYSICS = (*BASE, "warehouse_env.maps", "warehouse_env.simulation.state", "warehouse_env.simulation.physics")
 # A driver shoots along curves, which know of no map; of routes it sees nothing else.
 DRIVER = (*PHYSICS, "warehouse_env.routes.reeds_shepp", "warehouse_env.simulation.driver")
 SENSES = (*DRIVER, "warehouse_env.observation", "warehouse_env.simulation.senses")
-RULES = (*TRAFFIC, *SENSES, "warehouse_env.simulation.traffic")
+RULES = (*ROUTES, *SENSES, "warehouse_env.simulation.traffic")
 TASKS = (*RULES, "warehouse_env.simulation.tasks")
 BELOW_TRAIN = ("warehouse_env", "agents")
 
@@ -64,7 +63,6 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "warehouse_env.maps": (*BASE, "warehouse_env.maps"),
     "warehouse_env.planning": PLANNING,
     "warehouse_env.routes": ROUTES,
-    "warehouse_env.traffic": TRAFFIC,
     "warehouse_env.simulation.state": BASE,
     "warehouse_env.simulation.physics": PHYSICS,
     "warehouse_env.simulation.driver": DRIVER,
@@ -233,9 +231,7 @@ def test_every_import_is_allowed() -> None:
         ("warehouse_env.maps.grid_map", "from warehouse_env.planning import PLANNERS"),
         ("warehouse_env.planning.ants.aco", "import warehouse_env.simulation.step"),
         ("warehouse_env.planning.ants.iaco", "from warehouse_env.routes.lanes import resample"),
-        ("warehouse_env.planning.ants.acs", "from warehouse_env.traffic.conflicts import Route"),
-        ("warehouse_env.routes.book", "from warehouse_env.traffic.conflicts import conflicts"),
-        ("warehouse_env.traffic.tasks", "from warehouse_env.simulation.simulator import Simulator"),
+        ("warehouse_env.routes.book", "from train.advice.conflicts import conflicts"),
         ("warehouse_env.planning.ants.aco", "from warehouse_env import Simulator"),
         ("warehouse_env.simulation.physics.contact", "from warehouse_env.simulation.driver.tracking import follow"),
         ("warehouse_env.simulation.driver.tracking", "from warehouse_env.simulation.traffic import shield"),
@@ -248,7 +244,7 @@ def test_every_import_is_allowed() -> None:
         ("warehouse_env.render.frame", "import pygame"),
         ("agents.brake", "from warehouse_env.simulation.simulator import Simulator"),
         ("agents.brake", "from warehouse_env import Simulator"),
-        ("agents.brake", "from warehouse_env.traffic.conflicts import conflicts"),
+        ("agents.brake", "from train.advice.conflicts import conflicts"),
         ("agents.learned", "from train.learning.config import PPOConfig"),
         ("agents.brake", "import importlib\nt = importlib.import_module('torch')"),
         ("train.reinforce", "from stable_baselines3.common import vec_env"),

@@ -14,14 +14,14 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from train.advice.conflicts import conflicts
+from train.advice.tasks import Task, endpoint_tasks
 from train.evaluation.places import peaks
 from warehouse_env.maps.distance import label_regions
 from warehouse_env.maps.endpoints import beside, shelves
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
 from warehouse_env.planning.graph_search import AStarTurns
 from warehouse_env.planning.plan import path_length
-from warehouse_env.traffic.conflicts import conflicts
-from warehouse_env.traffic.tasks import Task, endpoint_tasks
 
 TRIPS = 300  # that represent all
 MOST = 5  # bottlenecks

@@ -15,9 +15,9 @@ from train.advice import candidates, fittings
 from train.advice.candidates import Bottleneck, Candidate, Kind
 from train.advice.race import FEWEST, race
 from train.advice.study import Team
+from train.advice.tasks import Task
 from train.advice.trials import AS_IS, AdvicePlan, Drive, TimeBudget, Use
 from train.reporting.rows import Interval, Row, mean_interval, paired
-from warehouse_env.traffic.tasks import Task
 
 KINDS: tuple[Kind, ...] = ("aisle", "one-way")  # that are raced
 SOUGHT = 6  # changes of each kind that are raced, at most

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from train.advice.tasks import endpoint_tasks
 from warehouse_env.maps.layouts import make_layout
-from warehouse_env.traffic.tasks import endpoint_tasks
 
 
 def test_tasks_go_to_and_fro_between_picks_and_stations() -> None:

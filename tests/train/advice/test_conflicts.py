@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from train.advice.conflicts import Conflicts, Route, conflict_table, conflicts
 from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import MOVES, Cell
 from warehouse_env.planning import path_length
-from warehouse_env.traffic.conflicts import Conflicts, Route, conflict_table, conflicts
 
 SHAPE = (7, 7)
 ROW = [(3, c) for c in range(7)]

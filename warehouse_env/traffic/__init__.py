@@ -1,1 +1,0 @@
-"""Routes of several robots: tasks drawn for them, and their conflicts."""
