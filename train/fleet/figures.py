@@ -81,6 +81,67 @@ def _step_robots(robots, poses, before, moments, was, seconds, dt, late):
 
 
 @kernel
+def _gap_of(a, b, one, other, apart):
+    """Return the gap [m] between two robots' bodies, negative if they overlap, and `apart` if their centres are so far.
+
+    one, other: the FleetBody of each.
+    """
+    a, b = a["motion"], b["motion"]
+    x, y = a["x"] - one.back * a["cos"], a["y"] - one.back * a["sin"]
+    to_x, to_y = b["x"] - other.back * b["cos"], b["y"] - other.back * b["sin"]
+    if (to_x - x) ** 2 + (to_y - y) ** 2 > apart * apart:
+        return apart
+    return gap(outline_of((x, y, a["cos"], a["sin"]), one), outline_of((to_x, to_y, b["cos"], b["sin"]), other))
+
+
+@kernel
+def _place_of(i, j, active, count):
+    """Return the row of a pair in `active`: its own, or `count` if it is new."""
+    for k in range(count):
+        if active[k, 0] == i and active[k, 1] == j:
+            return k
+    return count
+
+
+@kernel
+def _note(i, j, found, touch, robots, active, count, near):
+    """Note the gap `found` [m] of robots i < j, and a contact that begins; return how many pairs are active."""
+    for r in (robots[i], robots[j]):
+        r["events"]["gap"] = min(r["events"]["gap"], found)
+        r["totals"]["min_gap"] = min(r["totals"]["min_gap"], found)
+    k = _place_of(i, j, active, count) if found < near else active.shape[0]
+    if k == active.shape[0]:
+        return count
+    if k == count:
+        active[k, 0], active[k, 1], active[k, 2] = i, j, _NEAR
+    active[k, 3] = 1
+    begins = touch and active[k, 2] != _CONTACT
+    if touch:
+        active[k, 2] = _CONTACT
+        for r in (robots[i], robots[j]):
+            r["events"]["touching"] = 1
+            r["events"]["hit_robot"] += begins
+            r["totals"]["hits_robot"] += begins
+    return max(count, k + 1)
+
+
+@kernel
+def _end_pairs(robots, active, count):
+    """Drop the active pairs that are near no more, and count near misses; return how many are left."""
+    kept = 0
+    for k in range(count):
+        if active[k, 3] != 0:
+            active[kept] = active[k]
+            active[kept, 3] = 0
+            kept += 1
+        elif active[k, 2] == _NEAR:
+            for r in (robots[active[k, 0]], robots[active[k, 1]]):
+                r["events"]["near_miss"] += 1
+                r["totals"]["near_misses"] += 1
+    return kept
+
+
+@kernel
 def _look_at_pairs(robots, active, count, bits, near, fleet):
     """Begin and end near misses and contacts of pairs; active int64[K, 4]: two robots, status, whether near now.
 
@@ -91,70 +152,17 @@ def _look_at_pairs(robots, active, count, bits, near, fleet):
         back = max(back, abs(body.back))
     order = np.argsort(robots["motion"]["x"])
     for n in range(order.size):
-        i = order[n]
         for m in range(n + 1, order.size):
-            j = order[m]
-            a, b = robots[min(i, j)], robots[max(i, j)]
-            if robots[j]["motion"]["x"] - robots[i]["motion"]["x"] > apart + 2.0 * back:
+            if robots[order[m]]["motion"]["x"] - robots[order[n]]["motion"]["x"] > apart + 2.0 * back:
                 break
-            one, other = body_of(min(i, j), fleet), body_of(max(i, j), fleet)
-            x, y = a["motion"]["x"] - one.back * a["motion"]["cos"], a["motion"]["y"] - one.back * a["motion"]["sin"]
-            to_x, to_y = (
-                b["motion"]["x"] - other.back * b["motion"]["cos"],
-                b["motion"]["y"] - other.back * b["motion"]["sin"],
-            )
-            dx, dy = to_x - x, to_y - y
-            if (bits[i] & bits[j] & PRESENT) == 0 or dx * dx + dy * dy > apart * apart:
+            i, j = min(order[n], order[m]), max(order[n], order[m])
+            if (bits[i] & bits[j] & PRESENT) == 0:
                 continue
-            own = outline_of((x, y, a["motion"]["cos"], a["motion"]["sin"]), one)
-            found = gap(own, outline_of((to_x, to_y, b["motion"]["cos"], b["motion"]["sin"]), other))
-            touch = found < 0.0 or (found < near and (bits[i] & bits[j] & AT_ROBOT) != 0)
-            found = 0.0 if touch else found
-            a["events"]["gap"], b["events"]["gap"] = min(a["events"]["gap"], found), min(b["events"]["gap"], found)
-            a["totals"]["min_gap"], b["totals"]["min_gap"] = (
-                min(a["totals"]["min_gap"], found),
-                min(b["totals"]["min_gap"], found),
-            )
-            if found >= near:
-                continue
-            k = 0
-            while k < count and not (active[k, 0] == min(i, j) and active[k, 1] == max(i, j)):
-                k += 1
-            if k == active.shape[0]:
-                continue
-            if k == count:
-                active[k, 0], active[k, 1], active[k, 2] = min(i, j), max(i, j), _NEAR
-                count += 1
-            active[k, 3] = 1
-            if touch:
-                a["events"]["touching"] = b["events"]["touching"] = 1
-                if active[k, 2] != _CONTACT:
-                    active[k, 2] = _CONTACT
-                    a["events"]["hit_robot"], b["events"]["hit_robot"] = (
-                        a["events"]["hit_robot"] + 1,
-                        b["events"]["hit_robot"] + 1,
-                    )
-                    a["totals"]["hits_robot"], b["totals"]["hits_robot"] = (
-                        a["totals"]["hits_robot"] + 1,
-                        b["totals"]["hits_robot"] + 1,
-                    )
-    kept = 0
-    for k in range(count):
-        a, b = robots[active[k, 0]], robots[active[k, 1]]
-        if active[k, 3] != 0:
-            active[kept] = active[k]
-            active[kept, 3] = 0
-            kept += 1
-        elif active[k, 2] == _NEAR:
-            a["events"]["near_miss"], b["events"]["near_miss"] = (
-                a["events"]["near_miss"] + 1,
-                b["events"]["near_miss"] + 1,
-            )
-            a["totals"]["near_misses"], b["totals"]["near_misses"] = (
-                a["totals"]["near_misses"] + 1,
-                b["totals"]["near_misses"] + 1,
-            )
-    return kept
+            found = _gap_of(robots[i], robots[j], body_of(i, fleet), body_of(j, fleet), apart)
+            if found < apart:
+                touch = found < 0.0 or (found < near and (bits[i] & bits[j] & AT_ROBOT) != 0)
+                count = _note(i, j, 0.0 if touch else found, touch, robots, active, count, near)
+    return _end_pairs(robots, active, count)
 
 
 class FleetFigures:
