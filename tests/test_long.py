@@ -26,6 +26,7 @@ def test_two_drives_one_of_them_pickled_half_way_come_to_the_same(tmp_path: Path
     assert len(long.part_table(whole.parts).cells) == long.PARTS
 
 
+@pytest.mark.nightly
 def test_who_stands_is_recorded(tmp_path: Path) -> None:
     long.drive(long.config(8, 2, 40), 1, tmp_path / "run", "short", patience=1.0)
     page = next(tmp_path.glob("run-*.html"))

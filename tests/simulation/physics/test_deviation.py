@@ -75,6 +75,7 @@ def test_who_does_not_err_is_planned_as_it_is() -> None:
     assert simulator.robots is simulator._planned
 
 
+@pytest.mark.nightly
 def test_errors_that_nobody_declared_are_beyond_the_bounds() -> None:
     """Bodies leave their plans by more than what is allowed, and say their places anew."""
     errors = {"pose_error": 0.1, "heading_error": 0.1, "actuation_error": 0.3}

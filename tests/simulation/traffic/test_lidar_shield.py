@@ -110,6 +110,7 @@ def test_what_is_not_heard_does_not_matter() -> None:
     np.testing.assert_array_equal(poses[0], poses[1])
 
 
+@pytest.mark.nightly
 def test_it_is_the_same_in_any_world(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv(SWITCH)
     config = policy_config("greedy", EnvConfig(layout="narrow", num_agents=4, planner="astar_turns"))

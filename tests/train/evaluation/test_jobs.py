@@ -37,7 +37,7 @@ class Square(Job):
 
     @property
     def identity(self) -> Row:
-        return {"number": self.number}
+        return {"kind": "square", "number": self.number}
 
     def left(self, rows: Sequence[Row]) -> tuple[Sequence[Row], Square | None]:
         return (rows[:2], None) if len(rows) > 1 else ([], self)
@@ -50,7 +50,8 @@ class Square(Job):
         if self.number < 0:
             raise WarehouseError("nothing to square")
         tick(1.0)
-        return Result([{"number": self.number, "part": part, "square": self.number**2} for part in range(2)])
+        common = {**self.identity, "square": self.number**2}
+        return Result([{**common, "part": part} for part in range(2)])
 
 
 @dataclass(frozen=True)
@@ -97,6 +98,12 @@ def test_errors_of_a_job_are_raised_as_they_are(make_workers: Callable[[], Worke
     for workers in (Here(), make_workers()):
         with pytest.raises(WarehouseError, match="nothing to square"):
             done(tmp_path / "rows.jsonl", [Square(-1)], workers)
+
+
+def test_rows_of_other_jobs_are_not_a_jobs_own(tmp_path: Path) -> None:
+    done(tmp_path / "rows.jsonl", [Square(3), Square(4)])
+    rows = done(tmp_path / "rows.jsonl", [Square(4), Square(5)])
+    assert [row["square"] for row in rows] == [16, 16, 25, 25]
 
 
 def test_processes_end_with_the_one_that_began_them(tmp_path: Path) -> None:
