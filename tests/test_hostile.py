@@ -13,7 +13,7 @@ from agents import make_policy
 from tests.hostile.__main__ import attempt, guarded, hunt
 from tests.hostile.readers import EVALUATED, PROGRESS, RECORD, SMALL, an_episode
 from tests.hostile.targets import TARGETS, Target
-from train.evaluation.episodes import Episodes
+from train.evaluation.episodes import EpisodesJob
 from train.evaluation.jobs import of_all_runs
 from train.evaluation.rollout import make_experiment
 from train.learning.curves import read_run
@@ -120,7 +120,7 @@ def test_rows_of_a_training_or_an_evaluation_with_odd_values_are_made_again(tmp_
     (tmp_path / "progress.jsonl").write_text('{"steps": 1}\n{"steps": "x"}\n{"steps": [1]}\n')
     ProgressLog(tmp_path, show=False, steps=5).__exit__(None, None, None)
     assert read_rows(tmp_path / "progress.jsonl") == [{"steps": 1}]
-    job = Episodes(make_experiment("follow", EnvConfig(**SMALL), 1, 1.0, 1))
+    job = EpisodesJob(make_experiment("follow", EnvConfig(**SMALL), 1, 1.0, 1))
     assert job.left([{"seed": [1], "episode": 0}]) == ([], job)
     assert of_all_runs([{"run": {}}, {"run": 0}], 1) == [{"run": 0}]
 

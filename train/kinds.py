@@ -15,7 +15,7 @@ from warehouse_env.errors import ConfigError
 
 
 @dataclass(frozen=True)
-class Part(CheckedPart):
+class KindPart(CheckedPart):
     """Robots of one kind: so many of them, or a share of however many robots there are."""
 
     robot: RobotSpec  # their bodies and limits
@@ -39,7 +39,7 @@ class Part(CheckedPart):
 class Kinds(Checked):
     """The parts of a fleet, all by count or all by share; the rest are RobotSpec's default kind."""
 
-    parts: tuple[Part, ...]
+    parts: tuple[KindPart, ...]
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -30,14 +30,14 @@ from train.learning.config import PPOConfig
 from train.learning.timing import Split, set_threads
 from train.learning.trainer import network_of
 from train.learning.training_run import run_training
-from train.learning.worlds import Tally, TrainingSimulator
+from train.learning.worlds import TrainingSimulator, TrainingTally
 from warehouse_env.envs.vector import WarehouseVecEnv
 
 
 class MeasuredVecEnv(VecEnvWrapper):
     """Scales rewards, counts what happens, and measures the simulator's time."""
 
-    def __init__(self, venv: WarehouseVecEnv, reward_scale: float, split: Split, tally: Tally) -> None:
+    def __init__(self, venv: WarehouseVecEnv, reward_scale: float, split: Split, tally: TrainingTally) -> None:
         super().__init__(venv)
         self._scale, self._split, self._tally = np.float32(reward_scale), split, tally
 
@@ -72,7 +72,7 @@ class Ppo:
         self.env = mixes[0][0]
         with self.split.measure("simulator_s"):
             self._simulators = [TrainingSimulator(*one, config.jam_seconds, config.shared) for one in mixes]
-            self._tally = Tally(self._simulators)
+            self._tally = TrainingTally(self._simulators)
             worlds = WarehouseVecEnv(self._simulators)
             worlds.seed(config.seed)
         self.rows = worlds.num_envs

@@ -10,7 +10,7 @@ import pytest
 from train.cli import main
 from train.commands.evaluate import Evaluate
 from train.commands.kinds import Fleet, read_fleet
-from train.kinds import Kinds, Part
+from train.kinds import KindPart, Kinds
 from warehouse_env.config import EnvConfig, FleetPart, RobotSpec
 from warehouse_env.errors import ConfigError
 
@@ -21,7 +21,7 @@ SMALL = RobotSpec(length=0.5, width=0.4, wheelbase=0.3)
 def shares(*given: float) -> Kinds:
     """The kinds of LONG, SMALL and others that differ in their mass."""
     kinds = [LONG, SMALL, *(RobotSpec(mass=100.0 + k) for k in range(len(given)))]
-    return Kinds(tuple(Part(robot, share=share) for robot, share in zip(kinds, given, strict=False)))
+    return Kinds(tuple(KindPart(robot, share=share) for robot, share in zip(kinds, given, strict=False)))
 
 
 def counted(kinds: Kinds, robots: int, first: int = 0) -> Counter[RobotSpec]:

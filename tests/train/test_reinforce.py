@@ -16,7 +16,7 @@ from agents.weights_folder import Network, read_record
 from train import reinforce
 from train.learning.config import HELD_OUT_SEED, ReinforceConfig
 from train.learning.experience import advantages
-from train.learning.worlds import Tally, TrainingSimulator, TrainingWorlds
+from train.learning.worlds import TrainingSimulator, TrainingTally, TrainingWorlds
 from train.reinforce import policy_loss
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, WeightsError
@@ -118,7 +118,7 @@ def test_the_tally_counts_what_the_episode_counts() -> None:
     config = EnvConfig(layout="open", num_agents=8, planner="astar", max_steps=10**6)
     simulator = TrainingSimulator(config, 1, jam_seconds=1e6, shared=0.0)
     simulator.reset(seed=1)
-    tally = Tally([simulator])
+    tally = TrainingTally([simulator])
     for _ in range(400):
         simulator.step(np.full((1, 8), simulator.cruise_action))
         tally.add()

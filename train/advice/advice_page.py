@@ -11,22 +11,22 @@ from train.advice.changes import KINDS, Effect
 from train.advice.course import Advice
 from train.advice.take_away import recommended
 from train.advice.trials import BLOCK
-from train.reporting.page import Link, Page, Part, Shown, made_by
+from train.reporting.page import Link, Page, PagePart, Shown, made_by
 from train.reporting.report import Table, difference, number, with_interval
 from warehouse_env.render import report_charts
 from warehouse_env.render.heat_maps import Panel, heat_maps
 
 
-def advice_page(advice: Advice, hall: Sequence[Part] = (), files: Sequence[Link] = ()) -> Page:
+def advice_page(advice: Advice, hall: Sequence[PagePart] = (), files: Sequence[Link] = ()) -> Page:
     """Return the page; hall: how a hall's map was understood. files: of the floor to take away."""
     grid = advice.plan.grid
     parts = [
         *hall,
-        Part("How many robots", pictures=[_throughput(advice)], tables=[loads_table(advice)]),
-        Part("Where the bottlenecks are", pictures=[_heat(advice)], tables=[places_table(advice)]),
+        PagePart("How many robots", pictures=[_throughput(advice)], tables=[loads_table(advice)]),
+        PagePart("Where the bottlenecks are", pictures=[_heat(advice)], tables=[places_table(advice)]),
         _of_changes(advice),
         *([_to_take_away(advice, files)] if files else []),
-        Part("What was run", facts=_facts(advice)),
+        PagePart("What was run", facts=_facts(advice)),
     ]
     title = f"How many robots does {grid.name} bear, and what holds them up?"
     high, wide = (number(side * grid.cell_size) for side in grid.shape)
@@ -34,14 +34,14 @@ def advice_page(advice: Advice, hall: Sequence[Part] = (), files: Sequence[Link]
     return Page(title, subtitle, answer(advice), parts)
 
 
-def _to_take_away(advice: Advice, files: Sequence[Link]) -> Part:
+def _to_take_away(advice: Advice, files: Sequence[Link]) -> PagePart:
     """Return the files of the recommended floor."""
     found, label = recommended(advice), "The floor to take away"
     pictures = []
     if found.effect is not None:
         drawing = heat_maps([_panel(found.effect, "", advice, heat=False)], "", label)
         pictures = [Shown(drawing, f"{label}, in green what is changed.")]
-    return Part(label, f"This is {found.words}.", pictures, links=files)
+    return PagePart(label, f"This is {found.words}.", pictures, links=files)
 
 
 def _throughput(advice: Advice) -> Shown:
@@ -109,11 +109,11 @@ def places_table(advice: Advice) -> Table:
     return Table("Bottlenecks", header, tuple(cells), "Within two cells of the place's middle.")
 
 
-def _of_changes(advice: Advice) -> Part:
+def _of_changes(advice: Advice) -> PagePart:
     """Return what changes gain, or why none was driven."""
     why = "" if advice.effects else "None was driven: there was no time, or nothing can be changed."
     tables = [changes_table(advice)] if advice.effects else []
-    return Part("What a change would bring", why, _changes(advice), tables=tables)
+    return PagePart("What a change would bring", why, _changes(advice), tables=tables)
 
 
 def _changes(advice: Advice) -> list[Shown]:

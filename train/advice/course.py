@@ -14,7 +14,7 @@ from train.advice.capacity import FIRST, SCOUTS, Capacity, alone_seeds, capacity
 from train.advice.changes import Effect
 from train.advice.study import Team, TrialRuns
 from train.advice.trials import AdvicePlan, Drive, TimeBudget, Use
-from train.evaluation.places import Floor, floor_of_notes
+from train.evaluation.places import FloorNotes, floor_of_notes
 
 _ASKED = 0.75  # of the time, when the number of robots for the goals asked for is found
 _MOST = 100  # episodes of the answer if no change is tried
@@ -27,7 +27,7 @@ class Advice(NamedTuple):
     crew: Team  # of bottlenecks and changes: the fewest that make what is asked for, else the best
     capacity: Capacity
     asked: RobotsNeeded | None  # if goals were asked for, or orders are given
-    floor: Floor  # where those robots wait
+    floor: FloorNotes  # where those robots wait
     bottlenecks: list[Bottleneck]
     visits: NDArray[np.float64]  # share of trips over each cell
     effects: list[Effect]
@@ -64,7 +64,7 @@ def _begun(plan: AdvicePlan, drive: Drive, clock: TimeBudget) -> TrialRuns:
     return study
 
 
-def _places(study: TrialRuns, crew: Team, visits: NDArray[np.float64]) -> tuple[Floor, list[Bottleneck]]:
+def _places(study: TrialRuns, crew: Team, visits: NDArray[np.float64]) -> tuple[FloorNotes, list[Bottleneck]]:
     """Return where robots wait, and the bottlenecks."""
     floor = floor_of_notes(study.of(crew))
     return floor, bottlenecks(study.plan.grid, floor.waiting, visits) if floor.waiting.any() else []

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from train.reporting.page import Part, Shown
+from train.reporting.page import PagePart, Shown
 from train.reporting.report import counted
 from warehouse_env.files import companion
 from warehouse_env.maps.halls import places
@@ -15,7 +15,7 @@ from warehouse_env.render.hall_map import SMALL, cell_kinds, hall_map
 _SIGNS = ("aisles close", "by unknown pixels", "lies beside")  # of doubtful lines in a hall's report
 
 
-def hall_parts(hall: Hall, name: str) -> list[Part]:
+def hall_parts(hall: Hall, name: str) -> list[PagePart]:
     """Return two parts: the map with the floor over it, and what is doubtful; name: as it was typed."""
     label = f"The map of {hall.grid.name}, and the floor that robots drive on"
     caption = (
@@ -26,7 +26,7 @@ def hall_parts(hall: Hall, name: str) -> list[Part]:
     doubtful = [_sentence(line) for line in doubts(hall, name)]
     shown = [Shown(hall_map(hall, label), caption)]
     heading = "What is doubtful about it, and what settles it"
-    parts = [Part("The hall as it was understood", pictures=shown, points=read), Part(heading, points=doubtful)]
+    parts = [PagePart("The hall as it was understood", pictures=shown, points=read), PagePart(heading, points=doubtful)]
     return [part for part in parts if part.points]
 
 

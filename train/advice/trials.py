@@ -15,7 +15,7 @@ from typing import Any
 
 from train.advice.aim import GOALS, ORDERS, Aim, OrdersSoFar
 from train.evaluation.jobs import Job, Result, Tick
-from train.evaluation.places import Places
+from train.evaluation.places import PlaceNotes
 from train.evaluation.rollout import make_experiment, run
 from train.kinds import Kinds
 from train.own import versions
@@ -79,7 +79,7 @@ class Trial(Job):
         """Drive an episode; its row also says where robots waited."""
         env = EnvConfig(num_agents=self.robots, planner=self.planner)
         experiment = make_experiment(self.policy, env, 1, self.seconds, self.seed, self.work)
-        places, begin = Places(experiment), time.perf_counter()
+        places, begin = PlaceNotes(experiment), time.perf_counter()
         half = experiment.config.max_steps // 2
         orders = [OrdersSoFar(half)] if "orders" in self.work else []
         (row,) = run(experiment, [places, *orders], self.grid)

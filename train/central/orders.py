@@ -21,7 +21,7 @@ REACHED = 0.6  # [cells] from a cell's centre to the axle, within which a robot 
 SLACK = 0.1  # [m] that a body may reach into a cell after leaving it
 
 
-class Orders(NamedTuple):
+class CentralOrders(NamedTuple):
     """All visits of one world's robots. Visit k of robot i stands at [i, k % LENGTH]."""
 
     cell: NDArray[np.int64]  # [N, LENGTH], row * columns + column
@@ -35,7 +35,7 @@ class Orders(NamedTuple):
     done: NDArray[np.int64]  # [H * W], visits over
 
     @classmethod
-    def of(cls, cell: NDArray[np.int64], heading: NDArray[np.int64], size: int) -> Orders:
+    def of(cls, cell: NDArray[np.int64], heading: NDArray[np.int64], size: int) -> CentralOrders:
         """Return the orders of robots that stand at distinct cells int64[N] of `size`."""
         n = len(cell)
         table = [np.zeros((n, LENGTH), np.int64) for _ in range(3)]

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from agents.policy import Action
 from agents.route_command import RouteCommand
 from train.central.grid_pibt import BACKWARDS, cost_to_go, pibt_step
-from train.central.orders import LENGTH, Orders, advance, append, forget_future, goes_straight_on
+from train.central.orders import LENGTH, CentralOrders, advance, append, forget_future, goes_straight_on
 from warehouse_env.config import EnvConfig
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.routes.lanes import resample
@@ -34,7 +34,7 @@ Line = tuple[NDArray[np.float32], float]
 """Way-points float32[R, 2] [m], and the position on them at which the axle must stop [m]."""
 
 
-def line_of(orders: Orders, robot: int, centre: Floats, side: float) -> Line:
+def line_of(orders: CentralOrders, robot: int, centre: Floats, side: float) -> Line:
     """Return the line of the visits in the present gear, from the robot's own to the last one granted."""
     at, last = int(orders.at[robot]), int(orders.granted[robot])
     move = orders.move[robot]
@@ -150,7 +150,7 @@ class _World:
         self.plan = GridPIBT(grid, simulator.num_agents, rng)
         pose = simulator.state.pose[world].astype(np.float64)
         heading = np.round(pose[:, 2] / (0.5 * np.pi)).astype(np.int64) % 4
-        self.orders = Orders.of(_flat(grid.nearest_cell(pose[:, :2]), grid), heading, grid.occupied.size)
+        self.orders = CentralOrders.of(_flat(grid.nearest_cell(pose[:, :2]), grid), heading, grid.occupied.size)
         self.seen = np.full((simulator.num_agents, 3), -1)  # at, granted, goes on: for which each robot has its line
         self.stop = np.zeros(simulator.num_agents)  # [m] on its line
         self.since = np.zeros(simulator.num_agents)  # [s] in one cell

@@ -15,13 +15,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from train.central.car_like.floor import Body
+from train.central.car_like.floor import CarBody
 from train.evaluation.audit.bodies import Outline, gap, point_gap
 from warehouse_env.errors import MapError, shown
 from warehouse_env.files import as_number, path_of
 from warehouse_env.maps.plain_yaml import read_yaml
 
-BODY = Body(ahead=2.0, behind=1.0, half_width=1.0, radius=3.0)
+BODY = CarBody(ahead=2.0, behind=1.0, half_width=1.0, radius=3.0)
 DISC_RADIUS = 0.8
 NO_DISC = (-1.0, -1.0)  # in a file without obstacles
 LARGEST = 8 * 2**20  # [bytes] of an instance or a solution; 100 robots need half a million

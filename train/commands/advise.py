@@ -28,7 +28,7 @@ from train.commands.orders import Work
 from train.evaluation.jobs import Progress, Runner
 from train.evaluation.workers import WorkerOptions
 from train.kinds import Kinds
-from train.reporting.page import Part
+from train.reporting.page import PagePart
 from train.reporting.report import make_console, make_progress, require_charts
 from train.reporting.rows import RowFile, instead
 from warehouse_env.config import EnvConfig
@@ -175,7 +175,7 @@ class Advise(Fleet, Work, WorkerOptions):
         grid, kinds = make_layout(self.layout), self.kinds()
         return (grid, ()) if kinds is None else for_kinds(grid, kinds)
 
-    def _understood(self, grid: GridMap) -> list[Part]:
+    def _understood(self, grid: GridMap) -> list[PagePart]:
         """Return how a hall's map was understood; nothing for another floor."""
         name = str(self.layout)
         return hall_parts(dataclasses.replace(read_hall(name), grid=grid), name) if is_hall(name) else []

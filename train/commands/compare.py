@@ -8,8 +8,8 @@ from pathlib import Path
 
 import tyro
 
-from train.reporting.comparison import Line, Run, compare, comparison_table, read_runs
-from train.reporting.page import Page, Part, Shown, made_by
+from train.reporting.comparison import ComparedRun, Line, compare, comparison_table, read_runs
+from train.reporting.page import Page, PagePart, Shown, made_by
 from train.reporting.report import require_charts, short_names
 from train.reporting.rows import RowFile
 from warehouse_env.checked import Checked
@@ -53,22 +53,22 @@ class Compare(Checked):
         episodes = sum(line.difference.samples for line in lines if line.measure == lines[0].measure)
         print(f"wrote {' and '.join(wrote) or 'no file (--json and --html do)'}; compared {episodes} pairs of episodes")
 
-    def _chosen(self, run: Run) -> Run:
+    def _chosen(self, run: ComparedRun) -> ComparedRun:
         rows = [row for row in run.rows if not self.seed or row["seed"] in self.seed]
         if not rows:
             raise ConfigError(f"{run.path} has no episode with --seed {' '.join(map(str, self.seed))}")
         return run._replace(rows=rows)
 
 
-def _page(lines: Sequence[Line], runs: Sequence[Run]) -> Page:
+def _page(lines: Sequence[Line], runs: Sequence[ComparedRun]) -> Page:
     table = comparison_table(lines)
     facts = {}
     for run in runs:
         versions = ", ".join(sorted({str(row.get("version", "unknown")) for row in run.rows}))
         facts[run.name] = f"`{run.path}`, {len(run.rows)} episodes, version {versions}"
     title = f"{' and '.join(run.name for run in runs[1:])} against {runs[0].name}"
-    drawn = Part("Differences", pictures=[_drawing(lines)])
-    parts = [drawn, Part("Every figure", tables=[table]), Part("What was compared", facts=made_by(**facts))]
+    drawn = PagePart("Differences", pictures=[_drawing(lines)])
+    parts = [drawn, PagePart("Every figure", tables=[table]), PagePart("What was compared", facts=made_by(**facts))]
     return Page(title, "Paired differences over the same episodes", parts=parts)
 
 

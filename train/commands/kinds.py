@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from train.kinds import Kinds, Part
+from train.kinds import KindPart, Kinds
 from warehouse_env.checked import Checked, from_plain
 from warehouse_env.errors import ConfigError
 from warehouse_env.files import read_json
@@ -42,6 +42,6 @@ def read_fleet(path: Path) -> Kinds:
     if not isinstance(parts, list) or not parts:
         raise ConfigError(f"fleet {path} must be a list, as {_EXAMPLE}")
     try:
-        return Kinds(tuple(from_plain(Part, part) for part in parts))
+        return Kinds(tuple(from_plain(KindPart, part) for part in parts))
     except ConfigError as error:
         raise ConfigError(f"fleet {path}: {error}") from None

@@ -15,7 +15,7 @@ import numpy as np
 from train.commands.layouts import BY_MAP
 from train.evaluation.jobs import Job, Result, Runner, Tick
 from train.evaluation.pictures import plan_pictures
-from train.evaluation.planning_runs import Run, Task, is_optimal, make_task, plan_once
+from train.evaluation.planning_runs import PlanningRun, PlanningTask, is_optimal, make_task, plan_once
 from train.evaluation.rollout import MOST
 from train.reporting.report import Table, counted, grouped, number, require_charts, with_interval
 from train.reporting.rows import Row, RowFile, mean_interval
@@ -73,7 +73,7 @@ class PlanCommand(Checked):
         check_writable(self.out / "table.md")
         if self.pictures:
             require_charts()
-        kept: list[Run] = []
+        kept: list[PlanningRun] = []
         jobs = [
             PlanJob(grid, planner, label, task, number, run, self.seed)
             for label, planner in planners.items()
@@ -98,7 +98,7 @@ class PlanCommand(Checked):
             return make_layout(str(self.scen.parent / Path(names.pop()).name))
         return make_layout(self.layout or _LAYOUT)
 
-    def _tasks(self, grid: GridMap) -> list[Task]:
+    def _tasks(self, grid: GridMap) -> list[PlanningTask]:
         """Return the tasks that the options ask for."""
         if self.tasks is not None and not 1 <= self.tasks <= MOST:
             raise ConfigError(f"--tasks {self.tasks} must lie in 1..{MOST:,}")
@@ -123,7 +123,7 @@ class PlanJob(Job):
     grid: GridMap
     planner: Planner
     label: str
-    task: Task
+    task: PlanningTask
     number: int  # of the task
     number_of_run: int
     seed: int
@@ -151,7 +151,7 @@ def _scenarios(path: Path) -> list[Scenario]:
     return scenarios
 
 
-def _scenario_tasks(path: Path, grid: GridMap, count: int | None, seed: int) -> list[Task]:
+def _scenario_tasks(path: Path, grid: GridMap, count: int | None, seed: int) -> list[PlanningTask]:
     scenarios = list(enumerate(_scenarios(path), start=1))
     for place, scenario in scenarios:
         if (scenario.height, scenario.width) != grid.shape:
@@ -167,7 +167,7 @@ def _scenario_tasks(path: Path, grid: GridMap, count: int | None, seed: int) -> 
     return tasks
 
 
-def _note_differences(path: Path, grid: GridMap, scenarios: Sequence[Scenario], tasks: Sequence[Task]) -> None:
+def _note_differences(path: Path, grid: GridMap, scenarios: Sequence[Scenario], tasks: Sequence[PlanningTask]) -> None:
     """Warn where scenarios name another map than this, or other lengths than its shortest paths have (MapWarning)."""
     names = {Path(scenario.map_name).stem for scenario in scenarios}
     if names != {grid.name}:
@@ -182,7 +182,7 @@ def _note_differences(path: Path, grid: GridMap, scenarios: Sequence[Scenario], 
         warnings.warn(f"{text}; {first}", MapWarning, stacklevel=2)
 
 
-def _random_tasks(grid: GridMap, count: int, seed: int) -> list[Task]:
+def _random_tasks(grid: GridMap, count: int, seed: int) -> list[PlanningTask]:
     rng, free = np.random.default_rng([seed, 0]), grid.free_cells
     if len(free) < 2:
         raise MapError(f"map {grid.name!r} has no two connected free cells to plan between")

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from train.evaluation.jobs import Job, Result, Runner, Tick, Workers
-from train.evaluation.places import Places
+from train.evaluation.places import PlaceNotes
 from train.evaluation.rollout import Experiment, Trace, Watcher, identity, run
 from train.reporting.rows import Row, RowFile
 from warehouse_env.simulation.simulator import Simulator
@@ -18,7 +18,7 @@ SIDE_BY_SIDE = 4  # most episodes of a job; more are no faster, and a stop would
 
 
 @dataclass(frozen=True)
-class Episodes(Job):
+class EpisodesJob(Job):
     """The episodes of an experiment. traced: trace the first. noted: note the places."""
 
     experiment: Experiment
@@ -50,7 +50,7 @@ class Episodes(Job):
         orders = (config.orders and config.orders.file) or ""
         return self.experiment.policy, config.planner, config.layout, orders
 
-    def left(self, rows: Sequence[Row]) -> tuple[Sequence[Row], Episodes | None]:
+    def left(self, rows: Sequence[Row]) -> tuple[Sequence[Row], EpisodesJob | None]:
         """Return the valid rows, and a job for the missing episodes."""
         one = self.experiment
         by_seed = {row["seed"]: row for row in rows if isinstance(row.get("seed"), int)}
@@ -60,7 +60,7 @@ class Episodes(Job):
         rest = dataclasses.replace(self, experiment=dataclasses.replace(one, episodes=missing)) if missing else None
         return [found[k] for k in one.episodes if k in found], rest
 
-    def parts(self, most: float) -> list[Episodes]:
+    def parts(self, most: float) -> list[EpisodesJob]:
         """Return jobs of few episodes each."""
         one, count = self.experiment, len(self.experiment.episodes)
         each = max(1, min(SIDE_BY_SIDE, math.floor(most / one.config.max_steps)))
@@ -84,7 +84,7 @@ class Episodes(Job):
     def run(self, tick: Tick) -> Result:
         """Play the episodes; `more` is the trace, if any, and the notes."""
         trace = Trace(self.experiment) if self.traced else None
-        places = Places(self.experiment) if self.noted else None
+        places = PlaceNotes(self.experiment) if self.noted else None
         watchers: list[Watcher] = [self.ticking(tick), *(one for one in (trace, places) if one is not None)]
         rows = run(self.experiment, watchers)
         return Result(rows, (trace, [] if places is None else places.rows()))
@@ -109,5 +109,5 @@ def play(
             traces[number] = trace
 
     with Runner(file, old, workers, goes_on=goes_on, hear=hear) as runner:
-        rows = runner([Episodes(one, traced, notes is not None) for one in experiments])
+        rows = runner([EpisodesJob(one, traced, notes is not None) for one in experiments])
     return rows, [traces[number] for number in sorted(traces)]

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from train.evaluation.planning_runs import Run
+from train.evaluation.planning_runs import PlanningRun
 from train.evaluation.rollout import Trace
 from train.reporting.report import counted, grouped, number, short_names
 from train.reporting.rows import Row, mean_interval
@@ -52,12 +52,12 @@ def bars(rows: Sequence[Row], measure: str, short: Mapping[str, str]) -> list[Ba
     ]
 
 
-def plan_pictures(grid: GridMap, runs: Sequence[Run], folder: Path) -> list[Path]:
+def plan_pictures(grid: GridMap, runs: Sequence[PlanningRun], folder: Path) -> list[Path]:
     """Write for each task the first run's path of every planner, and the convergence of all runs; return the files."""
     files = []
     tasks = list(dict.fromkeys(run.task for run in runs))[:_MOST_TASKS]
     for task in tasks:
-        every: dict[str, list[Run]] = {}
+        every: dict[str, list[PlanningRun]] = {}
         for run in (run for run in runs if run.task == task):
             every.setdefault(run.planner, []).append(run)
         cells = {name: own[0].plan.cells for name, own in every.items()}

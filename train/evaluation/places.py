@@ -16,7 +16,7 @@ PAGE, NOTES = "index.html", "places.jsonl"  # of a report
 KEY = ("policy", "layout", "robots", "tasks", "planner", "seed")  # of an episode, in its row and in its note
 
 
-class Places:
+class PlaceNotes:
     """A watcher that notes what `Floor` sums up, for every episode of an experiment."""
 
     def __init__(self, experiment: Experiment) -> None:
@@ -78,7 +78,7 @@ class Places:
         ]  # fmt: skip
 
 
-class Floor(NamedTuple):
+class FloorNotes(NamedTuple):
     """The notes of several episodes on one floor, summed up."""
 
     waiting: NDArray[np.float64]  # [H, W], seconds per hour that a robot stood there
@@ -87,7 +87,7 @@ class Floor(NamedTuple):
     hours: float  # simulated
 
 
-def floor_of_notes(notes: Sequence[Row]) -> Floor:
+def floor_of_notes(notes: Sequence[Row]) -> FloorNotes:
     """Sum up one or more notes of episodes on one floor."""
     rows, columns = notes[0]["shape"]
     waiting = np.zeros(rows * columns)
@@ -97,7 +97,7 @@ def floor_of_notes(notes: Sequence[Row]) -> Floor:
     hours = sum(note["seconds"] for note in notes) / 3600.0
     contacts = np.array([place[:2] for note in notes for place in note["contacts"]]).reshape(-1, 2)
     ratios = np.array([ratio for note in notes for ratio in note["ratios"]])
-    return Floor(waiting.reshape(rows, columns) / max(hours, 1e-9), contacts, ratios, hours)
+    return FloorNotes(waiting.reshape(rows, columns) / max(hours, 1e-9), contacts, ratios, hours)
 
 
 def peaks(heat: NDArray[np.float64], count: int, radius: int) -> list[tuple[int, int, float]]:

@@ -24,7 +24,7 @@ _FAR = 5.0  # [cells], largest clearance that is measured
 _BEND = math.radians(1.0)  # smaller changes of direction along a line are no turns
 
 
-class Task(NamedTuple):
+class PlanningTask(NamedTuple):
     """A start and a goal with the shortest length and the fewest turns of a path of that length."""
 
     name: str
@@ -34,26 +34,28 @@ class Task(NamedTuple):
     min_turns: int
 
 
-def make_task(grid: GridMap, name: str, start: Cell, goal: Cell) -> Task:
+def make_task(grid: GridMap, name: str, start: Cell, goal: Cell) -> PlanningTask:
     """Return the task with its truth, by exact search; MapError or PlanError if it has no solution."""
     start, goal = grid.check_cell(start, "start"), grid.check_cell(goal, "goal")
     length = float(grid.distance_to(goal)[start])
     if not math.isfinite(length):
         raise PlanError(f"no path leads from {start} to {goal} on map {grid.name!r}; choose connected cells")
-    return Task(name, start, goal, length, min_turns(grid, start, goal))
+    return PlanningTask(name, start, goal, length, min_turns(grid, start, goal))
 
 
 @dataclass(frozen=True)
-class Run:
+class PlanningRun:
     """One plan with its row; the plan is for the pictures."""
 
-    task: Task
+    task: PlanningTask
     planner: str
     row: Row
     plan: Plan = field(repr=False)
 
 
-def plan_once(grid: GridMap, planner: Planner, task: Task, number: int, run: int, seed: int, label: str = "") -> Run:
+def plan_once(
+    grid: GridMap, planner: Planner, task: PlanningTask, number: int, run: int, seed: int, label: str = ""
+) -> PlanningRun:
     """Plan run `run` of task number `number` with its own random numbers, and check the path independently.
 
     Equal numbers give equal plans; PlanError if a path breaks the rules of the map. label: name of the planner.
@@ -92,7 +94,7 @@ def plan_once(grid: GridMap, planner: Planner, task: Task, number: int, run: int
         "parameters": planner.key,
         "version": __version__,
     }
-    return Run(task, row["planner"], row, plan)
+    return PlanningRun(task, row["planner"], row, plan)
 
 
 def _gap(length: float, optimal: float) -> float:

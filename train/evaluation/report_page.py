@@ -6,10 +6,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from train.evaluation.pictures import MEASURES, bars
-from train.evaluation.places import KEY, PAGE, Floor, floor_of_notes
+from train.evaluation.places import KEY, PAGE, FloorNotes, floor_of_notes
 from train.evaluation.recorded import worst_episodes, write_replays
 from train.evaluation.rollout import Experiment
-from train.reporting.page import Page, Part, Shown, made_by
+from train.reporting.page import Page, PagePart, Shown, made_by
 from train.reporting.report import counted, evaluation_table, grouped, make_progress, number, short_names
 from train.reporting.rows import Row, select, values_of, write_rows
 from warehouse_env.maps.loading import load_floor
@@ -37,12 +37,12 @@ def write_report(
     short = short_names({str(row[name]) for row in rows for name in ("layout", "policy")})
     floors = _floors(rows, notes)
     parts = [
-        Part("Table", tables=[evaluation_table(rows)]),
-        Part("Over the number of robots", pictures=_over_robots(rows, short)),
+        PagePart("Table", tables=[evaluation_table(rows)]),
+        PagePart("Over the number of robots", pictures=_over_robots(rows, short)),
         _where(experiments, rows, floors, short),
-        Part("Detours", pictures=_detours(rows, floors, short)),
-        Part("Worst episodes", _WORST, links=links),
-        Part("What was run", facts=_facts(rows, notes)),
+        PagePart("Detours", pictures=_detours(rows, floors, short)),
+        PagePart("Worst episodes", _WORST, links=links),
+        PagePart("What was run", facts=_facts(rows, notes)),
     ]
     if rows_path.absolute() != (folder / ROWS).absolute():
         write_rows(folder / ROWS, rows)
@@ -59,7 +59,7 @@ _WORST = (
 )
 
 
-def _floors(rows: Sequence[Row], notes: Sequence[Row]) -> dict[str, Floor]:
+def _floors(rows: Sequence[Row], notes: Sequence[Row]) -> dict[str, FloorNotes]:
     """Return the notes of each policy on each floor with the most robots there, by policy@layout."""
     most = {layout: max(row["robots"] for row in own) for (layout,), own in grouped(rows, ("layout",)).items()}
     full = grouped((note for note in notes if note["robots"] == most[note["layout"]]), ("policy", "layout"))
@@ -97,8 +97,8 @@ def _over_robots(rows: Sequence[Row], short: Mapping[str, str]) -> list[Shown]:
 
 
 def _on_floors(
-    rows: Sequence[Row], floors: Mapping[str, Floor], short: Mapping[str, str]
-) -> Iterator[tuple[str, str, dict[str, Floor]]]:
+    rows: Sequence[Row], floors: Mapping[str, FloorNotes], short: Mapping[str, str]
+) -> Iterator[tuple[str, str, dict[str, FloorNotes]]]:
     """Yield each layout, a phrase that names it, and the notes of each policy there by the policy's short name."""
     for layout in dict.fromkeys(str(row["layout"]) for row in rows):
         parts = {name.partition("@"): floor for name, floor in floors.items()}
@@ -108,8 +108,8 @@ def _on_floors(
 
 
 def _where(
-    experiments: Sequence[Experiment], rows: Sequence[Row], floors: Mapping[str, Floor], short: Mapping[str, str]
-) -> Part:
+    experiments: Sequence[Experiment], rows: Sequence[Row], floors: Mapping[str, FloorNotes], short: Mapping[str, str]
+) -> PagePart:
     """Return the heat maps of each floor, a panel a policy."""
     grids = {one.place: load_floor(one.config) for one in experiments}
     pictures = []
@@ -124,10 +124,10 @@ def _where(
             )
             pictures.append(Shown(heat_maps(panels, "standing [s per hour]", label), caption))
     missing = "" if pictures else "No places were noted: the rows were kept from a run without a report."
-    return Part("Where robots wait and collide", missing, pictures)
+    return PagePart("Where robots wait and collide", missing, pictures)
 
 
-def _detours(rows: Sequence[Row], floors: Mapping[str, Floor], short: Mapping[str, str]) -> list[Shown]:
+def _detours(rows: Sequence[Row], floors: Mapping[str, FloorNotes], short: Mapping[str, str]) -> list[Shown]:
     """Return a chart a floor of driven over planned length."""
     pictures = []
     for _, there, own in _on_floors(rows, floors, short):

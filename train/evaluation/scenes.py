@@ -24,7 +24,7 @@ Starts = list[tuple[float, float, float]]  # row and column [cells], broken numb
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
+class SymmetricScene:
     """A floor, how many robots, and what draws their starts and goals."""
 
     grid: GridMap
@@ -50,7 +50,7 @@ def _jittered(
     return Assignment(pose, np.array(goals))
 
 
-def head_on(lanes: int, passing_place: bool) -> Scene:
+def head_on(lanes: int, passing_place: bool) -> SymmetricScene:
     """Two robots at the two ends of an aisle, each with its goal in the room at the other end.
 
     lanes: width of the aisle [cells], 16 long. passing_place: a bay, 4 cells long and 1 deep, off its middle.
@@ -64,10 +64,10 @@ def head_on(lanes: int, passing_place: bool) -> Scene:
     grid = _floor(occupied, f"head_on_{lanes}")
     middle = 3 + (lanes - 1) / 2
     starts = [(middle, room + 2.0, 0.0), (middle, columns - room - 3.0, math.pi)]
-    return Scene(grid, 2, partial(_jittered, grid, starts, [(1, columns - 2), (1, 1)], 1.0))
+    return SymmetricScene(grid, 2, partial(_jittered, grid, starts, [(1, columns - 2), (1, 1)], 1.0))
 
 
-def crossing() -> Scene:
+def crossing() -> SymmetricScene:
     """Four robots, one in each arm of a crossing of aisles two cells wide, each bound for the end of the arm ahead.
 
     Each arm is 8 cells long and ends in a room of 6 x 4 cells, in a corner of which the goal lies.
@@ -83,10 +83,10 @@ def crossing() -> Scene:
     starts = [(middle, near, 0.0), (far, middle, math.pi / 2), (middle, far, math.pi), (near, middle, -math.pi / 2)]
     low, high, side = 1, size - 2, first - 2
     goals = [(side, high), (low, side), (side + 5, low), (high, side + 5)]
-    return Scene(grid, 4, partial(_jittered, grid, starts, goals, 1.0))
+    return SymmetricScene(grid, 4, partial(_jittered, grid, starts, goals, 1.0))
 
 
-def swap(robots: int) -> Scene:
+def swap(robots: int) -> SymmetricScene:
     """Robots on a circle on open floor, facing its middle, each bound for the place opposite; 3 m of rim for each."""
     radius = max(3.5, 3.0 * robots / (2 * math.pi))
     side = 2 * math.ceil(radius) + 7
@@ -97,10 +97,10 @@ def swap(robots: int) -> Scene:
     starts = [(r, c, a + math.pi) for r, c, a in zip(rows, columns, angles, strict=True)]
     opposite = np.roll(np.arange(robots), -(robots // 2))
     goals = [(round(rows[k]), round(columns[k])) for k in opposite]
-    return Scene(grid, robots, partial(_jittered, grid, starts, goals, 0.2))
+    return SymmetricScene(grid, robots, partial(_jittered, grid, starts, goals, 0.2))
 
 
-SCENES: dict[str, Callable[[], Scene]] = {
+SCENES: dict[str, Callable[[], SymmetricScene]] = {
     "head_on_passing_place": partial(head_on, 1, True),
     "head_on_two_cells": partial(head_on, 2, False),
     "crossing": crossing,

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from train.evaluation.audit.bodies import Fleet, body_of, gap, outline_of
+from train.evaluation.audit.bodies import AuditFleet, body_of, gap, outline_of
 from warehouse_env.config import EnvConfig
 from warehouse_env.kernel import kernel
 from warehouse_env.simulation.state import GAP_HORIZON, ROBOT
@@ -174,7 +174,7 @@ class FleetFigures:
         self.robots["totals"]["min_gap"] = GAP_HORIZON
         self.robots["shield"]["vetoed_by"] = self.robots["traffic"]["yields_to"] = -1
         self.moments = -1
-        self._config, self._fleet = config, Fleet.of(config)
+        self._config, self._fleet = config, AuditFleet.of(config)
         self._active = np.zeros((8 * count, 4), dtype=np.int64)
         self._count = 0
         self._pose: NDArray[np.float64] | None = None

@@ -16,7 +16,7 @@ from warehouse_env.render.learning_curves import PANELS, Curve
 KEYS = tuple(key for key, _, _ in PANELS)
 
 
-class Run(NamedTuple):
+class CurveRun(NamedTuple):
     """A training: its folder, its seed if that is known, and its curve."""
 
     folder: Path
@@ -30,7 +30,7 @@ class Run(NamedTuple):
         return [about | dict(zip(("steps", *KEYS), point, strict=True)) for point in zip(*columns, strict=True)]
 
 
-def read_run(folder: Path) -> Run:
+def read_run(folder: Path) -> CurveRun:
     """Return the training in a folder; WarehouseError in one sentence if there is none, or it has no rows yet."""
     for name in (CONFIG, ROWS):
         if not (folder / name).is_file():
@@ -46,4 +46,4 @@ def read_run(folder: Path) -> Run:
         raise WeightsError(f"{path} holds no rows whose steps grow")
     config = record.training.get("config")
     seed = config.get("seed") if isinstance(config, dict) else None
-    return Run(folder, seed, Curve(record.algorithm, steps, values))
+    return CurveRun(folder, seed, Curve(record.algorithm, steps, values))

@@ -116,7 +116,7 @@ class Counts:
         }
 
 
-class Tally:
+class TrainingTally:
     """Counts what happens in some simulators."""
 
     def __init__(self, simulators: Sequence[TrainingSimulator]) -> None:
@@ -173,7 +173,7 @@ class TrainingWorlds:
         """
         self.simulators = [TrainingSimulator(*one, jam_seconds, shared) for one in mixes]
         config = mixes[0][0]
-        self.tally = Tally(self.simulators)
+        self.tally = TrainingTally(self.simulators)
         self._seed = seed
         self._world = [(s, w) for s, (_, worlds) in enumerate(mixes) for w in range(worlds)]
         sizes = [simulator.num_worlds * simulator.num_agents for simulator in self.simulators]

@@ -46,7 +46,7 @@ NOTE = (
 )
 
 
-class Run(NamedTuple):
+class ComparedRun(NamedTuple):
     """An evaluation read from a file."""
 
     name: str
@@ -94,7 +94,7 @@ class Line(NamedTuple):
         return {**about, **systems, **numbers, "verdict": self.verdict}
 
 
-def read_runs(paths: Sequence[Path]) -> list[Run]:
+def read_runs(paths: Sequence[Path]) -> list[ComparedRun]:
     """Return the runs in files of rows, or in folders that hold rows.jsonl, under distinct names.
 
     Raises WarehouseError for fewer than two, for missing files, and for rows that do not come from an evaluation.
@@ -107,7 +107,7 @@ def read_runs(paths: Sequence[Path]) -> list[Run]:
     names = [name if counts[name] == 1 else str(path) for name, path in zip(names, paths, strict=True)]
     if len(set(names)) < len(names):
         raise WarehouseError(f"{Counter(names).most_common(1)[0][0]} is named twice; a run is compared with another")
-    return [Run(name, file, _rows(file)) for name, file in zip(names, files, strict=True)]
+    return [ComparedRun(name, file, _rows(file)) for name, file in zip(names, files, strict=True)]
 
 
 def _rows(file: Path) -> list[Row]:
@@ -125,7 +125,7 @@ def _rows(file: Path) -> list[Row]:
     return rows
 
 
-def compare(runs: Sequence[Run], policies: Sequence[str] = ()) -> list[Line]:
+def compare(runs: Sequence[ComparedRun], policies: Sequence[str] = ()) -> list[Line]:
     """Compare every further run with the first: each policy with itself, or a single policy with a single one.
 
     policies: those to compare; empty: all. Raises WarehouseError if there is nothing to pair.
@@ -145,7 +145,7 @@ def compare(runs: Sequence[Run], policies: Sequence[str] = ()) -> list[Line]:
     return lines
 
 
-def _systems(run: Run, policies: Sequence[str]) -> list[System]:
+def _systems(run: ComparedRun, policies: Sequence[str]) -> list[System]:
     names = dict.fromkeys(str(row["policy"]) for row in run.rows)
     return [System(run.name, name) for name in names if not policies or name in policies]
 

@@ -38,7 +38,7 @@ class Link(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Part:
+class PagePart:
     """The content under a heading, in this order; texts may use Markdown's bold, italics and code."""
 
     heading: str = ""
@@ -57,7 +57,7 @@ class Page:
     title: str
     subtitle: str = ""
     words: Sequence[str] = ()
-    parts: Sequence[Part] = ()
+    parts: Sequence[PagePart] = ()
 
     def html(self) -> str:
         """Return the page as a file's text."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
-from train.evaluation.episodes import Episodes
+from train.evaluation.episodes import EpisodesJob
 from train.evaluation.rollout import Experiment, make_experiment
 from train.reporting.report import Table, difference, number, short_names, with_interval
 from train.reporting.rows import Row, is_told, mean_interval, paired, select
@@ -64,7 +64,7 @@ class FloorsTable(TableOptions):
     def run(self) -> None:
         """Drive what is missing, then write the tables."""
         self.check_writable()
-        rows = self.rows_of([Episodes(one) for one in self.experiments(self.folder)])
+        rows = self.rows_of([EpisodesJob(one) for one in self.experiments(self.folder)])
         tables = floors_tables(rows, self.policy, self.planner)
         for table in tables:
             table.print()

@@ -6,13 +6,13 @@ import numpy as np
 
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.planning import Plan, make_planner, validate
-from warehouse_env.planning.ants.floor import Floor
+from warehouse_env.planning.ants.floor import AntFloor
 from warehouse_env.planning.ants.walks import Walks, empty_walks, measure
 
 EAST, SOUTH_EAST, SOUTH, WEST = 0, 7, 6, 4
 
 
-def walked(floor: Floor, *paths: list[int], start: int = 0) -> Walks:
+def walked(floor: AntFloor, *paths: list[int], start: int = 0) -> Walks:
     """Measured walks from a flat cell along the given moves."""
     walks = empty_walks(start, len(paths), len(floor.height))
     walks.steps[:] = [len(path) for path in paths]

@@ -10,17 +10,17 @@ import pytest
 
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning.ants.colony import Colony, EdgeWeights, WalkRule, cells_of, run, walk
-from warehouse_env.planning.ants.floor import Floor, Table, make_floor
+from warehouse_env.planning.ants.floor import AntFloor, Table, make_floor
 from warehouse_env.planning.ants.walks import Walks, empty_walks, measure
 
 EAST, SOUTH_EAST, SOUTH = 0, 7, 6
 
 
-def open_floor(rows: int, columns: int, height: Any = None) -> Floor:
+def open_floor(rows: int, columns: int, height: Any = None) -> AntFloor:
     return make_floor(GridMap(np.zeros((rows, columns), dtype=bool), height), (rows - 1, columns - 1), gentleness=2.0)
 
 
-def send(floor: Floor, turning: Table, straight: Table, ants: int, q0: float = 0.0, **options: Any) -> Walks:
+def send(floor: AntFloor, turning: Table, straight: Table, ants: int, q0: float = 0.0, **options: Any) -> Walks:
     walks = empty_walks(options.get("start", 0), ants, len(floor.height))
     seeds = np.random.default_rng(0).integers(1, 2**63, ants, dtype=np.uint64)
     trail = options.get("trail", np.ones_like(turning))
@@ -48,7 +48,7 @@ def test_greedy_ants_take_the_best_edge() -> None:
     assert half == pytest.approx(0.5 + 0.5 * 1.5 / 3.5, abs=0.015)
 
 
-def dead_end_map() -> Floor:
+def dead_end_map() -> AntFloor:
     """The east arm ends blind, the south arm leads to the goal; ants are drawn east."""
     drawing = (
         "....",

@@ -34,7 +34,7 @@ from train.advice.curve import LoadPoint
 from train.advice.study import Team
 from train.advice.trials import AdvicePlan
 from train.cli import main
-from train.evaluation.places import Floor
+from train.evaluation.places import FloorNotes
 from train.reporting.rows import Interval, read_rows
 from warehouse_env.maps.movingai import write_map
 
@@ -156,7 +156,7 @@ def advice(asked: RobotsNeeded | None = None, **changes: Any) -> Advice:
     (gap, *_), (rule,) = aisles(RACKS, (3, 2)), alternating(RACKS)
     effects = [Effect(gap, 4, base, interval(50.0, 10.0)), Effect(rule, 1, base, interval(5.0, 35.0))]
     plan = AdvicePlan(RACKS, ("greedy", "threaded_ppo"), "astar_turns", 300.0, 0, None, 64)
-    floor = Floor(np.ones((7, 6)), np.empty((0, 2)), np.empty(0), 1.0)
+    floor = FloorNotes(np.ones((7, 6)), np.empty((0, 2)), np.empty(0), 1.0)
     worst = [Bottleneck((3, 3), 3.5, 3.5, 30.0, 0.75, 0.25)]
     known = Advice(plan, CAPACITY.crew, CAPACITY, asked, floor, worst, np.zeros((7, 6)), effects, True)
     return known._replace(**changes)

@@ -14,13 +14,13 @@ from train.advice.room import for_kinds, most_with_a_start
 from train.advice.trials import AdvicePlan, Use
 from train.cli import main
 from train.commands import advise as command
-from train.kinds import Kinds, Part
+from train.kinds import KindPart, Kinds
 from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.errors import ConfigError, MapWarning
 
 LONG = RobotSpec(length=1.4, max_speed=0.8)
 WIDE = RobotSpec(length=1.2, width=1.2)
-ALL_WIDE = Kinds((Part(WIDE, share=1.0),))
+ALL_WIDE = Kinds((KindPart(WIDE, share=1.0),))
 # Racks with a blind aisle of one cell, and ways of three around them, where wide robots pass.
 HALL = floor_of(
     *["................"] * 3, *["...#####.####..."] * 4, "...##########...", *["................"] * 3,
@@ -34,7 +34,7 @@ def kinds_of(plan: AdvicePlan, robots: int, seeds: range) -> list[tuple[RobotSpe
 
 
 def test_fleets_keep_their_shares_and_one_alone_is_of_each_kind_in_turn() -> None:
-    plan = plan_of(RACKS, kinds=Kinds((Part(LONG, share=0.25),)), seed=7)
+    plan = plan_of(RACKS, kinds=Kinds((KindPart(LONG, share=0.25),)), seed=7)
     for use in (Use.ALONE, Use.CHOOSE):
         alone = kinds_of(plan, 1, plan.seeds(use, 8))
         assert [robot == LONG for (robot,) in alone] == [False, False, True, False] * 2
@@ -46,7 +46,7 @@ def test_fleets_keep_their_shares_and_one_alone_is_of_each_kind_in_turn() -> Non
 def test_a_trial_is_known_by_its_robots() -> None:
     plan = plan_of(RACKS, policies=("greedy",), seconds=2.0)
     (usual,) = plan.trials(RACKS, "greedy", 2, [1])
-    (long,) = dataclasses.replace(plan, kinds=Kinds((Part(LONG, share=1.0),))).trials(RACKS, "greedy", 2, [1])
+    (long,) = dataclasses.replace(plan, kinds=Kinds((KindPart(LONG, share=1.0),))).trials(RACKS, "greedy", 2, [1])
     assert usual.identity["work"] == {}
     assert long.identity["work"]["robot"]["length"] == 1.4
     (row,) = long.run(lambda *_: None).rows
@@ -55,24 +55,26 @@ def test_a_trial_is_known_by_its_robots() -> None:
 
 
 def test_the_floor_is_for_the_widest_body_however_many_there_are() -> None:
-    few = Kinds((Part(WIDE, share=0.05),))
+    few = Kinds((KindPart(WIDE, share=0.05),))
     grid, narrow = for_kinds(HALL, few)
     assert grid.tight is not None
     assert grid.tight[3:7, 8].all()
     assert grid.endpoints[0] == [(1, 3), (9, 6)]  # beside shelves there is no room for half of the width
     assert narrow[0].startswith("aisles are too narrow for bodies of 1.2 x 1.2 m: ")
     assert narrow[1] == "bodies of 1.2 x 1.2 m cannot reach 1 of 3 picks, which are left out"
-    same, none = for_kinds(HALL, Kinds((Part(LONG, share=0.05),)))
+    same, none = for_kinds(HALL, Kinds((KindPart(LONG, share=0.05),)))
     assert (same.tight, none) == (None, ())
     with pytest.raises(ConfigError, match="bodies of 9 x 9 m reach no pick face or no station of hall"):
-        for_kinds(HALL, Kinds((Part(RobotSpec(length=9.0, width=9.0), share=1.0),)))
+        for_kinds(HALL, Kinds((KindPart(RobotSpec(length=9.0, width=9.0), share=1.0),)))
 
 
 def test_large_bodies_find_fewer_starts(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(room, "PROBES", 3)
     hall = floor_of(*["." * 14] * 8)
     usual = plan_of(hall, policies=("greedy",), most=len(hall.endpoints[2]) - 1)
-    large = dataclasses.replace(usual, kinds=Kinds((Part(RobotSpec(length=2.4, width=1.4, wheelbase=1.6), share=1.0),)))
+    large = dataclasses.replace(
+        usual, kinds=Kinds((KindPart(RobotSpec(length=2.4, width=1.4, wheelbase=1.6), share=1.0),))
+    )
     assert 1 <= most_with_a_start(large) < most_with_a_start(usual) == usual.most
 
 

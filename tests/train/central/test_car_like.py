@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from train.central.car_like.floor import Body, Floor, floor_of, off_discs, stays_inside
+from train.central.car_like.floor import CarBody, CarFloor, floor_of, off_discs, stays_inside
 from train.central.car_like.together import Effort, plan_together
 from train.central.car_like.traffic import (
     BEGIN,
@@ -28,12 +28,12 @@ from train.central.car_like.traffic import (
 from train.clmapf.instance import body_gap, disc_gap
 from warehouse_env.routes.reeds_shepp import rolled
 
-BODY = Body(2.0, 1.0, 1.0, 3.0)
+BODY = CarBody(2.0, 1.0, 1.0, 3.0)
 COORDINATE = st.floats(-5.0, 5.0)
 CURVATURE = st.sampled_from([0.0, 1 / 3, -1 / 3])
 
 
-def floor(discs: list[tuple[float, float]], whole: bool = False, side: float = 30.0) -> Floor:
+def floor(discs: list[tuple[float, float]], whole: bool = False, side: float = 30.0) -> CarFloor:
     return floor_of(side, side, np.array(discs, float).reshape(-1, 2), 0.8, BODY, 0.01, whole)
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from train.central import CENTRAL, central_config
 from train.central.grid_pibt import BACKWARDS, cost_to_go, pibt_step
-from train.central.orders import Orders, advance, append, forget_future
+from train.central.orders import CentralOrders, advance, append, forget_future
 from train.evaluation.rollout import make_experiment, run
 from warehouse_env.config import EnvConfig
 from warehouse_env.simulation.simulator import Simulator
@@ -72,7 +72,7 @@ def test_the_first_in_order_goes_and_the_other_makes_room() -> None:
 def test_a_cell_is_entered_only_when_the_one_before_has_left() -> None:
     """Two robots in a row of cells: the second's visit of a cell is granted when the first's body is out of it."""
     centre = np.stack([np.arange(6) + 0.5, np.full(6, 0.5)], axis=-1)
-    orders = Orders.of(np.array([1, 0]), np.array([0, 0]), 6)
+    orders = CentralOrders.of(np.array([1, 0]), np.array([0, 0]), 6)
     append(orders, np.array([2, 1]), np.array([0, 0]), np.array([True, True]))
     append(orders, np.array([3, 2]), np.array([0, 0]), np.array([True, True]))
     body, heading = np.array([0.45, 0.3, 0.3]), np.zeros(2)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from train.evaluation.places import Places, floor_of_notes, peaks
+from train.evaluation.places import PlaceNotes, floor_of_notes, peaks
 from train.evaluation.rollout import make_experiment, run
 from warehouse_env.config import EnvConfig
 
@@ -13,7 +13,7 @@ from warehouse_env.config import EnvConfig
 def test_notes_agree_with_the_rows() -> None:
     base = EnvConfig(layout="narrow", num_agents=12, planner="astar")
     experiment = make_experiment("follow", base, 2, 60.0, seed=400)
-    places = Places(experiment)
+    places = PlaceNotes(experiment)
     rows, notes = run(experiment, [places]), places.rows()
     assert sum(row["collisions_robot"] for row in rows) > 0
     for row, note in zip(rows, notes, strict=True):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.train.live.worlds import world
-from train.kinds import Kinds, Part
+from train.kinds import KindPart, Kinds
 from train.live.commands import Leave, Make, Person, Shelves
 from train.live.world import Change, World
 from warehouse_env.config import RobotSpec
@@ -148,7 +148,7 @@ def test_robots_in_their_bends_touch_nothing_when_the_world_goes_on() -> None:
 
 @pytest.mark.filterwarnings("ignore::warehouse_env.errors.MapWarning")
 def test_shelves_on_floors_for_other_kinds_of_robots() -> None:
-    one = driven(5, {}, kinds=Kinds((Part(RobotSpec(length=1.2, width=1.2), share=1.0),)))
+    one = driven(5, {}, kinds=Kinds((KindPart(RobotSpec(length=1.2, width=1.2), share=1.0),)))
     assert one.grid.tight is not None  # beside walls
     before, cell = one.grid.endpoints, free_cell_far_off(one)
     one.change(Shelves((cell,), True))

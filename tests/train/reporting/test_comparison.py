@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from train.cli import main
-from train.reporting.comparison import Line, Run, compare, read_runs
+from train.reporting.comparison import ComparedRun, Line, compare, read_runs
 from train.reporting.rows import Interval, apart, is_told, paired, read_rows, write_rows
 from warehouse_env.errors import WarehouseError
 
@@ -25,7 +25,7 @@ AFTER = [row("ppo", seed, goals, hits) for seed, goals, hits in ((2, 131, 1.5), 
 
 
 def lines_of(before: list[dict[str, Any]], after: list[dict[str, Any]]) -> dict[str, Line]:
-    lines = compare([Run("before", Path("b"), before), Run("after", Path("a"), after)])
+    lines = compare([ComparedRun("before", Path("b"), before), ComparedRun("after", Path("a"), after)])
     return {line.measure.name: line for line in lines}
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from train.reporting.page import Link, Page, Part, Shown, made_by
+from train.reporting.page import Link, Page, PagePart, Shown, made_by
 from train.reporting.report import Table
 
 
@@ -13,8 +13,10 @@ def test_a_page_holds_all_that_it_is_given(tmp_path: Path) -> None:
     table = Table(
         "T", ("name", "figure", "verdict"), (("a<b", "1.5", "better"), ("c", "-2", "not told apart")), "a note"
     )
-    part = Part("Part", "some *text*", [Shown("<svg></svg>", "a `caption`")], [table], [Link("a b.html", "L", "why")])
-    Page("A & B", "sub", ["**bold** <i>"], [part, Part(facts=made_by(Seeds="1"))]).write(tmp_path / "page.html")
+    part = PagePart(
+        "Part", "some *text*", [Shown("<svg></svg>", "a `caption`")], [table], [Link("a b.html", "L", "why")]
+    )
+    Page("A & B", "sub", ["**bold** <i>"], [part, PagePart(facts=made_by(Seeds="1"))]).write(tmp_path / "page.html")
     page = (tmp_path / "page.html").read_text()
     for text in (
         "<title>A &amp; B</title>", "<p><b>bold</b> &lt;i&gt;</p>", "<p>some <i>text</i></p>", "<svg></svg>",

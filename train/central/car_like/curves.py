@@ -16,7 +16,7 @@ _TRIES, _FIRST_TRIES, _FIRST_WAITS = 2, 8, 6  # curves from a node and from the 
 _MANY = 1e6  # meetings, as good as no limit
 
 
-class Task(NamedTuple):
+class RouteTask(NamedTuple):
     """The task of one robot: a route to a gate, from which the tail leads to the goal."""
 
     robot: int

@@ -16,7 +16,7 @@ _AXLE_EDGE, _BODY_EDGE = 1e-9, 0.005  # beyond the floor that is none: yaw 3.14 
 _RIGHT_ANGLE = 0.5 * math.pi
 
 
-class Body(NamedTuple):
+class CarBody(NamedTuple):
     """A rectangle about its rear axle."""
 
     ahead: float  # of the axle to the front
@@ -30,7 +30,7 @@ class Body(NamedTuple):
         return 0.5 * (self.ahead + self.behind)
 
 
-class Floor(NamedTuple):
+class CarFloor(NamedTuple):
     """The fixed obstacles, and the body that drives there."""
 
     width: float
@@ -49,12 +49,12 @@ class Floor(NamedTuple):
 
 
 def floor_of(
-    width: float, height: float, discs: Any, disc_radius: float, body: Body, margin: float, whole: bool = False
-) -> Floor:
+    width: float, height: float, discs: Any, disc_radius: float, body: CarBody, margin: float, whole: bool = False
+) -> CarFloor:
     """Return the floor of these discs float64[K, 2] for this body."""
     half_length, middle = body.half_length, 0.5 * (body.ahead - body.behind)
     far = max(body.ahead, body.behind)
-    return Floor(
+    return CarFloor(
         width, height, discs, disc_radius, half_length, body.half_width, middle,
         math.hypot(half_length, body.half_width), body.radius,
         math.hypot(body.radius + body.half_width, far) / body.radius, whole,

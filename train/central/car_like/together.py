@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from train.central.car_like.curves import Task
-from train.central.car_like.floor import Floor
+from train.central.car_like.curves import RouteTask
+from train.central.car_like.floor import CarFloor
 from train.central.car_like.search import Limits, search
 from train.central.car_like.traffic import (
     BEGIN,
@@ -70,7 +70,7 @@ class Together(NamedTuple):
 class _Fleet:
     """All robots with their routes."""
 
-    def __init__(self, starts: Sequence[Pose], goals: Sequence[Pose], floor: Floor) -> None:
+    def __init__(self, starts: Sequence[Pose], goals: Sequence[Pose], floor: CarFloor) -> None:
         robots, slots = len(starts), int(2 * (floor.width + floor.height)) + 100
         self.starts, self.goals, self.floor, self.robots = starts, goals, floor, robots
         self.gates, self.tails = list(goals), [np.empty((0, PIECE)) for _ in starts]
@@ -86,14 +86,14 @@ class _Fleet:
         seconds = float(tail[-1, END]) if len(tail) else 0.0
         passers(i, self.goals[i], self.traffic, self.floor, self.later)
         self.stamp += 1
-        task = Task(i, self.starts[i], self.gates[i], tail, seconds, self.later, price, self.fine[i], self.stamp)
+        task = RouteTask(i, self.starts[i], self.gates[i], tail, seconds, self.later, price, self.fine[i], self.stamp)
         count, cost, _ = self._search(task, Limits(most, enough or most, bound))
         if count < 0:
             return math.inf
         insert(self.traffic, i, self.route, count, self.floor)
         return cost
 
-    def _search(self, task: Task, limits: Limits) -> tuple[int, float, float]:
+    def _search(self, task: RouteTask, limits: Limits) -> tuple[int, float, float]:
         count, cost, begins, looked = search(task, limits, self.traffic, self.floor, self.tree, self.route)
         self.nodes += looked
         return count, cost, begins
@@ -122,7 +122,7 @@ class _Fleet:
         """Find a way out of a tight goal; reversed it is the tail, and its end is the gate."""
         self.later[:] = 0
         self.stamp += 1
-        task = Task(i, self.goals[i], target, np.empty((0, PIECE)), 0.0, self.later, _PRICE, fine, self.stamp)
+        task = RouteTask(i, self.goals[i], target, np.empty((0, PIECE)), 0.0, self.later, _PRICE, fine, self.stamp)
         count, _, begins = self._search(task, Limits(_ALONE, _SOON, math.inf))
         if count < 0 or begins == 0.0:
             return False
@@ -227,7 +227,7 @@ def _improve(fleet: _Fleet, budget: int, nodes: int, least: NDArray[np.float64],
 
 
 def plan_together(
-    starts: Sequence[Pose], goals: Sequence[Pose], floor: Floor, seed: int = 0, effort: Effort = _EFFORT
+    starts: Sequence[Pose], goals: Sequence[Pose], floor: CarFloor, seed: int = 0, effort: Effort = _EFFORT
 ) -> Together:
     """Return routes for all robots from their starts to their goals, x, y and heading each; deterministic by seed."""
     fleet, random = _Fleet(starts, goals, floor), np.random.default_rng(seed)

@@ -18,7 +18,7 @@ from warehouse_env.kernel import inline, part
 _NO_REACH = 1e-12  # [m] that an edge goes towards a side: it is parallel to it
 
 
-class Body(NamedTuple):
+class AuditBody(NamedTuple):
     """A robot's body, its limits, and how an env step is divided."""
 
     half_length: float  # [m]
@@ -36,7 +36,7 @@ class Body(NamedTuple):
     piece: float  # [s]
 
     @classmethod
-    def of(cls, config: EnvConfig, robot: RobotSpec) -> Body:
+    def of(cls, config: EnvConfig, robot: RobotSpec) -> AuditBody:
         """Return what a config says of robots of a kind."""
         return cls(
             robot.length / 2, robot.width / 2, robot.rear_reach - robot.length / 2,
@@ -57,17 +57,17 @@ class Outline(NamedTuple):
     half_width: Any
 
 
-class Fleet(NamedTuple):
+class AuditFleet(NamedTuple):
     """The bodies of all kinds of robots, and of which each robot is."""
 
-    bodies: tuple[Body, ...]
+    bodies: tuple[AuditBody, ...]
     kinds: NDArray[np.int64]  # [N]
     radius: float  # [m] of the widest
 
     @classmethod
-    def of(cls, config: EnvConfig) -> Fleet:
+    def of(cls, config: EnvConfig) -> AuditFleet:
         """Return what a config says."""
-        bodies = tuple(Body.of(config, robot) for robot in config.kinds)
+        bodies = tuple(AuditBody.of(config, robot) for robot in config.kinds)
         return cls(bodies, np.array(config.kind_of), max(body.radius for body in bodies))
 
 

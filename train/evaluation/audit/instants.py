@@ -58,7 +58,7 @@ class Findings(NamedTuple):
     faults: Any  # float64[K, FAULT]
 
 
-class Scene(NamedTuple):
+class AuditScene(NamedTuple):
     """One world in one env step."""
 
     arcs: Any  # float64[N, pieces, ARC], see arcs.py
@@ -302,7 +302,7 @@ def audit_step(step, obstacles, fleet, findings):
     arcs = np.empty((robots, body.pieces, drives.ARC))
     slack = drives.rounding(max(obstacles.solid.shape) * obstacles.cell, body)
     for b in range(worlds):
-        scene = Scene(arcs, step.people[b], step.walked[b], obstacles, b, slack, fleet)
+        scene = AuditScene(arcs, step.people[b], step.walked[b], obstacles, b, slack, fleet)
         count, way = _drive_all(faults, count, step.before[b], step.after[b], step.put_back[b], seen, end, scene)
         findings.ways[b] += way
         count, closest[b] = _look_at_pairs(faults, count, seen, closest[b], end, scene)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from train.evaluation.audit.watcher import Audit
-from train.evaluation.episodes import TICK, Episodes
+from train.evaluation.episodes import TICK, EpisodesJob
 from train.evaluation.jobs import Job, Result, Tick
 from train.evaluation.rollout import run
 from train.reporting.rows import Row
@@ -20,7 +20,7 @@ CHECKS = 1  # version of the checks: rows of another version are not reused
 
 
 @dataclass(frozen=True)
-class DrivenEpisodes(Episodes):
+class DrivenEpisodes(EpisodesJob):
     """The episodes of an experiment, audited while they are driven; rows of an evaluation with the faults."""
 
     @property

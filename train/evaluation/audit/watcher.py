@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from train.evaluation.audit import instants
 from train.evaluation.audit.arcs import STATE
-from train.evaluation.audit.bodies import Fleet
+from train.evaluation.audit.bodies import AuditFleet
 from train.evaluation.audit.instants import HORIZON, KINDS, LIMITS, OVERLAPS
 from train.reporting.rows import Row
 from warehouse_env.config import EnvConfig
@@ -59,7 +59,7 @@ class Audit:
                 f"action_repeat={config.action_repeat} must be at most {MOST_REPEAT} for an audit: of longer steps the "
                 "motion between their ends cannot be told"
             )
-        self._config, self._fleet = config, Fleet.of(config)
+        self._config, self._fleet = config, AuditFleet.of(config)
         self._step_time = config.time_step * config.action_repeat
         self._last: _Looks | None = None
         self._steps = 0

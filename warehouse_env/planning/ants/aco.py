@@ -10,7 +10,7 @@ import numpy as np
 
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning.ants.colony import Colony
-from warehouse_env.planning.ants.floor import Floor, Table
+from warehouse_env.planning.ants.floor import AntFloor, Table
 from warehouse_env.planning.ants.system import STEP, AntSystem, goal_distance
 from warehouse_env.planning.ants.walks import Walks, deposit
 
@@ -35,13 +35,13 @@ class Aco(AntSystem):
     name: ClassVar[str] = "aco"
     shares: ClassVar[tuple[str, ...]] = ("evaporation",)
 
-    def colony(self, grid: GridMap, floor: Floor, start: int) -> Colony:
+    def colony(self, grid: GridMap, floor: AntFloor, start: int) -> Colony:
         """Slots of eqs. 1-3 (paper 000): one heuristic for all iterations, all arrived ants deposit."""
         distance = STEP if self.heuristic == "next_cell" else goal_distance(floor)[floor.neighbour]
         eta = power(np.broadcast_to(1.0 / distance, floor.neighbour.shape), self.exponent)
         return Colony(np.ones_like(eta), lambda iteration: (eta, eta), partial(self._update, floor))
 
-    def _update(self, floor: Floor, iteration: int, pheromone: Table, walks: Walks, best: Walks) -> None:
+    def _update(self, floor: AntFloor, iteration: int, pheromone: Table, walks: Walks, best: Walks) -> None:
         """Every trail evaporates, every arrived ant adds Q / cost to its edges."""
         pheromone *= 1.0 - self.evaporation
         deposit(floor, pheromone, walks, self.strength / walks.cost)

@@ -13,7 +13,7 @@ from warehouse_env.kernel import kernel
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning.ants.aco import power
 from warehouse_env.planning.ants.colony import Colony
-from warehouse_env.planning.ants.floor import Floor, Table
+from warehouse_env.planning.ants.floor import AntFloor, Table
 from warehouse_env.planning.ants.shunting import LEAST_DECAY, rise, settle
 from warehouse_env.planning.ants.system import STEP, AntSystem, goal_distance
 from warehouse_env.planning.ants.walks import Walks
@@ -44,7 +44,7 @@ class Acs(AntSystem):
     name: ClassVar[str] = "acs"
     shares: ClassVar[tuple[str, ...]] = ("greed", "local_decay", "evaporation")
 
-    def colony(self, grid: GridMap, floor: Floor, start: int) -> Colony:
+    def colony(self, grid: GridMap, floor: AntFloor, start: int) -> Colony:
         """Slots: one heuristic and one q0 for all iterations, a local update, marks on the best path only."""
         eta = self.heuristic_table(floor)
         free = int(floor.legal.any(axis=1).sum())
@@ -58,7 +58,7 @@ class Acs(AntSystem):
             local_level=level,
         )
 
-    def heuristic_table(self, floor: Floor) -> Table:
+    def heuristic_table(self, floor: AntFloor) -> Table:
         """(1/d)^beta float64[C, 8] of every edge."""
         distance = STEP if self.heuristic == "next_cell" else goal_distance(floor)[floor.neighbour]
         return power(np.broadcast_to(1.0 / distance, floor.neighbour.shape), self.exponent)
@@ -67,7 +67,7 @@ class Acs(AntSystem):
         """Share by which the edges of the best path move in an iteration."""
         return self.evaporation
 
-    def _update(self, floor: Floor, iteration: int, pheromone: Table, walks: Walks, best: Walks) -> None:
+    def _update(self, floor: AntFloor, iteration: int, pheromone: Table, walks: Walks, best: Walks) -> None:
         draw_towards_best(floor, pheromone, best, self.evaporates(iteration))
 
 
@@ -101,12 +101,12 @@ class ShaaAcs(Acs):
         if not self.decay > LEAST_DECAY:
             raise ConfigError(f"shaa_acs parameter decay={self.decay} must be more than {LEAST_DECAY:.3f}")
 
-    def heuristic_table(self, floor: Floor) -> Table:
+    def heuristic_table(self, floor: AntFloor) -> Table:
         """d_ij^-beta * x_j / x_i float64[C, 8] of every edge."""
         activity = settle(floor, self.network_weights(floor), self.decay, self.source, self.excitation == "strongest")
         return super().heuristic_table(floor) * rise(floor, activity)
 
-    def network_weights(self, floor: Floor) -> Table:
+    def network_weights(self, floor: AntFloor) -> Table:
         """w_ij float64[C, 8] of every edge."""
         length = STEP + floor.toll / MICRO
         return 1.0 / length if self.weights == "inverse" else np.maximum(self.decay ** (1.0 - length), _LEAST_WEIGHT)

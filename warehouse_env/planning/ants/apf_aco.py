@@ -11,7 +11,7 @@ import numpy as np
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning.ants.aco import power
 from warehouse_env.planning.ants.colony import Colony
-from warehouse_env.planning.ants.floor import Floor, Table
+from warehouse_env.planning.ants.floor import AntFloor, Table
 from warehouse_env.planning.ants.system import AntSystem, goal_distance
 from warehouse_env.planning.ants.walks import Walks, deposit
 from warehouse_env.planning.potential_field import descent_length, improved_potential, repulsive_potential
@@ -43,7 +43,7 @@ class ApfAco(AntSystem):
     name: ClassVar[str] = "apf_aco"
     shares: ClassVar[tuple[str, ...]] = ("evaporation",)
 
-    def colony(self, grid: GridMap, floor: Floor, start: int) -> Colony:
+    def colony(self, grid: GridMap, floor: AntFloor, start: int) -> Colony:
         """Slots: one heuristic for all iterations; all ants deposit, the best more, the worst takes away."""
         goal = (floor.goal // floor.columns, floor.goal % floor.columns)
         energy = repulsive_potential(grid.occupied, self.repulsion_gain, self.repulsion_reach)
@@ -52,7 +52,7 @@ class ApfAco(AntSystem):
         eta = power(1.0 / (goal_distance(floor) + way), self.exponent)[floor.neighbour]
         return Colony(np.ones_like(eta), lambda iteration: (eta, eta), partial(self._update, floor))
 
-    def _update(self, floor: Floor, iteration: int, pheromone: Table, walks: Walks, best: Walks) -> None:
+    def _update(self, floor: AntFloor, iteration: int, pheromone: Table, walks: Walks, best: Walks) -> None:
         """Slot: eqs. 15 and 17."""
         amount = self.evaporation * self.strength / walks.cost
         arrived = np.flatnonzero(walks.steps >= 0)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from warehouse_env.kernel import inline, kernel, part, whole
 from warehouse_env.maps.grid_map import MOVES
-from warehouse_env.planning.ants.floor import Floor, Table
+from warehouse_env.planning.ants.floor import AntFloor, Table
 from warehouse_env.planning.ants.walks import Walks, empty_walks, keep, measure
 
 _SHIFT_13, _SHIFT_7, _SHIFT_17, _SHIFT_11 = np.uint64(13), np.uint64(7), np.uint64(17), np.uint64(11)
@@ -64,7 +64,7 @@ class Search(NamedTuple):
 
 
 def run(
-    floor: Floor,
+    floor: AntFloor,
     colony: Colony,
     start: int,
     ants: int,
@@ -117,7 +117,7 @@ def _raised(table: Table, power: float) -> Table:
     return raised
 
 
-def cells_of(floor: Floor, walks: Walks, ant: int) -> NDArray[np.int64]:
+def cells_of(floor: AntFloor, walks: Walks, ant: int) -> NDArray[np.int64]:
     """The path of one ant as int64[L, 2] cells (row, col); (0, 2) where it did not arrive."""
     if walks.steps[ant] < 0:
         return np.empty((0, 2), np.int64)

@@ -19,7 +19,7 @@ Table = NDArray[np.float64]  # [C, 8]: one number an edge
 _MAPS_KEPT = 8  # whose terrain is remembered
 
 
-class Floor(NamedTuple):
+class AntFloor(NamedTuple):
     """A map and a goal as the kernels want them, C = H * W cells."""
 
     legal: NDArray[np.bool_]  # [C, 8], may the move be made (eq. 26)
@@ -35,7 +35,7 @@ class Floor(NamedTuple):
         return bool((self.height == self.height[0]).all())
 
 
-def make_floor(grid: GridMap, goal: Cell, gentleness: float = 0.0, cost: NDArray[np.float64] | None = None) -> Floor:
+def make_floor(grid: GridMap, goal: Cell, gentleness: float = 0.0, cost: NDArray[np.float64] | None = None) -> AntFloor:
     """Prepare a map and a goal for the colony.
 
     gentleness: cells of length that a metre of climbing costs; cost: a cost map (Planner.plan).
@@ -43,7 +43,7 @@ def make_floor(grid: GridMap, goal: Cell, gentleness: float = 0.0, cost: NDArray
     legal, neighbour, height = _terrain(grid)
     taken = tolls(grid, gentleness, cost)
     toll = np.zeros(neighbour.shape, np.int64) if taken is None else taken.reshape(-1, 8)
-    return Floor(legal, neighbour, height, toll, goal[0] * grid.shape[1] + goal[1], grid.shape[1])
+    return AntFloor(legal, neighbour, height, toll, goal[0] * grid.shape[1] + goal[1], grid.shape[1])
 
 
 @lru_cache(maxsize=_MAPS_KEPT)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
 from warehouse_env.planning.ants.aco import power
 from warehouse_env.planning.ants.colony import Colony
-from warehouse_env.planning.ants.floor import Floor, Table
+from warehouse_env.planning.ants.floor import AntFloor, Table
 from warehouse_env.planning.ants.system import AntSystem, goal_distance
 from warehouse_env.planning.ants.walks import Walks, deposit
 from warehouse_env.planning.field_walkers import follow
@@ -53,7 +53,7 @@ class FusionAco(AntSystem):
     name: ClassVar[str] = "fusion_aco"
     shares: ClassVar[tuple[str, ...]] = ("evaporation",)
 
-    def colony(self, grid: GridMap, floor: Floor, start: int) -> Colony:
+    def colony(self, grid: GridMap, floor: AntFloor, start: int) -> Colony:
         """Slots: distance times the fading pull of the field; all arrived ants deposit."""
         near = power(1.0 / goal_distance(floor), self.exponent)[floor.neighbour]
         cosine = alignment(self.force(grid, divmod(floor.goal, floor.columns))).reshape(-1, 8)
@@ -94,7 +94,7 @@ class FusionAco(AntSystem):
 
         return tables
 
-    def _update(self, floor: Floor, iteration: int, pheromone: Table, walks: Walks, best: Walks) -> None:
+    def _update(self, floor: AntFloor, iteration: int, pheromone: Table, walks: Walks, best: Walks) -> None:
         """Slot: eqs. 7-9."""
         pheromone *= 1.0 - self.evaporation
         deposit(floor, pheromone, walks, self.strength / walks.cost)

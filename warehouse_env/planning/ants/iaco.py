@@ -15,7 +15,7 @@ from warehouse_env.errors import PlanError
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning.ants.aco import power
 from warehouse_env.planning.ants.colony import Colony
-from warehouse_env.planning.ants.floor import Floor, Table
+from warehouse_env.planning.ants.floor import AntFloor, Table
 from warehouse_env.planning.ants.system import AntSystem, goal_distance
 from warehouse_env.planning.ants.walks import Walks, deposit
 from warehouse_env.planning.plan import Plan, validate_line
@@ -55,7 +55,7 @@ class Iaco(AntSystem):
     name: ClassVar[str] = "iaco"
     shares: ClassVar[tuple[str, ...]] = ("greed_first", "greed_middle", "greed_last")
 
-    def colony(self, grid: GridMap, floor: Floor, start: int) -> Colony:
+    def colony(self, grid: GridMap, floor: AntFloor, start: int) -> Colony:
         """Slots of eqs. 3-9 and 14."""
         eta = power(self.scale / goal_distance(floor)[floor.neighbour], self.exponent)
         return Colony(
@@ -75,7 +75,7 @@ class Iaco(AntSystem):
         exponent = self.decay * (number / self.iterations) ** 2 if self.schedule == "scaled" else float(number**2)
         return min(self.evaporation * math.exp(-exponent), 1.0)
 
-    def _update(self, floor: Floor, iteration: int, pheromone: Table, walks: Walks, best: Walks) -> None:
+    def _update(self, floor: AntFloor, iteration: int, pheromone: Table, walks: Walks, best: Walks) -> None:
         """Eqs. 3 and 4; the deposit is Q / cost."""
         pheromone *= 1.0 - self.evaporated(iteration)
         deposit(floor, pheromone, walks, self.strength / walks.cost)

@@ -13,7 +13,7 @@ from warehouse_env.kernel import kernel
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning import potential_field
 from warehouse_env.planning.ants.colony import Colony
-from warehouse_env.planning.ants.floor import Floor, Table
+from warehouse_env.planning.ants.floor import AntFloor, Table
 from warehouse_env.planning.ants.system import AntSystem
 from warehouse_env.planning.ants.walks import Walks, deposit
 from warehouse_env.planning.plan import MICRO
@@ -60,7 +60,7 @@ class PfAco(AntSystem):
     name: ClassVar[str] = "pf_aco"
     shares: ClassVar[tuple[str, ...]] = ("evaporation", "straight_share")
 
-    def colony(self, grid: GridMap, floor: Floor, start: int) -> Colony:
+    def colony(self, grid: GridMap, floor: AntFloor, start: int) -> Colony:
         """Slots of eqs. 8-25: the force's pull, gentleness and smoothness in the heuristic, and in the deposit."""
         goal = divmod(floor.goal, floor.columns)
         force = potential_field.resultant(grid.occupied, goal, self.repulsion, self.repulsion_reach)
@@ -72,7 +72,7 @@ class PfAco(AntSystem):
             update=partial(self._update, floor),
         )
 
-    def _attraction(self, floor: Floor, fading: Table) -> Callable[[int], tuple[Table, Table]]:
+    def _attraction(self, floor: AntFloor, fading: Table) -> Callable[[int], tuple[Table, Table]]:
         """Slot: eta^exponent of eq. 8 for an iteration; `fading` holds what fr scales."""
         fading = np.ascontiguousarray(fading)
         turning, straight = np.empty_like(fading), np.empty_like(fading)
@@ -89,7 +89,7 @@ class PfAco(AntSystem):
 
         return tables
 
-    def _update(self, floor: Floor, iteration: int, pheromone: Table, walks: Walks, best: Walks) -> None:
+    def _update(self, floor: AntFloor, iteration: int, pheromone: Table, walks: Walks, best: Walks) -> None:
         """Slot: eqs. 18-25 over all arrived ants."""
         amount = self.length_weight / walks.cost + self.turn_weight / np.maximum(walks.turns, 1)
         if not floor.flat:
@@ -98,7 +98,7 @@ class PfAco(AntSystem):
         deposit(floor, pheromone, walks, self.evaporation * self.strength * amount)
 
 
-def initial_pheromone(floor: Floor, start: int, boost: float) -> Table:
+def initial_pheromone(floor: AntFloor, start: int, boost: float) -> Table:
     """float64[C, 8]: `boost` on edges of cells in the rectangle between start and goal, 1 elsewhere (eq. 17)."""
     rows, columns = np.divmod(np.arange(len(floor.height)), floor.columns)
     (row, column), (goal_row, goal_column) = divmod(start, floor.columns), divmod(floor.goal, floor.columns)
@@ -107,7 +107,7 @@ def initial_pheromone(floor: Floor, start: int, boost: float) -> Table:
     return np.repeat(np.where(between, boost, 1.0)[:, None], 8, axis=1)
 
 
-def gentle_share(floor: Floor, offset: float) -> Table:
+def gentle_share(floor: AntFloor, offset: float) -> Table:
     """The fraction of eq. 12 float64[C, 8]: (h_max - |dh|) / (h_max - h_min + offset), heights in metres.
 
     h_max and h_min (eqs. 13-14) are taken over the legal moves of each cell; 0 where a move is not legal.

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from warehouse_env.kernel import kernel
 from warehouse_env.maps.grid_map import MOVES
-from warehouse_env.planning.ants.floor import Floor, Table
+from warehouse_env.planning.ants.floor import AntFloor, Table
 
 LEAST_DECAY = 4.0 + 4.0 / math.sqrt(2.0)  # the sum of the weights 1/d of 8 moves; up to it activity saturates
 _TOLERANCE = 1e-3  # share by which no state changes any more in a sweep
@@ -100,7 +100,7 @@ def _flood(floor):
     return order[:size]
 
 
-def rise(floor: Floor, activity: Activity) -> Table:
+def rise(floor: AntFloor, activity: Activity) -> Table:
     """Return float64[C, 8], x_j / x_i of the move from i to j; 1 on cells that no activity reaches."""
     mantissa, exponent = activity
     silent = mantissa == 0.0

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
 from warehouse_env.planning.ants.colony import Colony, Search, cells_of, run
-from warehouse_env.planning.ants.floor import Floor, Table, make_floor
+from warehouse_env.planning.ants.floor import AntFloor, Table, make_floor
 from warehouse_env.planning.ants.local_search import improve, straight_runs
 from warehouse_env.planning.base import BasePlanner
 from warehouse_env.planning.plan import MICRO, CostMap, Plan, check_endpoints
@@ -47,7 +47,7 @@ class AntSystem(BasePlanner):
         super().__post_init__()
         self._between(1, _WALKS // self.ants, "iterations")  # each walk's seed is drawn before the first
 
-    def colony(self, grid: GridMap, floor: Floor, start: int) -> Colony:
+    def colony(self, grid: GridMap, floor: AntFloor, start: int) -> Colony:
         """Return the slots for ants that start on a flat cell."""
         raise NotImplementedError
 
@@ -63,7 +63,7 @@ class AntSystem(BasePlanner):
         goal: Cell,
         rng: np.random.Generator,
         cost: NDArray[np.float64] | None = None,
-    ) -> tuple[Floor, Search]:
+    ) -> tuple[AntFloor, Search]:
         """Run the colony and return its floor and what it found."""
         start, goal = check_endpoints(grid, start, goal)
         floor = make_floor(grid, goal, self.gentleness, cost)
@@ -79,7 +79,7 @@ class AntSystem(BasePlanner):
         )  # fmt: skip
         return floor, found
 
-    def planned(self, grid: GridMap, floor: Floor, search: Search, begin: float) -> Plan:
+    def planned(self, grid: GridMap, floor: AntFloor, search: Search, begin: float) -> Plan:
         """Return the plan of a search that began at a time of time.perf_counter()."""
         cells, seconds = cells_of(floor, search.best, 0), time.perf_counter() - begin
         return self.finish(grid, Plan(cells, search.best_by_iteration, seconds))
@@ -89,7 +89,7 @@ class AntSystem(BasePlanner):
         return plan
 
 
-def goal_distance(floor: Floor) -> NDArray[np.float64]:
+def goal_distance(floor: AntFloor) -> NDArray[np.float64]:
     """Straight-line distance float64[C] [cells] of each cell to the goal, 0.1 for the goal itself."""
     row, column = np.divmod(np.arange(len(floor.height)), floor.columns)
     goal_row, goal_column = divmod(floor.goal, floor.columns)
@@ -97,7 +97,7 @@ def goal_distance(floor: Floor) -> NDArray[np.float64]:
     return np.maximum(distance, _AT_GOAL)
 
 
-def _eased(floor: Floor, attraction: Callable[[int], tuple[Table, Table]]) -> Callable[[int], tuple[Table, Table]]:
+def _eased(floor: AntFloor, attraction: Callable[[int], tuple[Table, Table]]) -> Callable[[int], tuple[Table, Table]]:
     """Let the attraction of an edge fall as its toll grows: times (length / (length + toll))^2."""
     ease = (STEP / (STEP + floor.toll / MICRO)) ** _EASE_POWER
 

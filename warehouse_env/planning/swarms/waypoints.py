@@ -19,7 +19,7 @@ from warehouse_env.kernel import kernel
 from warehouse_env.maps.distance import label_regions
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
 from warehouse_env.planning.ants.colony import cells_of
-from warehouse_env.planning.ants.floor import Floor, make_floor
+from warehouse_env.planning.ants.floor import AntFloor, make_floor
 from warehouse_env.planning.ants.local_search import shorten, straight_runs
 from warehouse_env.planning.ants.walks import empty_walks, keep, measure
 from warehouse_env.planning.base import BasePlanner
@@ -31,7 +31,7 @@ Code = NDArray[np.float64]  # [m, K, 2] way-points (row, col) [cells] of m agent
 class _Ground(NamedTuple):
     """What the walker knows."""
 
-    floor: Floor
+    floor: AntFloor
     nearest: NDArray[np.int32]  # [C], the cell of the start's region next to each cell
     start: int
 
@@ -39,7 +39,7 @@ class _Ground(NamedTuple):
 class Paths:
     """Turns codes into paths, measures them, and keeps the best."""
 
-    def __init__(self, grid: GridMap, floor: Floor, start: int, local_search: bool) -> None:
+    def __init__(self, grid: GridMap, floor: AntFloor, start: int, local_search: bool) -> None:
         self.shape = grid.shape
         at = (start // floor.columns, start % floor.columns)
         self.reachable = bool(np.isfinite(grid.distance_to(divmod(floor.goal, floor.columns))[at]))

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from tests.simulation.reference import WHEELBASE, bodies, polygon_distance, separation
 from train.evaluation.audit import instants
 from train.evaluation.audit.arcs import STATE
-from train.evaluation.audit.bodies import Fleet
+from train.evaluation.audit.bodies import AuditFleet
 from train.evaluation.audit.instants import HORIZON, EnvStep, Findings, Obstacles, audit_step
 from warehouse_env.config import EnvConfig
 
@@ -50,7 +50,7 @@ def audited(
 ) -> tuple[list[list[float]], float, float]:  # fmt: skip
     """Audit a step; return its faults, the closest approach and the way of all [m]."""
     findings = Findings(np.full(1, HORIZON), np.zeros(1), np.empty((20, instants.FAULT)))
-    fleet, nobody = Fleet.of(EnvConfig(num_agents=len(before), action_repeat=repeat)), np.empty((1, 0, 2))
+    fleet, nobody = AuditFleet.of(EnvConfig(num_agents=len(before), action_repeat=repeat)), np.empty((1, 0, 2))
     step = EnvStep(
         np.array(before).reshape(1, -1, STATE), np.array(after).reshape(1, -1, STATE),
         np.array([list(put_back) or [False] * len(before)]), nobody if people is None else people,
