@@ -414,7 +414,7 @@ class Simulator(Portable):
         return row | self.dispatcher.work_row(world)
 
     def jams(self) -> Jams:
-        """Return whom each standing robot waits for, who of them wait in a circle, and their stages (jams.jams_of)."""
+        """Return whom each standing robot waits for, the wait cycles, and the stages (jams.jams_of)."""
         return jams_of(self.robots, self.routes, *self._limits)
 
     def global_state(self, world: int = 0) -> NDArray[np.float32]:

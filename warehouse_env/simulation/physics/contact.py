@@ -154,7 +154,7 @@ def try_motion(motion, flags, lanes, p, kinds):
 
 @inline
 def put_back(motion, flags, i):
-    """Make the present pose the one that robot i tries, and stop it."""
+    """Stop robot i at its present pose."""
     motion[TRY_X, i], motion[TRY_Y, i], motion[TRY_HEADING, i] = motion[X, i], motion[Y, i], motion[HEADING, i]
     motion[TRY_COS, i], motion[TRY_SIN, i] = motion[COS, i], motion[SIN, i]
     motion[ROOM, i] -= motion[WAY, i]  # if it was that of the pose that is tried no more

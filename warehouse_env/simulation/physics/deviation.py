@@ -1,15 +1,14 @@
-"""What robots really do, where they know their place and obey their commands only within some errors.
+"""The true motion of robots whose localisation and actuators err.
 
-All rules, the path follower and the protective field work on what robots *plan*, as if it came true: ROBOT holds that.
-Here each body drives after what its robot has planned, steered back to it by where it believes to be; its true pose is
-what touches, and what outsiders see. A planned robot is as much larger than its body, and its limits are as much
-narrower, as the declared errors of UncertaintySpec call for (`planned_config`): within these bounds no point of a body
-is ever farther than `tube` from where it is planned, so what holds of planned robots holds of bodies
-(as in tube-based control: Langson, Chryssochoos, Rakovic and Mayne 2004).
+Rules, path follower and shield work on the *planned* motion, as if it came true: ROBOT holds it. Here each body follows
+the plan of its robot, steered back to it by its believed pose. The true pose is what touches, and what outsiders see. A
+planned robot is larger than its body and has narrower limits, by the declared errors of UncertaintySpec
+(`planned_config`). Within these bounds no point of a body is ever farther than `tube` from its plan, so what holds for
+planned robots holds for bodies (tube-based control: Langson, Chryssochoos, Rakovic and Mayne 2004).
 
-A robot counts its own way exactly and corrects where it believes to be by what its localisation says, a part with each
-metre: while it stands, nothing drifts. Who believes to be off its plan by more than errors within the bounds allow
-brakes, and says its place anew once it stands. So beyond the bounds it drives in jerks, and contacts are possible.
+A robot's odometry is exact, and its localisation corrects the believed pose by a share per metre: while it stands,
+nothing drifts. A robot that believes to be off its plan by more than errors within the bounds allow brakes, and
+publishes its pose again once it stands. So beyond the bounds it drives in jerks, and contacts are possible.
 """
 
 from __future__ import annotations
@@ -244,7 +243,7 @@ def _say_place_anew(r, body):
 
 @inline
 def store(robots, bodies, planned, errors, own, guarded, p, kinds):
-    """Write a physics step back into robots and bodies, and see who is off its plan."""
+    """Write a physics step back into robots and bodies, and find the robots that are off their plans."""
     contact.store(robots, planned)
     for i in range(robots.shape[0]):
         r, body = robots[i], bodies[i]

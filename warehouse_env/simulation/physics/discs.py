@@ -1,4 +1,4 @@
-"""Discs on the floor, such as pillars: does a body touch one, also between two samples, and what does the lidar see?
+"""Discs on the floor, such as pillars: contact with bodies, also between two samples, and what the lidar sees.
 
 Kernels are given the discs of a floor, or None: a branch on an argument that is None is not compiled.
 """

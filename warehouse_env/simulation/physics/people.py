@@ -86,7 +86,7 @@ class People:
             o["cos"] = ONE
 
     def stand(self, world: int, points: ArrayLike) -> None:
-        """Stand the people of a world, who have begun, at points float[M, 2] [m] instead, each on the way elsewhere.
+        """Move the people of a world to points float[M, 2] [m], each on the way elsewhere. Call after `begin`.
 
         ConfigError or MapError for points off the floor or in shelves. The caller sees to it that they lie in the
         largest region, and off robots.

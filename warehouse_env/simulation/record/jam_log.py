@@ -1,4 +1,4 @@
-"""A log of deadlocks: who was in them, where, for how long, and what ended them."""
+"""A log of deadlocks: members, place, duration, and what ended them."""
 
 from __future__ import annotations
 

@@ -79,7 +79,7 @@ class Episode:
 
     @classmethod
     def _read(cls, arrays: _Arrays) -> Episode:
-        """Read an episode; what it is to hold is known, and its size checked, before any large array is inflated."""
+        """Read an episode. Shapes and sizes are checked before any large array is inflated."""
         about = json.loads(arrays.read("about", most=_LONGEST_TEXT).tobytes())
         if about.get("format") != FORMAT:
             raise WarehouseError(f"it has episode format {shown(about.get('format'))}, not {FORMAT}")

@@ -27,7 +27,7 @@ _STREAM = 1  # behind the world's own entropy
 
 
 class Messages:
-    """Draws who is silent: a share `loss` of the robots in the mean, each for `burst` [s] at a time."""
+    """Draws the silent robots: on average a share `loss` of them, each for `burst` [s] at a time."""
 
     def __init__(self, config: EnvConfig, worlds: int) -> None:
         spec = config.uncertainty_spec
@@ -46,7 +46,7 @@ class Messages:
             self._rngs[world] = np.random.default_rng(np.random.SeedSequence([*entropy, _STREAM]))
 
     def lose(self, robots: NDArray[Any]) -> None:
-        """Write who of robots ROBOT[B, N] is silent in the env step to come."""
+        """Write which of robots ROBOT[B, N] are silent in the next env step."""
         if self._begins == self._late == 0:
             return
         self._left = np.maximum(self._left - 1, 0)

@@ -54,7 +54,7 @@ class Batteries:
         self._seen[:], self._at = driven, now
 
     def is_critical(self, cells: ArrayLike, load: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Return bool[N]: who must go and charge now, from cells int[N, 2] with loads [N] [kg]."""
+        """Return bool[N]: which robots must charge now, at cells int[N, 2] with loads [N] [kg]."""
         return np.asarray(self.charge < self.needed(self._home[tuple(np.transpose(cells))], load))
 
     def needed(self, way: Any, load: Any) -> Any:
@@ -68,7 +68,7 @@ class Batteries:
         return self.charge / self.spec.capacity
 
     def row(self, seconds: float) -> dict[str, float]:
-        """Return the metrics: time at chargers of all time, the least that any robot had left, and who has none."""
+        """Return the metrics: time at chargers of all time, the least charge of any robot, and robots without any."""
         return {
             "charging_share": self.charged / (len(self.charge) * seconds) if seconds > 0 else np.nan,
             "lowest_charge": float(self.lowest.min()) / self.spec.capacity,

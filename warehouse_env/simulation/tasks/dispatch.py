@@ -234,7 +234,7 @@ class Dispatcher(Portable):
         return arrivals
 
     def work_on(self, steps: NDArray[np.int64]) -> list[int]:
-        """Send those on whom their shift sends elsewhere; return the worlds of those who got another goal."""
+        """Give robots the goals that their shifts send them to; return the worlds in which a goal changed."""
         if self.shifts is None:
             return []
         return [world for world, step in enumerate(steps.tolist()) if self._go_on(self.shifts, world, step)]
@@ -253,7 +253,7 @@ class Dispatcher(Portable):
         return {} if self.shifts is None else self.shifts[world].row(self.robots[world])
 
     def reroute(self, steps: NDArray[np.int64]) -> list[int]:
-        """Route those anew who are astray or find a better way; return the worlds of those who got another route."""
+        """Reroute robots that are off their routes or find a better one; return the worlds in which a route changed."""
         worlds = []
         look = self.robots, self.routes, self._far, self._astray
         if self._find_astray is None:

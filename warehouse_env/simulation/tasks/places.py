@@ -78,7 +78,7 @@ def _covered(cell: Cell, disc: NDArray[np.int64], shape: tuple[int, ...]) -> tup
 
 
 class Places:
-    """The cells of one world that robots hold, each one's alone, and the queues of those who want one that is held."""
+    """The cells of one world that robots hold, one robot each, and the queues for held cells."""
 
     def __init__(self, waiting: Sequence[Cell], spare: Sequence[Cell]) -> None:
         """waiting: the places to stand; spare: other cells, where no place is left."""
@@ -102,7 +102,7 @@ class Places:
                 del self._queues[cell]
 
     def queue(self, robot: int, cell: Cell) -> None:
-        """Put a robot at the end of those who wait for a cell."""
+        """Add a robot to the queue for a cell."""
         self._queues.setdefault(cell, deque()).append(robot)
 
     def queued(self, cell: Cell) -> int:
@@ -110,7 +110,7 @@ class Places:
         return len(self._queues.get(cell, ()))
 
     def next_in(self) -> list[tuple[int, Cell]]:
-        """Return who may have the cell that it waits for, as nobody holds it: the first of each queue."""
+        """Return the robots whose awaited cell is free: the first of each queue."""
         return [(queue[0], cell) for cell, queue in self._queues.items() if cell not in self.held_by]
 
     def stands(self, robot: int) -> bool:
