@@ -132,10 +132,15 @@ def _check_unchanged(config: TrainingConfig, position: Position) -> None:
         raise WeightsError(f"the list of files in the checkpoint of {config.directory} is damaged: begin anew")
     files, code = file_digests(position.files), _code(config)
     for name, known in position.files.items():
-        if files.get(name) != known:
+        if name not in files:
             raise WeightsError(
-                f"the files of {name} are missing or not those that {config.directory} was trained with: "
-                "put them back, or begin anew"
+                f"{name} is missing, a floor of {config.directory}: resume in the folder where the training began, put "
+                "it back, or begin anew"
+            )
+        if files[name] != known:
+            raise WeightsError(
+                f"the files of {name} are not those that {config.directory} was trained with: put them back, or begin "
+                "anew"
             )
     for name, digest in position.code.items():
         if code.get(name, digest) != digest:
