@@ -90,6 +90,8 @@ def run_training(config: ConfigT, algorithm: str, make: Callable[[ConfigT], Trai
                 return config.directory
             except LostError as error:
                 before, saved = _updates(saved), _last(config)
+                if saved is not None:  # the new workers read the files again
+                    _check_unchanged(config, Position.of(saved))
                 lost = 1 if _updates(saved) > before else lost + 1
                 if lost > _MOST_LOST:
                     again = f"go on with --resume {shlex.quote(str(config.directory))}"
