@@ -127,7 +127,7 @@ class Ppo:
         return {**network, **checkpoint.optimizer_arrays(self.model.policy.optimizer)}
 
     def load(self, arrays: dict[str, NDArray[Any]]) -> None:
-        """Put back what `arrays` returned; worlds and sampling start anew."""
+        """Put back what `arrays` returned; worlds and sampling start again."""
         ours = checkpoint.part_of(arrays, "network.")
         state = {theirs: torch.from_numpy(ours[name].copy()) for name, theirs in self._names().items()}
         self.model.policy.load_state_dict(state)

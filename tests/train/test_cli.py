@@ -19,7 +19,9 @@ from train.central import CENTRAL
 from train.cli import COMMANDS, main
 from train.evaluation.jobs import Job, Result, Runner, Tick
 from train.reporting.rows import RowFile, read_rows
+from warehouse_env import __version__
 from warehouse_env.errors import LostError
+from warehouse_env.maps.layouts import LAYOUTS
 from warehouse_env.maps.movingai import EXAMPLE_MAP
 from warehouse_env.planning import PLANNERS
 
@@ -68,6 +70,22 @@ COMPREPLY=()
 _tyro_warehouse
 printf '%s\\n' "${{COMPREPLY[@]}}"
 """
+
+
+def test_help_without_a_command_and_version(capsys: pytest.CaptureFixture[str]) -> None:
+    for words, shown in (([], "warehouse evaluate"), (["train"], "warehouse train ppo"), (["--version"], __version__)):
+        assert main(words) == 0
+        assert shown in capsys.readouterr().out
+
+
+def test_layouts_are_listed_and_drawn_by_a_seed(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["layouts"]) == 0
+    assert set(LAYOUTS) <= set(capsys.readouterr().out.split())
+    drawings = []
+    for seed in ("1", "1", "2"):
+        assert main(["layouts", "--draw", "random", "--seed", seed]) == 0
+        drawings.append(capsys.readouterr().out)
+    assert drawings[0] == drawings[1] != drawings[2]
 
 
 @pytest.mark.skipif(shutil.which("bash") is None, reason="bash is not installed")

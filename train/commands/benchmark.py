@@ -48,7 +48,8 @@ class Benchmark(WorkerOptions):
             print(f"wrote the table and the rows to {self.out}")
 
     def _drive(self) -> list[Row]:
-        listed = [one for policy in self.policy for one in experiments(policy)]  # errors come before anything drives
+        # errors come before anything drives
+        listed = [one for policy in dict.fromkeys(self.policy) for one in experiments(policy)]
         check_writable(self.out / "table.md")
         tracks = [track for track, experiment in listed for _ in experiment.episodes]
         with RowFile(self.out / "rows.jsonl", self.resume, instead(self.overwrite)) as file:

@@ -29,7 +29,7 @@ class Export(Checked):
     onnx: Path = Path("policy.onnx")
     """File to write."""
     seed: int = 0
-    """Seed of the random observations on which the model is held against the policy."""
+    """Seed of the random observations that compare the model with the policy."""
     json: Path | None = None
     """Write a row about the model to this file as JSON lines."""
 

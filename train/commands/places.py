@@ -30,7 +30,7 @@ class PlacesCommand(Checked):
     png: Path | None = None
     """The picture (NAME.places.png beside the map if left out)."""
     propose: bool = False
-    """Propose anew, and replace a file that is there already."""
+    """Propose new places, and replace an existing file."""
     json: Path | None = None
     """Write a row for each place, kind, name, x and y [m], to this file as JSON lines."""
 

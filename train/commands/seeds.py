@@ -19,7 +19,7 @@ _GOES_ON = "the same command goes on from the checkpoints"
 
 
 def of_seeds(config: TrainingConfig, seeds: int) -> list[TrainingConfig]:
-    """Return the training under so many seeds from its own on, each with a folder of its own."""
+    """Return the training under `seeds` seeds from its own on, each in its own folder."""
     if config.resume is not None:
         raise ConfigError(f"--resume must be left out with --seeds {seeds}: {_GOES_ON}")
     return [

@@ -49,7 +49,7 @@ class _Train:
     """Also write the rows of the training's progress to this file as JSON lines."""
 
     seeds: int = 1
-    """Train under so many seeds from --seed on, one after the other, each in a folder NAME-SEED, and show a table. A
+    """Train under this many seeds from --seed on, one after the other, each in a folder NAME-SEED, and show a table. A
     stopped training goes on; a finished one is kept."""
 
     ray: str | None = None
@@ -143,7 +143,7 @@ class TrainPPO(_Train):
 
 @dataclass(frozen=True)
 class TrainThreadedPPO(_Train):
-    """Train proximal policy optimisation of our own, in threads as REINFORCE is."""
+    """Train our own proximal policy optimisation, in threads."""
 
     module = "train.threaded_ppo"
     recipe: ThreadedPPORecipe = "shipped"  # type: ignore[assignment]

@@ -8,9 +8,9 @@ from typing import Unpack
 
 import numpy as np
 
-from agents import make_policy
 from train.books import simulator_of
-from train.evaluation.rollout import config_of
+from train.central import CENTRAL
+from train.evaluation.rollout import POLICY_STREAM, Decider, config_of, make_actor
 from train.evaluation.scenes import SCENES
 from warehouse_env.config import ConfigChanges, EnvConfig
 from warehouse_env.errors import ConfigError, unknown_name
@@ -21,7 +21,6 @@ from warehouse_env.render.video import VideoWriter
 FPS = 10.0  # frames a second of a film
 _LARGEST = 32.0  # [px/m]
 _BETWEEN = "   "  # the parts of a caption
-_POLICY_STREAM = 1  # apart from the world's own stream SeedSequence([seed, 0])
 
 
 def film(
@@ -64,9 +63,17 @@ def _driven(
         simulator.reset(seed)
     else:
         simulator.reset_to([played.draw(np.random.default_rng([seed, 2]))], [seed])
-    made, rng = make_policy(policy, config), np.random.default_rng([seed, _POLICY_STREAM])
+    decide, rng = _decider(policy, config), np.random.default_rng([seed, POLICY_STREAM])
     for frame in range(round(seconds / every) + 1):
         while simulator.seconds(0) < begin + frame * every - 1e-6:
-            simulator.step(made.act(simulator.observation, rng))
+            simulator.step(decide(simulator, [rng]))
         shown = scene_of(simulator)
         yield shown._replace(text=_BETWEEN.join([policy, *shown.text.split(_BETWEEN)[2:]]))  # for floor and robots
+
+
+def _decider(policy: str, config: EnvConfig) -> Decider:
+    """Return the function that chooses the actions of one world, as in an evaluation."""
+    if policy in CENTRAL:
+        return CENTRAL[policy].make(config).act_on
+    act = make_actor(policy, config)
+    return lambda simulator, generators: act(simulator.observation, generators[0])

@@ -40,7 +40,7 @@ Actor = Callable[[Observation, np.random.Generator], Action]
 """The actions of all robots of one world, from what they see and a generator."""
 
 MOST = 1_000_000  # episodes of an experiment, runs of a planner, tasks
-_POLICY_STREAM = 1  # apart from the world's own stream SeedSequence([seed, 0])
+POLICY_STREAM = 1  # apart from the world's own stream SeedSequence([seed, 0])
 
 
 @dataclass(frozen=True)
@@ -135,7 +135,7 @@ def play_out(
     decision [ms].
     """
     decide, step = _decider(experiment), step or simulator.step
-    generators = [np.random.default_rng([seed, _POLICY_STREAM]) for seed in experiment.seeds]
+    generators = [np.random.default_rng([seed, POLICY_STREAM]) for seed in experiment.seeds]
     metrics: dict[int, dict[str, Any]] = {}
     after = DISTURBANCES[experiment.disturbance].breakdown if experiment.disturbance else None
     watch = watch if after is None else [*watch, Breakdown(after, experiment.seeds)]

@@ -31,7 +31,7 @@ class Board:
         return self._writer is not None
 
     def add(self, group: str, figures: Mapping[str, float], steps: int) -> None:
-        """Write figures by name, as those of a group after so many agent-steps."""
+        """Write the figures of a group after `steps` agent-steps."""
         if self.is_open:
             for name, value in figures.items():
                 self._writer.add_scalar(f"{group}/{name}", value, steps)

@@ -105,7 +105,7 @@ class ProgressLog:
             self._told = now
 
     def evaluated(self, figures: Mapping[str, float], steps: int, seconds: float) -> None:
-        """Note how the policy of so many agent-steps drove on held-out seeds, which took some seconds."""
+        """Log how the policy drove on held-out seeds after `steps` agent-steps; seconds: the time that this took."""
         self._since += seconds  # of which none are the training's
         self._board.add("held_out", figures, steps)
         tell(f"held-out seeds after {steps / 1e6:.2f} M, in {seconds:.1f} s: {_in_words(figures)}", self._console)

@@ -50,7 +50,7 @@ class Trainer(Protocol):
         ...
 
     def policy_tensors(self) -> dict[str, NDArray[np.float32]]:
-        """Return the tensors of the policy as it stands, for a weights folder."""
+        """Return the tensors of the current policy, for a weights folder."""
         ...
 
     def close(self) -> None:

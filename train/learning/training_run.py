@@ -46,7 +46,7 @@ class Position:
     steps: int = 0  # agent-steps
     seconds: float = 0.0
     files: FileDigests = dataclasses.field(default_factory=dict)  # of floors
-    code: dict[str, str] = dataclasses.field(default_factory=dict)  # parts of one's own, each with its digest
+    code: dict[str, str] = dataclasses.field(default_factory=dict)  # the user's own parts, each with its digest
 
     @classmethod
     def of(cls, saved: checkpoint.Checkpoint) -> Position:
@@ -90,6 +90,8 @@ def run_training(config: ConfigT, algorithm: str, make: Callable[[ConfigT], Trai
                 return config.directory
             except LostError as error:
                 before, saved = _updates(saved), _last(config)
+                if saved is not None:  # the new workers read the files again
+                    _check_unchanged(config, Position.of(saved))
                 lost = 1 if _updates(saved) > before else lost + 1
                 if lost > _MOST_LOST:
                     again = f"go on with --resume {shlex.quote(str(config.directory))}"
@@ -127,20 +129,25 @@ def _code(config: TrainingConfig) -> dict[str, str]:
 
 
 def _check_unchanged(config: TrainingConfig, position: Position) -> None:
-    """Raise WeightsError where a floor's file or code of one's own is other than it was."""
+    """Raise WeightsError if a floor's files or the user's own code changed since the training began."""
     if not isinstance(position.files, dict):
-        raise WeightsError(f"the list of files in the checkpoint of {config.directory} is damaged: begin anew")
+        raise WeightsError(f"the list of files in the checkpoint of {config.directory} is damaged: start a new run")
     files, code = file_digests(position.files), _code(config)
     for name, known in position.files.items():
-        if files.get(name) != known:
+        if name not in files:
             raise WeightsError(
-                f"the files of {name} are missing or not those that {config.directory} was trained with: "
-                "put them back, or begin anew"
+                f"{name} is missing, a floor of {config.directory}: resume in the folder where the training began, put "
+                "it back, or start a new run"
+            )
+        if files[name] != known:
+            raise WeightsError(
+                f"the files of {name} are not those that {config.directory} was trained with: put them back, or start "
+                "a new run"
             )
     for name, digest in position.code.items():
         if code.get(name, digest) != digest:
             raise WeightsError(
-                f"{name} is not the code that {config.directory} was trained with: take that, or begin anew"
+                f"{name} is not the code that {config.directory} was trained with: restore it, or start a new run"
             )
 
 
@@ -241,7 +248,7 @@ def _update(config: TrainingConfig, trainer: Trainer, position: Position, spent:
 
 
 def _save(config: TrainingConfig, trainer: Trainer, position: Position, figures: dict[str, float]) -> None:
-    """Write the checkpoint, the policy as it stands and its card."""
+    """Write the checkpoint, the current policy and its card."""
     plain = {key: value for key, value in config.to_dict().items() if key != "resume"}
     data = {"algorithm": trainer.algorithm, "config": plain, **dataclasses.asdict(position)}
     directory = config.directory

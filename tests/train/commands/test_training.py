@@ -83,8 +83,13 @@ def test_a_run_goes_on_only_with_the_floors_it_began_with(
         before = file.read_bytes()
         file.write_bytes(before + b" ")
         assert main(again) == 2
-        assert f"the files of {name} are missing or not those that" in capsys.readouterr().err
+        assert f"the files of {name} are not those that" in capsys.readouterr().err
         file.write_bytes(before)
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    assert main(again) == 2
+    assert f"{name} is missing, a floor of {folder}: resume in the folder where" in capsys.readouterr().err
+    monkeypatch.chdir(tmp_path)
     assert main(again) == 0
 
 
@@ -103,6 +108,7 @@ def test_one_process_trains_in_a_folder(tmp_path: Path, capsys: pytest.CaptureFi
     ("number", "usual", "code"),
     [
         (signal.SIGINT, signal.default_int_handler, 130),
+        (signal.SIGINT, signal.SIG_IGN, 130),  # as in the background of a shell
         (signal.SIGTERM, signal.SIG_DFL, 143),
     ],
 )

@@ -8,7 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from train.evaluation import films
 from train.evaluation.films import film
+from train.evaluation.rollout import Trace, make_experiment, run
+from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
 
 image = pytest.importorskip("PIL.Image")
@@ -36,6 +39,19 @@ def test_a_scene_is_played_on_its_own_floor(tmp_path: Path) -> None:
     film(tmp_path / "scene.gif", "follow", scene="head_on_two_cells", seconds=1.0, pixels=280, planner="astar")
     height, width, _ = frames(tmp_path / "scene.gif")[0].shape
     assert (width, height) == (280, 70 + 28)  # 28 x 7 cells of 10 px, and the caption
+
+
+@pytest.mark.parametrize("policy", ["ppo", "central_pibt"])
+def test_robots_drive_as_in_an_evaluation(policy: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    poses: list[Any] = []
+    draw = films.draw
+    monkeypatch.setattr(films, "draw", lambda scene, scale: (poses.append(scene.pose.copy()), draw(scene, scale))[1])
+    options: dict[str, Any] = {"layout": "narrow", "num_agents": 12, "planner": "astar"}
+    film(tmp_path / "a.gif", policy, seed=3, begin=20.0, seconds=0.0, pixels=100, **options)
+    experiment = make_experiment(policy, EnvConfig(**options), 1, 20.0, 3)
+    trace = Trace(experiment)
+    run(experiment, [trace])
+    np.testing.assert_array_equal(poses[0], trace.poses[-1])
 
 
 @pytest.mark.parametrize(

@@ -69,7 +69,7 @@ def test_the_command_drives_resumes_and_tabulates(
     (tmp_path / "none.jsonl").write_text("")
     monkeypatch.setattr("train.commands.benchmark.experiments", lambda policy: experiments(policy, small))
     monkeypatch.setattr("train.commands.benchmark.benchmark_tables", lambda rows: benchmark_tables(rows, small))
-    arguments = ["benchmark", "--policy", "follow", "--processes", "1", "--out", str(tmp_path)]
+    arguments = ["benchmark", "--policy", "follow", "follow", "--processes", "1", "--out", str(tmp_path)]
     assert main(arguments) == 0
     before = (tmp_path / "table.md").read_text()
     assert before.count("| follow |") == 2

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import shutil
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -20,7 +21,8 @@ from train.learning.config import ReinforceConfig, ThreadedConfig, ThreadedPPOCo
 from train.learning.crew import Threads
 from train.learning.threaded import ThreadedTrainer
 from train.reporting.rows import read_rows
-from warehouse_env.errors import LostError
+from warehouse_env.errors import LostError, WeightsError
+from warehouse_env.maps.movingai import EXAMPLE_MAP
 
 T = TypeVar("T")
 SMALL: dict[str, Any] = {
@@ -91,6 +93,21 @@ def test_a_training_that_loses_workers_goes_on_from_its_checkpoint_to_the_same_b
     losing = reinforce.train(replace(config, name="losing"), Losing)
     assert (losing / "weights.safetensors").read_bytes() == (whole / "weights.safetensors").read_bytes()
     assert [row["steps"] for row in read_rows(losing / "progress.jsonl")] == [96 * n for n in range(1, 9)]
+
+
+def test_new_workers_do_not_train_on_a_map_that_has_changed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    floor = Path(shutil.copy(EXAMPLE_MAP, tmp_path / "mine.map"))
+
+    def change(number: int) -> int:
+        if number == 20:
+            floor.write_bytes(floor.read_bytes() + b" ")
+        return number
+
+    config = ReinforceConfig(out=tmp_path, threads=2, **SMALL | {"layouts": (str(floor),)}, evaluation_seconds=0.0)
+    monkeypatch.setattr(Losing, "lost", {20}, raising=False)
+    monkeypatch.setattr(Losing, "done", map(change, itertools.count()), raising=False)
+    with pytest.raises(WeightsError, match=r"the files of .*mine\.map are not those that"):
+        reinforce.train(config, Losing)
 
 
 def test_workers_lost_again_and_again_are_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
