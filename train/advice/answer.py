@@ -75,7 +75,7 @@ def _most(advice: Advice) -> Iterator[str]:
     if found.stopped:
         yield f"The time was over before {', '.join(found.stopped)}."
     elif open_:
-        yield "More were not tried: no more may be tried, or find a start and a goal of their own."
+        yield "More were not tried: `--most`, or the starts and goals on this floor, allow no more."
     if found.alone.mean > 0 and aim.share is None:
         share, waiting = number(100 * goals.each.mean / found.alone.mean, 2), with_interval(goals.waiting, 100, 2)
         yield f"Each makes {share}% of the goals of one alone, and waits {waiting}% of its time."

@@ -165,7 +165,6 @@ class TimeBudget:
 
     def __init__(self, minutes: float | None) -> None:
         self.restart()
-        self.minutes = minutes
         self._budget = None if minutes is None else 60.0 * minutes
 
     def restart(self) -> None:

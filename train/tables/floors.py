@@ -82,7 +82,7 @@ class FloorsTable(TableOptions):
             seed = SEED + self.seed + place * layout.startswith(GENERATED)
             alone = EnvConfig(layout, num_agents=1, planner=self.planner[0])
             yield make_experiment(RULE, alone, ALONE * many, SECONDS, seed)
-            for robots, planner, policy in itertools.product(fleets, self.planner, (RULE, *self.policy)):
+            for robots, planner, policy in itertools.product(fleets, self.planner, _with_rule(self.policy)):
                 env = EnvConfig(layout, num_agents=robots, planner=planner)
                 yield make_experiment(policy, env, many, SECONDS, seed)
 
@@ -100,6 +100,11 @@ class FloorsTable(TableOptions):
             yield str(path), self.robots, self.runs
         for side, fleets in LARGE.items():
             yield f"blocks:rows={side},columns={side}", fleets, max(1, self.runs // 2)
+
+
+def _with_rule(policies: Sequence[str]) -> list[str]:
+    """Return the rule and the policies, each once."""
+    return list(dict.fromkeys((RULE, *policies)))
 
 
 Group = tuple[str, int, str, list[Row]]
@@ -122,7 +127,7 @@ def _groups(rows: Sequence[Row], policies: Sequence[str]) -> Iterator[Group]:
     for floor in dict.fromkeys(map(_floor, rows)):
         own = [row for row in rows if _floor(row) == floor]
         for robots in sorted({row["robots"] for row in own} - {1}):
-            for policy in (RULE, *policies):
+            for policy in _with_rule(policies):
                 yield floor, robots, policy, select(own, robots=robots, policy=policy)
 
 

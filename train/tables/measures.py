@@ -21,6 +21,7 @@ Samples = Callable[[Sequence[Row]], list[float]]
 _TEN = 10  # runs of which paper 000 prints the best
 _RESAMPLES = 400  # of the runs of one map, where a figure needs them all together (a best, a standard deviation)
 ROUNDING = 1e-9  # relative difference that counts as none
+PRINT_ROUNDING = 1e-5  # relative: the papers print four decimals
 
 
 class TableMeasure(NamedTuple):

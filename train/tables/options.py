@@ -38,7 +38,7 @@ class TableOptions(WorkerOptions):
     def __post_init__(self) -> None:
         super().__post_init__()
         self._between(0, 2**62, "seed")
-        self._between(1, MOST, *(name for name in ("runs", "pairs") if hasattr(self, name)))
+        self._between(1, MOST, "runs")
 
     @property
     def folder(self) -> Path:

@@ -22,6 +22,7 @@ from train.reporting.report import Table, number, with_interval
 from train.reporting.rows import Row
 from train.tables.measures import MEASURES, TableFigures
 from train.tables.options import TableOptions
+from train.tables.planners import PAIRS
 from train.tables.study import ClaimVerdict, Published, TableSetting, TableStudy, TableSystem, TableTask
 from train.tables.verdicts import RULE, judge, verdict_counts
 from warehouse_env.errors import unknown_name
@@ -134,9 +135,9 @@ class Studies(TableOptions):
         """Run what is missing, then write the page."""
         chosen = self.chosen()
         self.check_writable()
-        names = {study.name for _, study in chosen}
         jobs = [block for module, study in chosen for block in self.blocks(module, study)]
-        rows = self.rows_of(jobs, lambda row: row.get("study") in names)
+        asked = {(job.study, job.number) for job in jobs}
+        rows = self.rows_of(jobs, lambda row: (row.get("study"), row.get("number")) in asked)
         text, tables, verdicts = f"{INTERVALS}\n\n", list[Table](), list[ClaimVerdict]()
         for _, study in chosen:
             figures = TableFigures(study.name, rows)
@@ -188,8 +189,12 @@ class PlannersTable(Studies):
     name: ClassVar[str] = "planners"
     title: ClassVar[str] = "Every planner on the same pairs of cells"
 
-    pairs: int = 200
+    pairs: int = PAIRS
     """Pairs of cells on each floor, 200 at most."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._between(1, PAIRS, "pairs")
 
     def chosen(self) -> list[tuple[str, TableStudy]]:
         """Return the one study."""

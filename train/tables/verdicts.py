@@ -9,10 +9,8 @@ from typing import NamedTuple
 
 from train.reporting.report import number
 from train.reporting.rows import Interval
-from train.tables.measures import MEASURES, ROUNDING, TableFigures
+from train.tables.measures import MEASURES, PRINT_ROUNDING, ROUNDING, TableFigures
 from train.tables.study import FAILS, HOLDS, IN_PART, OPEN, Claim, ClaimVerdict, Published
-
-_PRINT_ROUNDING = 1e-5  # relative: the papers print four decimals
 
 RULE = (
     "A claim is judged in each setting by the difference of the two systems' figures with its 95% interval (Welch's t "
@@ -78,7 +76,7 @@ def reaches_print(figures: TableFigures, published: Sequence[Published], ours: s
         if printed.ours != ours or measure.clock or measure.better == "neither" or not math.isfinite(figure.mean):
             continue
         sign = -1.0 if measure.better == "more" else 1.0
-        reached.append(sign * (figure.mean - printed.value) <= _PRINT_ROUNDING * abs(printed.value))
+        reached.append(sign * (figure.mean - printed.value) <= PRINT_ROUNDING * abs(printed.value))
         if not reached[-1]:
             shown = [number(measure.factor * value, measure.digits) for value in (figure.mean, printed.value)]
             worse.append(f"{printed.setting}, {measure.heading}: {shown[0]} against {shown[1]} in print")

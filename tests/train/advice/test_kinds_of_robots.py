@@ -20,7 +20,6 @@ from warehouse_env.errors import ConfigError, MapWarning
 
 LONG = RobotSpec(length=1.4, max_speed=0.8)
 WIDE = RobotSpec(length=1.2, width=1.2)
-ALL_WIDE = Kinds((KindPart(WIDE, share=1.0),))
 # Racks with a blind aisle of one cell, and ways of three around them, where wide robots pass.
 HALL = floor_of(
     *["................"] * 3, *["...#####.####..."] * 4, "...##########...", *["................"] * 3,

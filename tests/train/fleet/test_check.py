@@ -103,6 +103,16 @@ def test_a_log_of_another_version_is_refused_in_one_sentence(version: str, log: 
     assert [(fault.kind, fault.line) for fault in mixed.faults] == [("version", len(entries) + 1)]
 
 
+def test_an_odd_version_below_a_deep_interface_is_one_fault_of_a_vehicle(log: Path, tmp_path: Path) -> None:
+    entries = lines(log)
+    for entry in entries:
+        entry["topic"] = f"plant/hall 1/{entry['topic']}"
+    assert check_log(write_lines(tmp_path / "log.jsonl", entries)).total == 0
+    for entry in entries:
+        entry["payload"]["version"] = "2.1"
+    assert check_log(write_lines(tmp_path / "log.jsonl", entries)).total == 1
+
+
 def test_a_vehicle_that_was_gone_owes_no_state(log: Path, tmp_path: Path) -> None:
     """Neither does a will that is as old as the connection break the order of time."""
     entries = lines(log)

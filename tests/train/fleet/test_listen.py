@@ -116,6 +116,12 @@ def test_a_foreign_stream_of_bare_states(tmp_path: Path) -> None:
     assert row["waiting_share"] == 0.5  # of two moments with an order it stood in one
 
 
+def test_poses_between_two_reports_are_interpolated(tmp_path: Path) -> None:
+    made = episode_of(heard(tmp_path, [at(1, 0, theta=3.0), at(3, 4, theta=-3.0)]), FLOOR, EnvConfig(), every=1.0)
+    assert made.pose[:, 0, 0, 0].tolist() == [1, 1.5, 2, 2.5, 3]
+    assert np.abs(made.pose[1:4, 0, 0, 2]).min() > 3.0  # the short way, through pi
+
+
 def version_3(x: float, second: int) -> dict[str, Any]:
     """Return a state in the words of VDA 5050 3.0."""
     state = foreign(x, second, version="3.0.0")

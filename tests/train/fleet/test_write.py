@@ -63,6 +63,16 @@ def test_what_is_written_is_faultless(tmp_path: Path) -> None:
     assert found.messages["state"] > found.messages["order"] >= 7
 
 
+def test_a_robot_that_stands_sends_a_state_every_half_minute() -> None:
+    still = story()
+    still.replay.pose[:] = still.replay.pose[0]
+    for values in (still.replay.route, still.replay.along, still.replay.speed):
+        values[:] = 0
+    still.replay.flags[:] = 1
+    object.__setattr__(still.replay, "config", still.replay.config.replace(time_step=7.0))
+    assert [message.seconds for message in sent(still, "state")] == [0.0, 28.0, 56.0]
+
+
 def test_a_file_is_the_same_each_time_and_positions_may_come_more_seldom(tmp_path: Path) -> None:
     for name in "ab":
         write_log(messages_of(story(), NAMES, 2.0), tmp_path / name)

@@ -56,6 +56,15 @@ def test_the_pace_is_kept(clock: Clock) -> None:
     assert one.world.steps == 63 + 10
 
 
+def test_a_pace_that_cannot_be_kept_starts_anew(clock: Clock) -> None:
+    one = WorldDrive(world(), Listeners())
+    one.turn()
+    clock.now += 60.0  # the machine slept
+    before = one.world.steps
+    go(one, clock, 1.0)
+    assert one.world.steps - before <= 11 + 3
+
+
 def test_pages_get_all_moments_in_order(clock: Clock) -> None:
     everybody = Listeners()
     one = WorldDrive(world(), everybody)

@@ -35,6 +35,13 @@ def test_goals_an_hour_are_those_of_the_last_two_minutes() -> None:
     assert figures.samples[-1].goals_per_robot_hour == 0.0
 
 
+def test_parked_robots_neither_wait_nor_stand() -> None:
+    one = moment(0, waits=(1, -1), speed=(0.0, 0.0)) | {"flags": np.array([1, 0], np.uint16)}
+    sample = LiveFigures().add(1.0, one)
+    assert sample is not None
+    assert (sample.waiting, sample.standing) == (1.0, 1.0)
+
+
 def test_a_slow_page_begins_again_with_a_whole_world(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(listeners, "MOST_WAITING", 2)
     listener = Listener()

@@ -123,6 +123,11 @@ def test_planners_on_the_first_pairs(tmp_path: Path, monkeypatch: pytest.MonkeyP
     exact = [row for row in read_rows(tmp_path / "planners" / "rows.jsonl") if row["planner"] != "apf"]
     assert len(exact) == 2 * 5
     assert all(row["gap"] < 1e-9 for row in exact)
+    assert main([*asked, "--pairs", "2"]) == 0
+    both = read_rows(tmp_path / "planners" / "rows.jsonl")
+    assert main(asked) == 0
+    assert read_rows(tmp_path / "planners" / "rows.jsonl") == both  # of fewer pairs it removes nothing
+    assert main([*asked, "--pairs", "201"]) == 2
     runner.studies_of.cache_clear()
 
 

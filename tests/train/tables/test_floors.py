@@ -44,6 +44,7 @@ def test_the_table_by_hand() -> None:
     assert ours["above the rule"] == "+7.0 [-5.7, 19.7], not told apart"
     assert (ours["in %"], ours["% of alone"]) == ("+10.0", "77")
     assert (ours["stuck %"], ours["contacts"]) == ("12", "2")
+    assert len(floors_tables(ROWS, ["greedy", "ppo"], ["pf_aco"])[0].cells) == 2  # the rule once
     other = [{**one, "planner": "astar", "late_goals_per_robot_hour": 50.0} for one in ROWS if one["robots"] == 4]
     _, planners = floors_tables([*ROWS, *other], ["ppo"], ["pf_aco", "astar"])
     # greedy: 60 and 80 beside 50 and 50

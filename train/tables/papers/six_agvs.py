@@ -13,7 +13,7 @@ from agents.rules import Rules
 from train.evaluation.rollout import make_experiment, play_out
 from train.reporting.rows import Row
 from train.tables import study
-from train.tables.measures import ROUNDING, TableFigures
+from train.tables.measures import PRINT_ROUNDING, ROUNDING, TableFigures
 from train.tables.papers.coordinator import Coordinator, duration, meet, path_of
 from train.tables.study import Claim, ClaimVerdict, TableSetting, TableSystem, TableTask
 from train.tables.verdicts import percent
@@ -36,7 +36,6 @@ BODIES, BODIES_ALONE = "bodies, policy rules", "bodies, each alone"
 IN_PRINT = {"mean": (117.799, 119.6274), "last": (27.2426, 28.0711)}  # alone, coordinated [m, s]
 ROBOTS, DRAWS = 6, 24
 SECONDS = 300.0  # after which bodies that have not arrived are given up
-_PRINT_ROUNDING = 1e-5  # relative
 
 SIDE = 22  # columns, since cells 279, 301 and 323 of the paper are one below the other
 _AISLES = (0, 1, 4, 7, 10, 13, 16, 19)  # rows
@@ -117,7 +116,7 @@ def _assignment(ends: Sequence[tuple[Cell, Cell]], simulator: Simulator) -> Assi
 def cost_is_small(figures: TableFigures, measure: str, ours: str = OURS, other: str = ALONE) -> ClaimVerdict:
     """Judge "ours costs at most what the paper prints over other" by the upper ends of the intervals."""
     before, after = IN_PRINT[measure]
-    most = after / before - 1 + _PRINT_ROUNDING + ROUNDING
+    most = after / before - 1 + PRINT_ROUNDING + ROUNDING
     costs = {name: figures.relative(name, ours, other, measure) for name in SIX if figures.tasks(name, ours)}
     costs = {name: cost for name, cost in costs.items() if math.isfinite(cost.mean)}  # where both have a figure
     why = "; ".join(f"{name}: {percent(cost)}" for name, cost in costs.items())
