@@ -74,12 +74,12 @@ def written_traffic(spec: TrafficSpec) -> str:
 
 
 def driven_with(base: TrafficSpec, needed: TrafficSpec) -> TrafficSpec:
-    """Return a base's traffic with what a policy needs switched on as well; a shield by lidar stays one."""
+    """Return a base's traffic with what a policy needs switched on as well; "lidar" and "barred" stay as they are."""
     shields, rules = (base.shield, needed.shield), needed.right_of_way or base.right_of_way
     return replace(
         base, shield="lidar" if "lidar" in shields else any(shields), right_of_way=rules,
         right_of_way_after=needed.right_of_way_after or base.right_of_way_after,
-        routes=bool(needed.routes) or base.routes,
+        routes=base.routes or bool(needed.routes),
     )  # fmt: skip
 
 
