@@ -116,17 +116,19 @@ def running(name: str) -> Iterator[None]:
 
 @contextmanager
 def _loading(name: str, folder: Path) -> Iterator[None]:
-    """Look for imports in a folder, too, but last; ConfigError where the code fails.
+    """Look for imports in a folder, too, but last; ConfigError if the code fails.
 
-    Only while it loads: worker processes start with a copy of sys.path, and would take a file that is called as one of
-    our packages for it.
+    Only while it loads: worker processes start with a copy of sys.path, and would take a file with the name of one of
+    our packages for that package.
     """
-    sys.path.append(str(folder))
+    added = [str(folder)] if str(folder) not in sys.path else []
+    sys.path.extend(added)
     try:
         with running(name):
             yield
     finally:
-        sys.path.remove(str(folder))
+        for place in added:
+            sys.path.remove(place)
 
 
 def _run_file(home: str, kind: str, name: str) -> ModuleType:
