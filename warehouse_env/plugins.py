@@ -31,7 +31,7 @@ _OURS = ("warehouse_env", "agents", "train")
 
 
 class Plugin(NamedTuple):
-    """What was loaded."""
+    """A loaded plugin."""
 
     kind: str  # "policy", "planner" or "layout"
     made: Any  # the class or function
@@ -82,7 +82,7 @@ def digests(*names: str) -> dict[str, str]:
 
 
 def unknown(kind: str, name: Any, known: Iterable[str]) -> ConfigError:
-    """Return (not raise) the error for a name that a registry does not hold; of code that nobody asked to run, too."""
+    """Return (not raise) the error for a name that is not in a registry, also for code that was not loaded."""
     if isinstance(name, str) and split(name):
         return ConfigError(
             f"{kind} {shown(name)} is code, and runs only where the command itself names it, by --{kind} {shown(name)}"
