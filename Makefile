@@ -38,7 +38,7 @@ demo: $(STAMP) ## compare the shipped policies: 16 robots, a table, pictures and
 test: $(STAMP) ## run the tests
 	$(RUN)/python -m pytest $(TESTS)
 
-night: $(STAMP) ## run the long tests as well: kills, long episodes, browsers, clusters, wheels, plain Python
+night: $(STAMP) ## run the long tests that `test` leaves out: kills, long episodes, browsers, clusters, wheels, plain Python
 	$(RUN)/python -m pytest $(TESTS) -m nightly
 
 kills: $(STAMP) ## kill commands KILLS times at random moments, go on, and compare what they come to

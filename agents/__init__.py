@@ -1,4 +1,4 @@
-"""What a robot can decide: a registry of policies, each made for one environment configuration."""
+"""A registry of policies, each made for one environment configuration."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ def _own(name: str, made: Callable[[EnvConfig], Policy], config: EnvConfig) -> P
         what = "whole numbers" if discrete else "numbers"
         raise ConfigError(f"{name} must act by an array of {what} {list(wanted)} for {list(seen.shape)}, not by {got}")
     with plugins.running(name):
-        return made(config)  # anew, for one that remembers has now seen what is nowhere
+        return made(config)  # a new one, because a policy with a memory has now seen made-up observations
 
 
 def save_model(directory: Path | str, model: Any, config: EnvConfig | None = None, mode: Mode | None = None) -> Path:

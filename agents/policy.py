@@ -1,4 +1,4 @@
-"""What every policy is: from observations to actions, without memory of its own; and how it draws actions."""
+"""The protocol of policies, from observations to actions, and the drawing of actions."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Policy(Protocol):
 
 @runtime_checkable
 class Preferring(Policy, Protocol):
-    """A policy that says how much it likes each discrete action, for right of way to choose among them.
+    """A policy with a preference for each discrete action, so that right of way can choose among them.
 
     One without preferences has its action, then any side at its speed. drawn: whether the preferences are logits to
     draw from, rather than an order.
@@ -36,7 +36,7 @@ class Preferring(Policy, Protocol):
     drawn: bool
 
     def preferences(self, observation: Observation) -> NDArray[np.float32]:
-        """Return how much each action is liked, float32[B, N, A] from float32[B, N, D]."""
+        """Return the preference for each action, float32[B, N, A] from float32[B, N, D]."""
         ...
 
 

@@ -69,7 +69,7 @@ def save_model(
 
 
 def _function(model: BaseAlgorithm) -> str:
-    """Return the class of what stands between a model's layers, as a .zip file names it."""
+    """Return the class of a model's activation, as a .zip file names it."""
     found = getattr(model.policy, "activation_fn", None)
     return "" if found is None else str(found)
 
@@ -146,7 +146,7 @@ def _renamed(path: str, state: Mapping[str, NDArray[Any]]) -> Tensors:
 
 
 def _activation(path: str, about: Mapping[str, Any], usual: Activation) -> Activation:
-    """Return what stands between the layers, from what policy_kwargs say in plain words."""
+    """Return the activation that the text of policy_kwargs names."""
     given = about.get("policy_kwargs")
     given = given if isinstance(given, dict) else {}
     strange = {"features_extractor_class", "use_sde", "squash_output"} & {k for k, value in given.items() if value}

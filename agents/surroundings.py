@@ -1,4 +1,4 @@
-"""What rules read from an observation, in metres and metres per second, all in the robot's own frame."""
+"""Read observations for rules, in metres and metres per second, in the robot's own frame."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Floats = NDArray[np.float64]
 
 
 class Neighbours(NamedTuple):
-    """The nearest robots, [..., K]; what stands where nobody is means nothing."""
+    """The nearest robots, [..., K]; entries without a robot are meaningless."""
 
     present: NDArray[np.bool_]
     x: Floats  # [m] of the other body's centre from the own

@@ -30,7 +30,7 @@ Tensors = Mapping[str, NDArray[Any]]
 
 @dataclass(frozen=True)
 class Network(Checked):
-    """Sizes of an actor and a critic that are separate networks of dense layers, and what stands between the layers."""
+    """Sizes of an actor and a critic, separate networks of dense layers, and the activation between the layers."""
 
     observation_size: int
     actions: int  # number of discrete actions, or length of a real-valued one
@@ -57,7 +57,7 @@ class Network(Checked):
 
 @dataclass(frozen=True)
 class PolicyRecord(Checked):
-    """What config.json holds: enough to rebuild the policy and to know where it came from."""
+    """The content of config.json: enough to rebuild the policy, and its origin."""
 
     algorithm: str
     network: Network

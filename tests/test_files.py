@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from warehouse_env.errors import WarehouseError
 from warehouse_env.files import complete_file, write_text
 
 
@@ -51,3 +52,12 @@ def test_devices_and_pipes_take_the_bytes(folder: Path) -> None:
         assert reader.communicate()[0] == "text"
     assert (folder / "pipe").is_fifo()
     assert {path.name for path in folder.iterdir()} == {"old", "link", "new link", "pipe"}
+
+
+def test_read_only_files_are_not_replaced(folder: Path) -> None:
+    """Not by root either."""
+    (folder / "old").chmod(0o444)
+    for name in ("old", "link"):
+        with pytest.raises(WarehouseError, match="read-only"):
+            write_text(folder / name, "text")
+    assert (folder / "old").read_text() == "old"

@@ -14,7 +14,7 @@ from warehouse_env.config import EnvConfig, TrafficMode
 from warehouse_env.errors import ConfigError
 from warehouse_env.traffic_spec import TRAFFIC, ErrorBounds, TrafficSpec, UncertaintySpec
 
-SHIELD, AFTER_6 = TrafficSpec(shield=True), dataclasses.replace(TRAFFIC["assist"], right_of_way_after=6.0)
+SHIELD = TrafficSpec(shield=True)
 OLD: list[tuple[dict[str, Any], dict[str, Any]]] = [  # stored fields -> fields of today
     ({"map_file": "hall.map", "layout": "narrow"}, {"layout": "hall.map"}),
     ({"map_file": None, "layout": "narrow"}, {"layout": "narrow"}),

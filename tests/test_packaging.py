@@ -202,6 +202,15 @@ def test_set_up_says_what_is_missing(tmp_path: Path, script: str, sentence: str)
 
 
 @needs_make
+def test_set_up_keeps_a_folder_that_is_no_environment(tmp_path: Path) -> None:
+    (tmp_path / "letter.txt").write_text("dear", encoding="utf-8")
+    run = make("setup", f"VENV={tmp_path}", f"PYTHON={sys.executable}")
+    assert run.returncode != 0
+    assert "is no virtual environment" in run.stderr
+    assert (tmp_path / "letter.txt").exists()
+
+
+@needs_make
 @pytest.mark.parametrize(
     ("target", "pins", "command"),
     [

@@ -151,6 +151,14 @@ def test_what_it_imports_from_beside_is_its_own(here: Path) -> None:
     }  # fmt: skip
 
 
+def test_the_search_path_stays_as_it_was(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for first in ([], [str(here)]):  # the working folder may be in it already
+        monkeypatch.setattr(sys, "path", [*first, *sys.path])
+        before = list(sys.path)
+        add_policy("my_policy.py:Slow" if first else "my_policy:Slow")
+        assert sys.path == before
+
+
 @pytest.mark.parametrize(
     ("options", "sentence"),
     [

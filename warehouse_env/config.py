@@ -17,7 +17,7 @@ TaskMode = Literal["lifelong", "one_shot"]
 ArrivalMode = Literal["pass", "stop", "pose"]
 TrafficMode = Literal["none", "routes", "shield", "rules", "assist"]
 
-# What single precision and an afternoon can bear; a warehouse needs a thousandth of it.
+# limits of single precision and of patience; a warehouse needs a thousandth
 _LEAST, _MOST = 1e-3, 1e4  # [m], [s], [m/s] ...
 _COMMANDS = 4096  # of discrete actions: speed levels x lateral offsets
 
@@ -26,8 +26,8 @@ _COMMANDS = 4096  # of discrete actions: speed levels x lateral offsets
 class RobotSpec(Checked):
     """Four wheels, rear steer, rear drive; the pose is the centre of the fixed front axle (paper 000, eq. 2).
 
-    A front-steered vehicle is the same about its fixed rear axle, where eq. (2) holds as well: most of its body lies
-    ahead of that axle, and its steering angle counts the other way round (the wheels turned right turn it right).
+    A front-steered vehicle is the same about its fixed rear axle, where eq. (2) holds as well. Most of its body lies
+    ahead of that axle, and its steering angle has the opposite sign (wheels turned right turn it right).
     """
 
     length: float = 0.9  # [m]
@@ -41,7 +41,7 @@ class RobotSpec(Checked):
     max_steering: float = math.radians(60.0)  # [rad], of the rear wheels, either side
     max_steering_rate: float = 1.5  # [rad/s]
     mass: float = 500.0  # [kg] without load
-    payload: float = 500.0  # [kg] that it carries at most, paper 000
+    payload: float = 500.0  # [kg] largest load, paper 000
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -60,7 +60,7 @@ class RobotSpec(Checked):
 
     @property
     def farthest(self) -> float:
-        """How far the farthest point of the body is from the fixed axle's centre [m]."""
+        """Distance of the body's farthest point from the fixed axle's centre [m]."""
         return math.hypot(max(self.rear_reach, self.front_overhang), self.width / 2)
 
     @property
@@ -70,26 +70,26 @@ class RobotSpec(Checked):
 
     @property
     def longer(self) -> float:
-        """How many times as long as the default the body is, or as wide its sharpest turn: for lengths along a way."""
+        """Scale of lengths along a route: body length or least turning radius over the default, the larger."""
         usual = RobotSpec.wheelbase / math.tan(RobotSpec.max_steering)
         return max(self.length / RobotSpec.length, self.least_radius / usual)
 
     @property
     def wider(self) -> float:
-        """How many times as wide as the default the body is, for lengths across a way."""
+        """Scale of lengths across a route: body width over the default."""
         return self.width / RobotSpec.width
 
     @property
     def front_steered(self) -> bool:
-        """Whether the steered wheels are those ahead: the fixed axle is then under the rear half of the body."""
+        """Whether the front wheels steer; the fixed axle is then under the rear half of the body."""
         return self.front_overhang > self.rear_reach
 
 
 @dataclass(frozen=True)
 class FleetPart(CheckedPart):
-    """Robots of one kind, of a fleet that has several."""
+    """Robots of one kind in a fleet of several kinds."""
 
-    count: int  # of them
+    count: int  # robots of this kind
     robot: RobotSpec  # their bodies and limits
 
     def __post_init__(self) -> None:
@@ -99,7 +99,7 @@ class FleetPart(CheckedPart):
 
 @dataclass(frozen=True)
 class SensorSpec(Checked):
-    """What a robot perceives: lidar, its nearest robots, and the route ahead."""
+    """A robot's perception: lidar, its nearest robots, and the route ahead."""
 
     rays: int = 32  # of the lidar, evenly all round
     lidar_range: float = 6.0  # [m], from the body's centre
@@ -121,12 +121,12 @@ class RewardWeights(CheckedPart):
     progress: float = 1.0  # per metre along the route
     arrival: float = 1.0  # per goal reached
     collision: float = -5.0  # per contact episode with a robot or a shelf
-    contact: float = -0.5  # per step in touch
+    contact: float = -0.5  # per step in contact
     proximity: float = -0.3  # per step at gap 0, fading out at three near_miss_gaps
     time: float = -0.01  # per step
     smoothness: float = -0.01  # per step, times the relative change of command
-    # per metre driven in any direction. 0: `progress` pays the way and `time` charges detours already, and the shipped
-    # policies were trained, and their returns measured, without it; below 0 it makes way-giving dearer, too
+    # per metre driven in any direction. `progress` and `time` price detours already, and the shipped policies were
+    # trained and measured with 0; below 0 makes way-giving dearer, too
     path_length: float = 0.0
 
     def __post_init__(self) -> None:
@@ -136,7 +136,7 @@ class RewardWeights(CheckedPart):
 
 @dataclass(frozen=True)
 class EnvConfig(Checked):
-    """One warehouse with its robots: all that defines an episode but the seed."""
+    """One warehouse with its robots: all that defines an episode, except the seed."""
 
     retired: ClassVar[dict[str, Any]] = {"smooth_routes": False}
     layout: str = "paper46"  # a name of LAYOUTS, as "aisles:seed=7", or a file, as "hall.map" or "hall.yaml:cell=0.75"
@@ -148,29 +148,29 @@ class EnvConfig(Checked):
     time_step: float = 0.1  # [s] of physics
     substeps: int = 2  # contact checks per physics step
     action_repeat: int = 1  # physics steps per env step; trainings set 2, and see twice the time
-    # when a robot has reached its goal: near it, whatever its speed; near it and standing; standing as its pose says
+    # when a goal is reached. pass: near it at any speed; stop: standing near it; pose: standing at its pose
     arrival: ArrivalMode = "pass"
     arrival_radius: float = 0.5  # [m], front axle to the goal's point, of "pass" and "stop"
-    pose_radius: float = 0.05  # [m], so of "pose"
+    pose_radius: float = 0.05  # [m], front axle to the goal's point, of "pose"
     pose_angle: float = math.radians(5.0)  # [rad], heading to the goal's, of "pose"
     near_miss_gap: float = 0.1  # [m]
     stuck_after: float = 60.0  # [s] without a metre of progress on the route
     terminate_on_collision: bool = False  # end a robot's episode at its first contact
     speed_levels: tuple[float, ...] = (-0.4, 0.0, 0.5, 1.5)  # [m/s], of discrete actions
     lateral_offsets: tuple[float, ...] = (0.0, 0.6, -0.6, 1.2, -1.2)  # [m], left of the route is positive
-    # [m] that routes move to the right of the planned path where there is room; of the default body, else by its width
+    # [m] that routes keep to the right of the planned path if there is room; scaled by the body's width
     keep_right: float = 0.5
     people: int = 0  # on foot, among the robots (simulation/physics/people.py)
-    # how robots meet. none: they ignore each other; routes: they replan around others; shield: also brake before they
-    # could touch; rules: also settle who goes first; assist: rules only near robots that have stood for 12 s
+    # how robots meet. none: they ignore each other; routes: they replan around others; shield: also brake before a
+    # possible contact; rules: also have right of way; assist: rules only near robots that have stood for 12 s
     traffic: TrafficMode | TrafficSpec = "none"
-    uncertainty: UncertaintySpec | None = None  # what is lost, late or off; None: nothing
+    uncertainty: UncertaintySpec | None = None  # lost and late messages, and errors; None: none
     service: ServiceSpec | None = None  # robots stand to be loaded and unloaded; None: an arrival takes no time
-    orders: OrderSpec | None = None  # goals are what somebody orders; None: they are drawn, and never end
-    battery: BatterySpec | None = None  # robots use up energy and charge; None: they need none
+    orders: OrderSpec | None = None  # goals come from orders; None: random goals without end
+    battery: BatterySpec | None = None  # robots use energy and charge; None: they need none
     robot: RobotSpec = field(default_factory=RobotSpec)  # its body and limits
-    fleet: tuple[FleetPart, ...] = ()  # of other kinds than `robot`: the last robots, part after part
-    sensor: SensorSpec = field(default_factory=SensorSpec)  # what it perceives
+    fleet: tuple[FleetPart, ...] = ()  # robots of other kinds than `robot`: the last ones, part by part
+    sensor: SensorSpec = field(default_factory=SensorSpec)  # its perception
     reward: RewardWeights = field(default_factory=RewardWeights)  # weights of its terms
 
     def __post_init__(self) -> None:
@@ -195,7 +195,7 @@ class EnvConfig(Checked):
         self._check_work()
 
     def _check_fleet(self) -> None:
-        """Refuse parts of a fleet that has not so many robots."""
+        """Refuse parts with more robots than the fleet has."""
         least = sum(part.count for part in self.fleet)
         rule = f"of at most {self.num_agents} robots in all, the num_agents, and not of {least}"
         self._require(least <= self.num_agents, "fleet", rule)
@@ -214,7 +214,7 @@ class EnvConfig(Checked):
         self._require(not (by_lidar and (uncertain.errs or uncertain.bounds.errs)), "traffic", rule)
 
     def _check_work(self) -> None:
-        """Refuse work where robots do not work on: who is served stands as if parked, for a while."""
+        """Refuse work unless robots continue after an arrival, and stand there to be served."""
         for name in ("service", "orders", "battery"):
             on = getattr(self, name) is not None
             goes_on = self.tasks == "lifelong" and not self.terminate_on_collision
@@ -232,7 +232,7 @@ class EnvConfig(Checked):
 
     @property
     def uncertainty_spec(self) -> UncertaintySpec:
-        """What is lost, late or off; zeros where nothing is."""
+        """`uncertainty`, or zeros."""
         return self.uncertainty or UncertaintySpec()
 
     @property
@@ -242,27 +242,25 @@ class EnvConfig(Checked):
 
     @property
     def kind_of(self) -> tuple[int, ...]:
-        """Of each robot its number among `kinds`."""
+        """Each robot's index into `kinds`."""
         counts = [part.count for part in self.fleet]
         counts = [self.num_agents - sum(counts), *counts]
         return tuple(kind for kind, count in enumerate(counts) for _ in range(count))
 
     @property
     def robots(self) -> tuple[RobotSpec, ...]:
-        """Of each robot its kind."""
+        """Each robot's kind."""
         kinds = self.kinds
         return tuple(kinds[kind] for kind in self.kind_of)
 
     @property
     def bodies(self) -> tuple[RobotSpec, ...]:
-        """The kinds of the robots that there are, each once; one where all are alike."""
+        """The different kinds among the robots, each once."""
         return tuple(dict.fromkeys(self.robots)) if self.fleet else (self.robot,)
 
     @property
     def widest_body(self) -> RobotSpec:
-        """What floors, lanes and places are made for: `robot` where all are alike, else a body about the same axle that
-        holds those of all robots, and turns no sharper than any.
-        """
+        """The body that floors, lanes and places are made for: it covers all bodies, and turns no sharper than any."""
         bodies = self.bodies
         if len(bodies) == 1:
             return bodies[0]
@@ -274,17 +272,17 @@ class EnvConfig(Checked):
 
     @property
     def payload(self) -> float:
-        """What every robot can carry [kg]."""
+        """Load that every robot can carry [kg]."""
         return min(body.payload for body in self.bodies)
 
     @property
     def works(self) -> bool:
-        """Whether robots do more than drive from goal to goal: they are served, carry out orders, or charge."""
+        """Whether robots do more than drive from goal to goal: service, orders or charging."""
         return any(part is not None for part in (self.service, self.orders, self.battery))
 
     @property
     def loads(self) -> bool:
-        """Whether robots carry what makes them slower."""
+        """Whether robots carry loads, which make them slower."""
         return self.orders is not None or (self.service is not None and self.service.load > 0)
 
     def replace(self, **changes: Unpack[ConfigChanges]) -> EnvConfig:
@@ -298,12 +296,12 @@ class EnvConfig(Checked):
 
     @classmethod
     def upgraded(cls, data: dict[str, Any]) -> dict[str, Any]:
-        """Return stored fields by today's names."""
+        """Return stored fields under today's names."""
         return by_todays_names(data)
 
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> EnvConfig:
-        """Build from `to_dict`'s result, an older version's too; ConfigError on unknown names and wrong values."""
+        """Build from a `to_dict` of this or an older version; ConfigError for unknown names and wrong values."""
         return from_plain(cls, data)
 
 

@@ -1,9 +1,9 @@
-"""Compiling functions that only kernels call: into each kernel, and never by themselves.
+"""Compile functions that only kernels call into each of those kernels, and never by themselves.
 
 Numba makes machine code of every function that it compiles, with two wrappers for calls from outside, and again of all
 that the function calls. A function five calls deep is so optimised fifteen times, though in the end only the code in
-the kernel runs. Here a function is handed on as bitcode, half optimised, and what calls it from Python, if anything
-does, gets a kernel of its own. That halves the time of compiling. Bitcode is kept on disk as kernels are.
+the kernel runs. Here a function becomes half-optimised bitcode for its callers, and a call from Python, if there is
+one, gets a kernel of its own. That halves the time of compiling. Bitcode is kept on disk as kernels are.
 """
 
 from __future__ import annotations
@@ -60,12 +60,12 @@ class _Linked(JITCodeLibrary):
         return 0
 
     def serialize_using_object_code(self) -> tuple[str, bytes]:
-        """Return what is kept of it: its name and its bitcode."""
+        """Return the name and the bitcode, to be kept."""
         return self.name, self._final_module.as_bitcode()
 
 
 class _FromBitcode:
-    """Numba's context of compiling, but that it reads what `_Linked` has kept."""
+    """Numba's target context, except that it reads the kept bitcode of a `_Linked`."""
 
     def __init__(self, context: Any) -> None:
         self._context = context
@@ -74,18 +74,18 @@ class _FromBitcode:
         return getattr(self._context, name)
 
     def codegen(self) -> _FromBitcode:
-        """Return what reads it."""
+        """Return itself, which stands in for the code generator."""
         return self
 
     def unserialize_library(self, kept: tuple[str, bytes]) -> _Linked:
-        """Return a function's code."""
+        """Return the library of kept bitcode."""
         library = _Linked(self._context.codegen(), kept[0])
         library._final_module, library._finalized = binding.parse_bitcode(kept[1]), True
         return library
 
 
 class LinkedCacheImpl(CompileResultCacheImpl):
-    """Numba's reading of what is kept of a function, without making machine code of it."""
+    """Numba's reader of kept functions, without machine code."""
 
     def rebuild(self, target_context: Any, payload: Any) -> Any:
         """Return the compiled function."""

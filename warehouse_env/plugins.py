@@ -31,7 +31,7 @@ _OURS = ("warehouse_env", "agents", "train")
 
 
 class Plugin(NamedTuple):
-    """What was loaded."""
+    """A loaded plugin."""
 
     kind: str  # "policy", "planner" or "layout"
     made: Any  # the class or function
@@ -82,7 +82,7 @@ def digests(*names: str) -> dict[str, str]:
 
 
 def unknown(kind: str, name: Any, known: Iterable[str]) -> ConfigError:
-    """Return (not raise) the error for a name that a registry does not hold; of code that nobody asked to run, too."""
+    """Return (not raise) the error for a name that is not in a registry, also for code that was not loaded."""
     if isinstance(name, str) and split(name):
         return ConfigError(
             f"{kind} {shown(name)} is code, and runs only where the command itself names it, by --{kind} {shown(name)}"
@@ -116,17 +116,19 @@ def running(name: str) -> Iterator[None]:
 
 @contextmanager
 def _loading(name: str, folder: Path) -> Iterator[None]:
-    """Look for imports in a folder, too, but last; ConfigError where the code fails.
+    """Look for imports in a folder, too, but last; ConfigError if the code fails.
 
-    Only while it loads: worker processes start with a copy of sys.path, and would take a file that is called as one of
-    our packages for it.
+    Only while it loads: worker processes start with a copy of sys.path, and would take a file with the name of one of
+    our packages for that package.
     """
-    sys.path.append(str(folder))
+    added = [str(folder)] if str(folder) not in sys.path else []
+    sys.path.extend(added)
     try:
         with running(name):
             yield
     finally:
-        sys.path.remove(str(folder))
+        for place in added:
+            sys.path.remove(place)
 
 
 def _run_file(home: str, kind: str, name: str) -> ModuleType:

@@ -22,13 +22,13 @@ class TrafficSpec(CheckedPart):
         "crowd_within": 10.0, "turn": 1.0, "boxed_turn": 30.0,
     }  # fmt: skip
 
-    # robots brake where they could not stop clear of others, whom they know by messages, or by lidar alone ("lidar")
+    # robots brake before a possible contact with others, known by messages, or by lidar alone ("lidar")
     shield: bool | Literal["lidar"] = False
     margin: float = 0.02  # [m] that the shield keeps between robots
-    right_of_way: bool = False  # rules decide early who goes first, and move robots out of the way; needs the shield
+    right_of_way: bool = False  # rules give right of way early, and move robots aside; needs the shield
     right_of_way_after: float = 0.0  # [s] of standing in a wait cycle after which the rules act near it; 0: always
-    # replan while driving, around standing robots and against the flow of the others; "barred": only robots whose
-    # route is barred, which takes half the time (trainings)
+    # replan while driving, around standing robots and oncoming routes; "barred": only robots whose route is
+    # blocked, in half the time (trainings)
     routes: bool | Literal["barred"] = False
 
     def __post_init__(self) -> None:
@@ -74,23 +74,23 @@ def written_traffic(spec: TrafficSpec) -> str:
 
 
 def driven_with(base: TrafficSpec, needed: TrafficSpec) -> TrafficSpec:
-    """Return a base's traffic with what a policy needs switched on as well; a shield by lidar stays one."""
+    """Return a base's traffic with what a policy needs switched on as well; "lidar" and "barred" stay as they are."""
     shields, rules = (base.shield, needed.shield), needed.right_of_way or base.right_of_way
     return replace(
         base, shield="lidar" if "lidar" in shields else any(shields), right_of_way=rules,
         right_of_way_after=needed.right_of_way_after or base.right_of_way_after,
-        routes=bool(needed.routes) or base.routes,
+        routes=base.routes or bool(needed.routes),
     )  # fmt: skip
 
 
 @dataclass(frozen=True)
 class ErrorBounds(CheckedPart):
-    """Bounds of how late messages are heard, and of how far robots are off their plans."""
+    """Bounds of message latency, and of errors in poses and actuation."""
 
-    latency: float = 0.0  # [s] after which a message is heard at the latest, evenly drawn from 0 on
-    pose_error: float = 0.0  # [m] from where a robot believes to be to where it is, at most
-    heading_error: float = 0.0  # [rad], the same of its heading
-    actuation_error: float = 0.0  # share by which a robot accelerates and steers more or less than commanded, at most
+    latency: float = 0.0  # [s] longest delay of a message, uniform from 0
+    pose_error: float = 0.0  # [m] largest error of a robot's own position
+    heading_error: float = 0.0  # [rad] largest error of its own heading
+    actuation_error: float = 0.0  # largest relative error of acceleration and steering
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -106,11 +106,11 @@ class ErrorBounds(CheckedPart):
 
 @dataclass(frozen=True)
 class UncertaintySpec(ErrorBounds):
-    """What is lost, late or off; the shield keeps its promise within the declared bounds (docs/traffic.md)."""
+    """Lost and late messages, and errors; the shield holds within the declared bounds (docs/traffic.md)."""
 
-    loss: float = 0.0  # share of env steps in which nobody hears a robot (simulation/senses/messages.py)
-    burst: float = 0.0  # [s] for which nobody hears it each time; one env step at least
-    declared: ErrorBounds | None = None  # bounds that the shield counts on; None: the real ones
+    loss: float = 0.0  # share of env steps in which a robot's messages are lost (simulation/senses/messages.py)
+    burst: float = 0.0  # [s] length of each loss; at least one env step
+    declared: ErrorBounds | None = None  # bounds that the shield assumes; None: the real ones
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -119,5 +119,5 @@ class UncertaintySpec(ErrorBounds):
 
     @property
     def bounds(self) -> ErrorBounds:
-        """The bounds that the shield counts on."""
+        """The bounds that the shield assumes."""
         return self if self.declared is None else self.declared

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 import supersuit
-from gymnasium.spaces import Box
 from stable_baselines3 import PPO
 
 from warehouse_env import parallel_env
@@ -48,12 +47,6 @@ def test_each_world_is_the_env_itself(small: dict[str, Any]) -> None:
         seen = [step[0] for step in steps]
         np.testing.assert_array_equal(reward, np.float32([value for step in steps for value in step[1].values()]))
     env.close()
-
-
-def finite(env: Any) -> Any:
-    """Normalised as docs/how_to/train.md says: by bounds that observations are clipped to."""
-    box = Box(-5, 5, env.observation_space("robot_0").shape, np.float32)
-    return supersuit.normalize_obs_v0(supersuit.observation_lambda_v0(env, lambda o, _: o.clip(-5, 5), lambda _: box))
 
 
 def test_a_robot_that_parks_ends_with_its_world(small: dict[str, Any]) -> None:

@@ -74,7 +74,9 @@ def test_others_see_their_own_observations(tiny: EnvConfig) -> None:
     np.testing.assert_array_equal(seen[0].shape, (2, *env.observation_space.shape))
 
 
-def test_bad_others_are_named(tiny: EnvConfig) -> None:
+def test_bad_others_and_a_missing_reset_are_named(tiny: EnvConfig) -> None:
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        single_env(tiny).step(0)
     env = single_env(tiny, others=lambda observation: [0, math.nan])
     env.reset(seed=0)
     with pytest.raises(ActionError, match="robot_2"):

@@ -67,6 +67,11 @@ def test_copies_keep_what_is_a_shelf_and_what_a_disc() -> None:
     assert GridMap(on_disc, discs=PILLARS).walls[2, 2]
 
 
+def test_robots_in_a_closed_cell_or_off_the_floor_plan_from_the_nearest_free_cell() -> None:
+    points = [(2.05, 2.5), (2.95, 2.4), (0.5, 4.4), (5.5, 0.5), (-3.0, 9.0), (6.0, -0.1)]
+    assert floor().standing(points).tolist() == [[2, 1], [2, 3], [1, 0], [4, 5], [0, 1], [4, 5]]
+
+
 @pytest.mark.parametrize(
     ("discs", "says"),
     [

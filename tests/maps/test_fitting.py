@@ -19,6 +19,7 @@ from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import LAYOUTS, make_layout
 from warehouse_env.maps.loading import load_floor
 from warehouse_env.planning import make_planner
+from warehouse_env.routes.book import RouteBook
 from warehouse_env.routes.goals import face
 from warehouse_env.simulation.simulator import Simulator
 
@@ -131,6 +132,30 @@ def test_planned_cells_leave_room_for_the_body(seed: int, cell: float, planner: 
         off = tuple(tight[int(rng.integers(len(tight)))].tolist())
         way = floor.closed[tuple(make_planner(planner).plan(floor, off, goal, rng).cells.T)].tolist()
         assert way == sorted(way, reverse=True)  # off the tight floor, and never onto it
+
+
+def test_a_given_goal_on_tight_floor_is_planned_to() -> None:
+    """Beside a shelf, off the middle of its cell, the body may fit: the way there is opened."""
+    floor, _ = fitted(drawn("............", "............", "p.........s.", "############"), LARGE)
+    cells = RouteBook(floor, make_planner("astar_turns")).cells((1, 2), (2, 8)).tolist()
+    assert (cells[0], cells[-1]) == ([1, 2], [2, 8])
+    assert all(row == 1 for row, _ in cells[:-1])
+
+
+def test_cells_too_near_to_a_disc_are_tight() -> None:
+    """Of the cells around a pillar of 0.2 m those nearer than half a width and some room."""
+    ends = {"picks": [[1, 1]], "stations": [[7, 7]]}
+    floor, _ = fitted(GridMap(np.zeros((9, 9)), cell_size=0.5, discs=[[2.5, 2.5, 0.2]], **ends), RobotSpec())
+    centres = floor.centre(np.stack(np.mgrid[1:8, 1:8], axis=-1))
+    apart = np.hypot(*(centres - 2.5).transpose(2, 0, 1)) - 0.2
+    assert (floor.closed[1:-1, 1:-1] == (apart < 0.35)).all()
+
+
+def test_junctions_too_tight_to_turn_in_are_said() -> None:
+    """1.4 x 0.8 m turn in aisles of 1.39 m, by the circles of their corners about the turn's centre."""
+    lines = ["............", "..........s.", "#.#########.", "#.#########.", "p.........p.", "###.#######."]
+    (note,) = fitted(drawn(*lines), LONG)[1]
+    assert "need aisles of 1.4 m to turn from one into another, and some of 1 m meet, as near (1.5, 1.5) m" in note
 
 
 def test_faces_of_large_bodies_are_free() -> None:

@@ -173,6 +173,11 @@ NAN_HEIGHT[1, 2] = np.nan
         ({"picks": []}, "one or more"),
         ({"picks": [(0.0, 1.0)]}, "whole numbers"),
         ({"picks": [(0, 1), (2,)]}, "picks must be"),
+        ({"occupied": [[0, 1, 0, 0]], "picks": [(0, 0)]}, r"picks cell \(0, 0\) cannot be reached"),
+        ({"tight": np.zeros((3, 3))}, "tight must hold True or False for each cell"),
+        ({"price": np.zeros((3, 3, 8))}, r"price at \(0, 0, 0\) is 0; it must be from 1 to 1000"),
+        ({"speed": "fast"}, r"speed must hold a number .* of shape \(3, 3\)"),
+        ({"name": 3}, "name=3 must be a text"),
     ],
 )
 def test_what_is_wrong_is_named(fields: dict[str, Any], words: str) -> None:
@@ -180,6 +185,15 @@ def test_what_is_wrong_is_named(fields: dict[str, Any], words: str) -> None:
         GridMap(**{"occupied": [[0, 0, 0], [0, 1, 0], [0, 0, 0]], **fields})
     assert isinstance(raised.value, WarehouseError)
     assert "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("cell", "words"), [((0, 9), r"goal \(0, 9\) is outside"), ((-1, 0), "outside"), ((1, 1), "on a shelf"),
+                        ((0.5, 1), "whole numbers"), ((0, 1, 2), "whole numbers")],
+)  # fmt: skip
+def test_cells_are_checked(cell: Any, words: str) -> None:
+    with pytest.raises(MapError, match=words):
+        floor("....", ".#..", "....").check_cell(cell, "goal")
 
 
 def test_the_origin_is_where_the_floor_is_in_its_files_frame() -> None:

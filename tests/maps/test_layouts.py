@@ -13,8 +13,6 @@ from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import LAYOUTS, NAMED_TASKS, make_layout
 
-S2 = math.sqrt(2)
-
 
 @pytest.fixture(scope="module", params=sorted(LAYOUTS))
 def layout(request: pytest.FixtureRequest) -> GridMap:

@@ -85,6 +85,8 @@ def test_reading_scenarios_turns_x_and_y_into_row_and_column(tmp_path: Path) -> 
     path.write_text("version 1\n3\tmy map.map\t32\t31\t11\t6\t7\t18\t13.65685425\n\n")
     read = [Scenario(3, "my map.map", 32, 31, (6, 11), (18, 7), 13.65685425)]
     assert read_scen(path) == read
+    path.write_text("version 1\n3 map.map 32 31 11 6 7 18 13.65685425\n")
+    assert read_scen(path) == [read[0]._replace(map_name="map.map")]
 
 
 LINE = "3\tm.map\t32\t31\t11\t6\t7\t18\t13.65"

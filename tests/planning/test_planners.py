@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from warehouse_env.errors import ConfigError, PlanError
+from warehouse_env.errors import ConfigError, MapWarning, PlanError
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.maps.layouts import make_layout
 from warehouse_env.planning import PLANNERS, Plan, Planner, make_planner, path_length, validate
@@ -87,6 +87,29 @@ def test_a_corridor_one_cell_wide(mode: str) -> None:
         plan = search(mode, grid, (0, 0), goal)
         validate(grid, plan.cells, (0, 0), goal)
         assert path_length(plan.cells) == 8
+
+
+@pytest.mark.parametrize("name", PLANNERS)
+def test_tight_floor_is_not_entered(name: str) -> None:
+    tight = np.zeros((7, 9), np.bool_)
+    tight[2:5, 3:6] = True
+    grid = GridMap(np.zeros((7, 9)), tight=tight, picks=[(1, 8)], stations=[(3, 0)])
+    cells = search(name, grid, (3, 0), (1, 8)).cells
+    assert len(cells) or name in MAY_FAIL
+    assert not tight[tuple(cells.T)].any()
+
+
+@pytest.mark.parametrize("name", PLANNERS)
+def test_slow_floor_is_avoided_or_a_warning_says_that_it_is_not(name: str) -> None:
+    slow = np.full((5, 9), np.inf)
+    slow[2, 1:8] = 0.5
+    planner, grid, rng = make_planner(name), GridMap(np.zeros((5, 9)), speed=slow), np.random.default_rng(0)
+    if planner.takes_cost:
+        cells = planner.plan(grid, (2, 0), (2, 8), rng).cells
+        assert np.isfinite(slow[tuple(cells.T)]).sum() <= 1
+    else:
+        with pytest.warns(MapWarning, match="neither preferred lanes nor speed limits"):
+            planner.plan(grid, (2, 0), (2, 8), rng)
 
 
 @pytest.mark.parametrize("mode", MODES)

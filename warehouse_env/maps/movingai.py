@@ -125,7 +125,7 @@ def read_scen(path: str | os.PathLike[str]) -> list[Scenario]:
 
 def _scenario(path: Path, number: int, line: str) -> Scenario:
     """Return one line of a `.scen` file."""
-    words = line.split("\t")
+    words = line.split("\t") if "\t" in line else line.split()  # as MovingAI's own reader
     if len(words) != 9:
         wanted = "bucket, map, width, height, start x, start y, goal x, goal y, length"
         raise _bad(path, number, f"{len(words)} fields instead of 9, parted by tabs ({wanted})")

@@ -135,6 +135,45 @@ def test_lifs_own_examples() -> None:
         read_lif(files[0])
 
 
+@pytest.mark.parametrize(("write", "name"), [(write_lif, "f.lif.json"), (write_route_graph, "f.geojson")])
+def test_a_hall_keeps_to_the_lanes_of_a_file(tmp_path: Path, write: Any, name: str) -> None:
+    """Directions and limits are the file's; floor without lanes is closed, and arrows beside the map are not used."""
+    occupied = np.zeros((4, 6), np.bool_)
+    occupied[3] = True
+    arrows, speed = np.zeros((4, 6), np.uint8), np.full((4, 6), 0.75)
+    arrows[1, 1:5] = 1
+    ends: Any = {"picks": [[0, 0]], "stations": [[2, 5]], "origin": (-3.0, 2.0)}
+    write(GridMap(occupied, one_way=arrows, speed=speed, **ends), tmp_path / name)
+    plain = hall(tmp_path, room())
+    (tmp_path / "hall.oneway").write_text("......\n" * 3 + ">>>>>>\n")
+    found = read_hall(f"{plain}:lanes={name},lanes_only=true,lanes_prefer=3")
+    assert np.array_equal(found.barred, occupied)
+    assert np.array_equal(found.grid.one_way, arrows)
+    assert np.array_equal(found.grid.speed, np.where(occupied, np.inf, 0.75))
+    assert found.grid.picks.tolist() == [[0, 0]]
+    assert found.grid.stations.tolist() == [[2, 5]]
+    assert found.notes == ("hall.oneway is not used, since lanes say the directions",)
+    assert read_hall(f"{plain}:lanes={name},lanes_prefer=3").grid.price[3, 0, 0] == 3.0  # type: ignore[index]
+
+
+def test_lanes_off_the_floor_are_noted() -> None:
+    lanes = Lanes(lanes=[lane((0.5, 1.5), (4.5, 1.5), speed=0.5), lane((0.0, 0.0), (1e9, 0.0))])
+    floor = np.ones((3, 5), np.bool_)
+    floor[1, 2] = False
+    assert lay(lanes, floor, RASTER).speed[1].tolist() == [0.5, 0.5, np.inf, 0.5, 0.5]
+    assert "2 of 2 lanes leave the floor" in lanes.noted()[0]
+
+
+def test_dead_ends_of_a_route_graph_without_places_are_stations(tmp_path: Path) -> None:
+    file = tmp_path / "f.geojson"
+    write_route_graph(GridMap(np.zeros((1, 3))), file)
+    data = json.loads(file.read_text())
+    for feature in data["features"]:
+        feature["properties"].pop("metadata", None)
+    file.write_text(json.dumps(data))
+    assert [(place.x, place.y) for place in read_route_graph(file).places["stations"]] == [(0.5, 0.5), (2.5, 0.5)]
+
+
 def test_costs_of_lanes_are_kept_or_said(tmp_path: Path) -> None:
     file = tmp_path / "f.geojson"
     write_route_graph(GridMap(np.zeros((1, 3)), cell_size=2.0), file)
@@ -171,6 +210,11 @@ FIRST = ["layouts", 0]
         ([*FIRST, "nodes", 0, "nodeId"], None, "nodeId None must be a text"),
         ([*FIRST, "nodes", 0, "nodePosition", "x"], float("nan"), "finite number"),
         ([*FIRST, "nodes", 0, "nodePosition"], [1, 2], "position of"),
+        (
+            [*FIRST, "nodes", 0],
+            {"nodeId": "r0c0", "nodePosition": {"x": 0.5, "y": 0.5}, "mobileRobotTypeNode": []},
+            "holds mobileRobotTypeNode, a name of LIF 2, which is not read",
+        ),
         ([*FIRST, "edges", 0, "endNodeId"], "nowhere", "which there is not"),
         ([*FIRST, "edges", 0, "vehicleTypeEdgeProperties", 0, "maxSpeed"], -1, "must be above 0"),
         ([*FIRST, "stations", 0, "interactionNodeIds"], ["nowhere"], "which there is not"),
@@ -179,6 +223,21 @@ FIRST = ["layouts", 0]
 def test_a_wrong_lif_is_one_sentence(tmp_path: Path, path: list[Any], value: Any, sentence: str) -> None:
     with pytest.raises(MapError, match=sentence):
         read_lif(lif(tmp_path, lambda data: change(data, path, value)))
+
+
+def test_other_levels_and_closed_edges_of_a_lif_are_noted(tmp_path: Path) -> None:
+    def edit(data: Any) -> None:
+        data["metaInformation"] = {}
+        for edge in data["layouts"][0]["edges"]:
+            edge["vehicleTypeEdgeProperties"] = []
+        data["layouts"][0]["stations"] = [{"stationId": "s", "interactionNodeIds": ["r0c0", "up"]}]
+        up = {"nodeId": "up", "nodePosition": {"x": 0, "y": 0}}
+        data["layouts"].append({"layoutId": "2", "layoutLevelId": "2", "nodes": [up]})
+
+    found = read_lif(lif(tmp_path, edit))
+    assert [place.name for place in found.places["stations"]] == ["s"]
+    for part in ("lifVersion is missing", "a layout of another level", "none of its 4 edges is open to a vehicle"):
+        assert any(part in note for note in found.noted())
 
 
 def lif(folder: Path, edit: Callable[[Any], object], grid: GridMap | None = None) -> Path:

@@ -149,6 +149,12 @@ def test_a_floor_is_read_back_as_it_was_written(tmp_path_factory, occupied, size
     assert np.array_equal(found.barred, barred)
 
 
+def test_speed_limits_are_saved_as_a_mask(tmp_path: Path) -> None:
+    speed = np.array([[0.75, np.inf, 1.2]] * 2)
+    found = read_hall(write_hall(GridMap(np.zeros((2, 3)), speed=speed), tmp_path / "hall.yaml", 0.5)).grid
+    assert found.speed == pytest.approx(speed)
+
+
 def test_pictures_of_other_kinds(tmp_path: Path) -> None:
     image = pytest.importorskip("PIL.Image")
     grey = room()

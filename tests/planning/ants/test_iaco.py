@@ -9,14 +9,12 @@ import pytest
 
 from tests.planning.ants.colonies import EAST, SOUTH, SOUTH_EAST, WEST, search, walked
 from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.maps.layouts import NAMED_TASKS, make_layout
+from warehouse_env.maps.layouts import make_layout
 from warehouse_env.planning import path_length
 from warehouse_env.planning.ants.floor import make_floor
 from warehouse_env.planning.ants.iaco import Iaco
 from warehouse_env.planning.plan import validate_line
 from warehouse_env.planning.smoothing import smooth
-
-TASK = NAMED_TASKS["paper46"]["in_zone_1"]
 
 
 def test_attraction_of_equation_7() -> None:

@@ -73,7 +73,7 @@ def _by_pillow(path: Path, content: bytes) -> Picture:
     try:
         from PIL import Image
     except ImportError:
-        raise MapError(f"{path} needs Pillow: pip install pillow, or save the picture as a PGM") from None
+        raise MapError(f"{path} needs Pillow: pip install pillow, or save the picture as a binary PGM (P5)") from None
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # about large pictures, whose size is checked here

@@ -57,7 +57,7 @@ class WalkRule(NamedTuple):
 
 
 class Search(NamedTuple):
-    """What `run` found."""
+    """The result of `run`."""
 
     best: Walks  # [1], the best path; steps -1 where none was found
     best_by_iteration: NDArray[np.float64]  # [I] length [cells] of the best path so far, inf before any

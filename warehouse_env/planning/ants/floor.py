@@ -20,7 +20,7 @@ _MAPS_KEPT = 8  # whose terrain is remembered
 
 
 class AntFloor(NamedTuple):
-    """A map and a goal as the kernels want them, C = H * W cells."""
+    """A map and a goal as flat arrays, C = H * W cells."""
 
     legal: NDArray[np.bool_]  # [C, 8], may the move be made (eq. 26)
     neighbour: NDArray[np.int32]  # [C, 8], the cell that a move leads to; the cell itself if it is not legal
@@ -48,7 +48,7 @@ def make_floor(grid: GridMap, goal: Cell, gentleness: float = 0.0, cost: NDArray
 
 @lru_cache(maxsize=_MAPS_KEPT)
 def _terrain(grid: GridMap) -> tuple[NDArray[np.bool_], NDArray[np.int32], NDArray[np.int64]]:
-    """What does not depend on the task: legal moves, neighbours and heights of a Floor."""
+    """Return the parts of an AntFloor that do not depend on the task: legal moves, neighbours and heights."""
     rows, cols = grid.shape
     step = MOVES[:, 0] * cols + MOVES[:, 1]
     cell = np.arange(rows * cols)[:, None]

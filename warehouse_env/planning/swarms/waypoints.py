@@ -29,7 +29,7 @@ Code = NDArray[np.float64]  # [m, K, 2] way-points (row, col) [cells] of m agent
 
 
 class _Ground(NamedTuple):
-    """What the walker knows."""
+    """The walker's map."""
 
     floor: AntFloor
     nearest: NDArray[np.int32]  # [C], the cell of the start's region next to each cell
@@ -116,7 +116,7 @@ class WaypointSwarm(BasePlanner):
 
 
 def _between(grid: GridMap, start: Cell, goal: Cell) -> NDArray[np.bool_]:
-    """Return bool[H, W]: the cells through which a walker may go from the start, and go on from to wherever it may."""
+    """Return bool[H, W]: the cells that a walker can reach from the start, and return from."""
     if grid.tight is not None and grid.tight[start]:
         start = goal  # no way leads back on tight floor
     if grid.one_way.any():
@@ -143,7 +143,7 @@ def first_codes(
 
 @kernel
 def _nearest(inside, columns):
-    """For each cell int32[C] the one of bool[C] `inside` that a flood over the 8 directions brings to it first."""
+    """Return int32[C]: the cell of bool[C] `inside` from which a flood in 8 directions reaches each cell first."""
     cells = len(inside)
     rows = cells // columns
     nearest = np.full(cells, -1, np.int32)
