@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents import POLICIES
-from train.evaluation.rollout import config_of, make_actor
+from train.evaluation.rollout import POLICY_STREAM, config_of, make_actor
 from train.kinds import Kinds
 from train.live.commands import Leave, Make, Person, Shelves
 from train.live.floors import LiveFloors, free_cell, with_shelves
@@ -27,8 +27,6 @@ from warehouse_env.simulation.physics.people import START
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.state import PERSON_RADIUS
 from warehouse_env.simulation.tasks.assignment import Assignment
-
-_POLICY_STREAM = 1  # apart from the world's own stream, as in rollout.py
 
 Change = Make | Shelves | Person | Leave
 Moment = dict[str, NDArray[Any]]
@@ -68,7 +66,7 @@ class World:
         simulator, act = _made(setting, setting.people, grid)
         simulator.reset([setting.seed])
         self.setting, self.bare = setting, grid
-        self._rng = np.random.default_rng([setting.seed, _POLICY_STREAM])
+        self._rng = np.random.default_rng([setting.seed, POLICY_STREAM])
         self.steps, self._time = 0, 0.0
         self._before = np.zeros(3, dtype=np.int64)  # totals of earlier simulators
         self._digest = hashlib.blake2b(digest_size=16)

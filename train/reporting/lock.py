@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import time
 from collections.abc import Iterator
@@ -12,13 +13,15 @@ from filelock import FileLock, Timeout
 
 from warehouse_env.errors import WarehouseError
 
+_NO_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP)  # of a file system without locks, as some clusters have
+
 
 @contextmanager
 def held(lock: Path, what: Path) -> Iterator[None]:
     """Hold the file `lock`, made with its folders where missing; it is removed at the end, as are folders left empty.
 
-    The lock ends with its process, even a killed one. WarehouseError names the process that holds `what`, or says that
-    no file can be written.
+    The lock ends with its process, even a killed one. A file system without locks gives none, and is written to all the
+    same. WarehouseError names the process that holds `what`, or says that no file can be written.
     """
     missing = [folder for folder in lock.parents if not folder.exists()]
     mutex = FileLock(lock)
@@ -29,7 +32,8 @@ def held(lock: Path, what: Path) -> Iterator[None]:
         holder = _content(lock) or "another process"
         raise WarehouseError(f"{what} is in use by {holder}: wait for its end, or name another place") from None
     except OSError as error:
-        raise WarehouseError(f"cannot write {what}: {error.strerror or error}") from None
+        if error.errno not in _NO_LOCKS:
+            raise WarehouseError(f"cannot write {what}: {error.strerror or error}") from None
     try:
         lock.write_text(f"process {os.getpid()}, since {time.strftime('%Y-%m-%d %H:%M:%S')}", encoding="utf-8")
         yield

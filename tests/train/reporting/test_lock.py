@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import subprocess
 import sys
@@ -37,6 +38,16 @@ def test_a_killed_process_holds_nothing(tmp_path: Path) -> None:
     assert lock.exists()
     with held(lock, tmp_path):
         assert lock.read_text().startswith(f"process {os.getpid()},")
+
+
+def test_a_file_system_without_locks_is_written_to(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> None:
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr("fcntl.flock", refuse)
+    with RowFile(tmp_path / "rows.jsonl") as file:
+        file.add([{"a": 1}])
+    assert (tmp_path / "rows.jsonl").read_text() == '{"a": 1}\n'
 
 
 def test_two_commands_do_not_write_one_file_of_rows(tmp_path: Path) -> None:
