@@ -30,6 +30,20 @@ _STANDS_WITHIN = 1.0  # [m]
 
 
 @kernel
+def _arrive(r, reached, planned, seconds, late):
+    """Count the goals that a robot has `reached` since the last moment."""
+    if reached > 0:
+        task, totals = r["task"], r["totals"]
+        r["events"]["arrived"] = 1
+        totals["goals"] += reached
+        totals["late_goals"] += reached if late else 0
+        totals["longest_age"], task["age"] = max(totals["longest_age"], task["age"]), 0
+        totals["planned"] = planned
+        totals["driven_to_goals"] += totals["distance"] - totals["distance_at_goal"]
+        totals["distance_at_goal"], totals["finish_time"] = totals["distance"], seconds
+
+
+@kernel
 def _step_robots(robots, poses, before, moments, was, seconds, dt, late):
     """Advance each robot's clocks and totals by a moment; was, before: moments and poses a moment ago."""
     for i in range(robots.shape[0]):
@@ -68,16 +82,7 @@ def _step_robots(robots, poses, before, moments, was, seconds, dt, late):
             totals["lived"] += 1
             totals["waited"] += abs(motion["speed"]) < SLOW
             task["age"] += 1
-        reached = moments[i]["goals"] - was[i]["goals"]
-        if reached > 0:
-            events["arrived"] = 1
-            totals["goals"] += reached
-            totals["late_goals"] += reached if late else 0
-            totals["longest_age"], task["age"] = max(totals["longest_age"], task["age"]), 0
-            totals["planned"] = moments[i]["planned"]
-            totals["driven_to_goals"] += totals["distance"] - totals["distance_at_goal"]
-            totals["distance_at_goal"] = totals["distance"]
-            totals["finish_time"] = seconds
+        _arrive(r, moments[i]["goals"] - was[i]["goals"], moments[i]["planned"], seconds, late)
 
 
 @kernel

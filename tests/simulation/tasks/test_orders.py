@@ -21,7 +21,7 @@ from warehouse_env.simulation.tasks.orders import Order, as_table, check_orders,
 from warehouse_env.work import OrderSpec
 
 FLOOR = make_layout("open")
-PICK, OTHER, DROP = FLOOR.endpoints[0][0], FLOOR.endpoints[0][1], FLOOR.endpoints[1][0]
+PICK, DROP = FLOOR.endpoints[0][0], FLOOR.endpoints[1][0]
 LINE = "0,1:1 1:4,9:1,600,120"
 HEAD = "release_s,picks,drop,due_s,weight_kg"
 
