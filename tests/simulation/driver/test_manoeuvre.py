@@ -29,7 +29,7 @@ from warehouse_env.simulation.driver.manoeuvre import (
     search_once,
 )
 from warehouse_env.simulation.driver.scratch import BODY, GOAL, MOST, SearchScratch, make_search_scratch
-from warehouse_env.simulation.driver.turning import turning_metric
+from warehouse_env.simulation.driver.turning import turning_metrics
 from warehouse_env.simulation.physics.floor import floor_of
 from warehouse_env.simulation.physics.footprint import body_touches_shelf
 from warehouse_env.simulation.physics.geometry import Rectangle, pose_at, rectangles_touch, separation
@@ -52,7 +52,7 @@ def around(
     parameters: NDArray[np.void] = PARAMETERS,
 ) -> SearchArea:
     rooms = np.empty(len(bodies), np.float32)
-    return SearchArea(bodies, rooms, avoid, floor_of(grid), turning_metric(parameters), parameters[0])
+    return SearchArea(bodies, rooms, avoid, floor_of(grid), turning_metrics(parameters)[0], parameters[0])
 
 
 def query(
@@ -292,7 +292,7 @@ def test_whoever_stands_clear_need_not_move() -> None:
 
 
 def test_the_turning_metric_by_hand() -> None:
-    metric = turning_metric(PARAMETERS)
+    metric = turning_metrics(PARAMETERS)[0]
     middle = metric.shape[1] // 2
     assert metric[0, middle, middle] == 0.0
     assert metric[0, middle, middle - 15] == pytest.approx(3.0 / 0.8, abs=0.2)  # 3 m behind the goal, along its line

@@ -135,9 +135,3 @@ def turning_metrics(params: NDArray[Any]) -> NDArray[np.float32]:
     for name in ("wheelbase", "max_steer", "max_steer_rate", "length_scale"):
         kept[name] = params[name]
     return _metrics(kept.tobytes(), kept.dtype)
-
-
-def turning_metric(params: NDArray[Any]) -> NDArray[np.float32]:
-    """Return float32[HEADINGS, SIDE, SIDE] [s] for robots of one kind, PARAMETERS[1]; kept for reuse."""
-    metric: NDArray[np.float32] = turning_metrics(params)[0]
-    return metric
