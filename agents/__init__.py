@@ -35,7 +35,7 @@ WEIGHTS_FOLDER = Path(__file__).parent / "weights"
 
 @dataclass(frozen=True)
 class PolicyEntry:
-    """One line of the registry: either a rule made from the config alone, or a folder or model file of weights.
+    """One line of the registry: either a rule made from the config alone, or a folder of weights.
 
     needs: fields of EnvConfig that the rule is made for; weights say themselves what they need.
     """
@@ -107,14 +107,14 @@ def _own(name: str, made: Callable[[EnvConfig], Policy], config: EnvConfig) -> P
 
 
 def save_model(directory: Path | str, model: Any, config: EnvConfig | None = None, mode: Mode | None = None) -> Path:
-    """Write a model of stable-baselines3 as a policy folder (see sb3_model.py, which needs torch)."""
+    """Write a model of stable-baselines3 as a policy folder (see agents/sb3_model.py, which imports torch)."""
     from agents.sb3_model import save_model
 
     return save_model(directory, model, config, mode)
 
 
 def _entry(name_or_dir: str | Path) -> PolicyEntry:
-    """Resolve a name of POLICIES first, then a folder or a .zip file; raises ConfigError or WeightsError."""
+    """Resolve a name of POLICIES first, then a folder; raises ConfigError or WeightsError."""
     name = str(name_or_dir)
     if name in POLICIES:
         return POLICIES[name]
@@ -122,13 +122,14 @@ def _entry(name_or_dir: str | Path) -> PolicyEntry:
         path = whereabouts(name)
     except ValueError:  # half of a character, or the one that ends names
         raise plugins.unknown("policy", name, POLICIES) from None
-    if path.suffix.lower() == ".zip" and os.path.isfile(path):
-        return PolicyEntry("a model of stable-baselines3", weights=path)
     if os.path.isdir(path):  # which Path.is_dir raises about where a name is too long
         return PolicyEntry("a policy folder", weights=path)
-    own = plugins.split(name) or path.suffix == ".py"
     if path.suffix.lower() == ".zip":
-        raise WeightsError(f"there is no file {shown(str(path))}")
+        raise WeightsError(
+            f"{shown(str(path))} is no policy folder; agents.save_model(FOLDER, model) writes a model of "
+            "stable-baselines3 as one"
+        )
+    own = plugins.split(name) or path.suffix == ".py"
     if not own and (len(path.parts) > 1 or isinstance(name_or_dir, Path)):
         raise WeightsError(f"{shown(str(path))} is no folder; a policy folder holds {CONFIG} and its weights")
     raise plugins.unknown("policy", name, POLICIES)

@@ -1,7 +1,4 @@
-"""Policies from a folder of weights, or a model of stable-baselines3.
-
-The forward pass is our own: as fast as torch for a few robots, and lighter.
-"""
+"""Policies from a folder of weights. The forward pass is our own: as fast as torch for a few robots, and lighter."""
 
 from __future__ import annotations
 
@@ -12,7 +9,7 @@ from numpy.typing import NDArray
 
 from agents.forward import forward
 from agents.policy import Action, Observation, draw_discrete
-from agents.weights_folder import PolicyRecord, checked_tensors, read_record, read_tensors
+from agents.weights_folder import PolicyRecord, read_record, read_tensors
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import WeightsError
 from warehouse_env.observation import observation_layout
@@ -22,17 +19,6 @@ _ALWAYS_NEEDED = ("action_type", "time_step", "action_repeat", "sensor")
 _NEEDED_IF_DISCRETE = ("speed_levels", "lateral_offsets")
 
 
-def read_policy(path: Path | str) -> tuple[PolicyRecord, dict[str, NDArray[np.float32]]]:
-    """Read a policy folder, or a .zip file of stable-baselines3; raises WeightsError if it is damaged."""
-    if Path(path).suffix.lower() == ".zip":
-        from agents.sb3_model import read_model  # which needs torch
-
-        record, tensors = read_model(Path(path))
-        return record, checked_tensors(path, record.network, tensors)
-    record = read_record(path)
-    return record, read_tensors(path, record.network)
-
-
 def needed_fields(record: PolicyRecord) -> tuple[str, ...]:
     """Return the names of the EnvConfig fields that must be as its record says for the policy to make sense."""
     return _ALWAYS_NEEDED + (_NEEDED_IF_DISCRETE if record.env.action_type == "discrete" else ())
@@ -40,17 +26,18 @@ def needed_fields(record: PolicyRecord) -> tuple[str, ...]:
 
 def config_for(directory: Path | str, base: EnvConfig) -> EnvConfig:
     """Return `base` with the action, the sensor and the options that the policy in `directory` is made for."""
-    record = read_policy(directory)[0] if Path(directory).suffix.lower() == ".zip" else read_record(directory)
+    record = read_record(directory)
     traffic = driven_with(base.traffic_spec, record.env.traffic_spec)
     return base.replace(traffic=traffic, **{name: getattr(record.env, name) for name in needed_fields(record)})
 
 
 class LearnedPolicy:
-    """The actor of a policy folder or model: its network, then a draw or the best action."""
+    """The actor of a policy folder: its network, then a draw or the best action."""
 
     def __init__(self, directory: Path | str, config: EnvConfig, name: str | None = None) -> None:
-        """Load and check the folder or .zip file; raises WeightsError if it is damaged or does not fit `config`."""
-        self.record, tensors = read_policy(directory)
+        """Load and check the folder; raises WeightsError if it is damaged or does not fit `config`."""
+        self.record = read_record(directory)
+        tensors = read_tensors(directory, self.record.network)
         self.name = name or Path(directory).name
         self._check_fit(directory, config)
         parts = [f"actor.{k}" for k in range(len(self.record.network.hidden) + 1)]

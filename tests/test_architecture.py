@@ -109,11 +109,10 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
 
 # A package that only these modules may import.
 ONLY_IN: dict[str, tuple[str, ...]] = {
-    "torch": ("agents.networks", "agents.learned", "agents.sb3_model", "train"),
+    "torch": ("agents.networks", "agents.sb3_model", "train"),
     "stable_baselines3": (
         "warehouse_env.envs.vector",
         "warehouse_env.envs.callback",
-        "agents.learned",
         "agents.sb3_model",
         "train.ppo",
     ),
@@ -266,7 +265,7 @@ def test_the_rules_catch(module: str, source: str) -> None:
         ("warehouse_env.envs.camera", "def f():\n    from warehouse_env.render.frame import draw"),
         ("warehouse_env.envs.camera", "if TYPE_CHECKING:\n    from warehouse_env.render.window import Window"),
         ("warehouse_env.envs.vector", "import stable_baselines3"),
-        ("agents.learned", "import torch"),
+        ("agents.networks", "import torch"),
         ("train.reporting.report", "def f():\n    import matplotlib"),
     ],
 )

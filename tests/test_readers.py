@@ -4,18 +4,14 @@ from __future__ import annotations
 
 import ast
 import faulthandler
-import io
 import os
-import zipfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
-from agents.learned import read_policy
-from tests.hostile.readers import LOG, READERS, _model, model
+from tests.hostile.readers import LOG, READERS
 from tests.test_architecture import PACKAGES, ROOT, module_name
-from warehouse_env.errors import WeightsError
 
 UNKNOWN = ("h.png", "cafile.pem", "cert.pem")  # of which no small good one is made here
 ANYTHING = ("whole.jsonl", "digest", "heard.jsonl")  # to which some damage is none
@@ -94,21 +90,11 @@ def test_a_text_of_another_code_page_is_named_with_its_line(name: str, tmp_path:
     assert "UTF-8" in text
 
 
-def test_members_of_a_model_are_not_inflated_without_end(tmp_path: Path) -> None:
-    data, weights = _model()
-    with zipfile.ZipFile(file := io.BytesIO(weights), "a", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
-        archive.writestr("much", bytes(2**28))
-    (tmp_path / "model.zip").write_bytes(model(data, file.getvalue()))
-    with pytest.raises(WeightsError, match="would fill more than 256 MB"):
-        read_policy(tmp_path / "model.zip")
-
-
 FUNCTIONS = {"open", "ZipFile", "load_file"}
 READS = {*FUNCTIONS, "read_text", "read_bytes", "fromfile", "loadtxt", "genfromtxt"}
 MAY_READ = {
     "warehouse_env.files": "the door",
     "warehouse_env.simulation.record.recording": "members of what the door opened",
-    "agents.sb3_model": "members of what the door opened",
     "warehouse_env.maps.halls.picture": "bytes that the door read",
     "train.evaluation.nodes": "sources of this package",
     "warehouse_env.render.page_text": "ships with the package",

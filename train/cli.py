@@ -84,7 +84,6 @@ _COMMANDS = {
         "drive policies with other bodies, worse sensors and lost messages",
     ),
     "curves": ("commands.training:Curves", "draw the learning curves of several runs in one picture"),
-    "export": ("commands.export:Export", "write a trained policy as an ONNX model"),
     "compile": ("commands.compile:Compile", "compile all kernels ahead of time"),
     "bench": ("commands.bench:Bench", "measure the speed of the simulator, the planners and the trainers"),
 }

@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import functools
-import io
 import json
 import tempfile
-import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import torch
 from safetensors.numpy import save
 
 from agents import WEIGHTS_FOLDER, Network
-from agents.learned import read_policy
 from agents.weights_folder import CONFIG, read_record, read_tensors
 from train.clmapf.instance import read_instance
 from train.clmapf.solution import read_solution
@@ -141,16 +137,6 @@ def _fleet_entries() -> list[Any]:
     return [sheet, *logged, {**states[0], "serialNumber": "2"}, {**states[2], "serialNumber": "2"}]
 
 
-@functools.cache
-def _model() -> tuple[bytes, bytes]:
-    """What a model's file of stable-baselines3 has in it that is read."""
-    sizes = {"mlp_extractor.policy_net.0": (2, 92), "mlp_extractor.value_net.0": (2, 92)}
-    sizes |= {"action_net": (20, 2), "value_net": (1, 2)}
-    state = {f"{name}.weight": torch.ones(size) for name, size in sizes.items()}
-    torch.save(state | {f"{name}.bias": torch.ones(size[0]) for name, size in sizes.items()}, pth := io.BytesIO())
-    return json.dumps({"policy_kwargs": {}, "clip_range": 0.2, "use_sde": False}).encode(), pth.getvalue()
-
-
 def _weights() -> bytes:
     return save({name: np.ones(shape, np.float32) for name, shape in NETWORK.shapes().items()})
 
@@ -206,13 +192,6 @@ def of_checkpoint(path: Path) -> Any:
     return checkpoint.read(path.parent)
 
 
-def model(data: bytes, weights: bytes) -> bytes:
-    with zipfile.ZipFile(file := io.BytesIO(), "w") as archive:
-        archive.writestr("data", data)
-        archive.writestr("policy.pth", weights)
-    return file.getvalue()
-
-
 LOG = rows(_fleet_entries())
 READERS: dict[str, Reader] = {
     "m.map": of_text(lambda path: read_map(path).key, MAP),
@@ -234,7 +213,6 @@ READERS: dict[str, Reader] = {
     "weights.safetensors": Reader(
         lambda path: read_tensors(path.parent, NETWORK), _weights, WeightsError
     ),
-    "model.zip": Reader(read_policy, lambda: model(*_model()), WeightsError),
     "state.json": of_text(of_checkpoint, _state()["state.json"], WeightsError),
     "arrays-1.safetensors": Reader(of_checkpoint, lambda: _state()["arrays-1.safetensors"], WeightsError),
     "rows.jsonl": of_text(read_rows, rows([{"a": "é"}, {"a": 2}]), WarehouseError),

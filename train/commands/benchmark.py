@@ -24,8 +24,8 @@ class Benchmark(WorkerOptions):
     """
 
     policy: tuple[str, ...] = ()
-    """Policies to drive: names of `warehouse policies`, folders of trained ones, models of stable-baselines3
-    (FILE.zip), or your own, FILE.py:CLASS or MODULE:CLASS."""
+    """Policies to drive: names of `warehouse policies`, folders of trained ones, or your own, FILE.py:CLASS or
+    MODULE:CLASS."""
     out: Path = Path("results/benchmark")
     """Folder for the rows and the table."""
     resume: bool = False

@@ -70,8 +70,8 @@ class Episodes(Working, WorkerOptions):
     """Options of the episodes to drive and of the files to write."""
 
     policy: tuple[str, ...] = ("follow", "brake", "reinforce", "ppo", "threaded_ppo")
-    """Policies to compare: names of `warehouse policies`, folders of trained policies, models of stable-baselines3
-    (FILE.zip), or your own, FILE.py:CLASS or MODULE:CLASS."""
+    """Policies to compare: names of `warehouse policies`, folders of trained policies, or your own, FILE.py:CLASS or
+    MODULE:CLASS."""
     layout: Annotated[tuple[str, ...], BY_MAP] = (EnvConfig.layout,)
     """Floors to drive on: names of `warehouse layouts`, files NAME.map, NAME.yaml of map_server with parameters, as in
     hall.yaml:cell=0.75, or your own, FILE.py:FUNCTION."""

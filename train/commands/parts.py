@@ -49,10 +49,7 @@ class _Parts(Checked):
 class Policies(_Parts):
     """List the policies by the names that --policy takes."""
 
-    own = (
-        "Also a policy: the folder of a trained one (runs/mine), a model of stable-baselines3 (FILE.zip), and your "
-        "own, FILE.py:CLASS or MODULE:CLASS."
-    )
+    own = "Also a policy: the folder of a trained one (runs/mine), and your own, FILE.py:CLASS or MODULE:CLASS."
 
     def rows(self) -> list[Row]:
         """Return a row a policy: what it is and what it is driven with, unless an option says otherwise."""

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-
 import numpy as np
 from stable_baselines3.common.callbacks import BaseCallback
 
@@ -17,17 +15,8 @@ class MetricsCallback(BaseCallback):
 
     "robot/...": means over robots (metrics.robot_rows), with any of our environments; "world/...": means over worlds
     (metrics.episode_row), with `vec_env`. Each is over the episodes that ended since the logger last wrote and have
-    the figure: an episode without a goal has no path length. The model's file records its environment, so commands
-    accept it as --policy FILE.zip.
+    the figure: an episode without a goal has no path length.
     """
-
-    def _on_training_start(self) -> None:
-        """Record the environment in the model, which saves it; do nothing if wrappers hide it."""
-        scaled = self.model.get_vec_normalize_env()
-        with contextlib.suppress(AttributeError, NotImplementedError):
-            config = self.training_env.get_attr("config")[0]
-            noted = "it sees normalised observations" if scaled is not None and scaled.norm_obs else config.to_dict()
-            self.model.warehouse_env = noted  # type: ignore[attr-defined]
 
     def _on_step(self) -> bool:
         """Record the rows of this step; return True, to continue."""
