@@ -1,7 +1,7 @@
-"""Fixed work like that of the step, with which the step is compared on any machine.
+"""Fixed work in C (engine_step.c) like that of the step, with which the step is compared on any machine.
 
-It is C (engine_step.c) where there is a compiler, else a kernel (fixed_kernel.py). Both are the same in every version
-of this package: they call nothing of it, and their floor, starts and commands are made here.
+It is the same in every version of this package: it calls nothing of it, and its floor, starts and commands are made
+here.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ import math
 import os
 import shutil
 import subprocess
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -29,8 +28,6 @@ SEEN = RAYS + 6 * 6 + 2 * 5 + 2
 POOL = 16  # random commands, cycled
 _REAL = ("x", "y", "heading", "speed", "steer", "cosine", "sine", "middle_x", "middle_y", "reward")
 ROBOT = np.dtype([*((name, np.float32) for name in _REAL), ("hit", np.int32), ("passed", np.int32)])
-
-Step = Callable[[int], object]  # does step k
 
 
 class Start(NamedTuple):
@@ -64,70 +61,49 @@ def start(worlds: int, robots: int) -> Start:
     return Start(pose, way.astype(np.float32), np.clip(commands, -1, 1).astype(np.float32))
 
 
-def lidar() -> NDArray[np.float32]:
-    """Return float32[2, RAYS], the cosines and sines of the rays."""
-    angle = 2 * math.pi * np.arange(RAYS) / RAYS
-    return np.stack([np.cos(angle), np.sin(angle)]).astype(np.float32)
-
-
 def compiler() -> str | None:
     """Return the C compiler, $CC or cc, if there is one."""
     return shutil.which(os.environ.get("CC") or "cc")
 
 
-def load(source: Path, folder: Path) -> ctypes.CDLL:
-    """Compile a C file into the folder and load it; WarehouseError without a compiler or if it fails."""
+def _load(folder: Path) -> ctypes.CDLL:
+    """Compile SOURCE into the folder and load it."""
     command = compiler()
     if command is None:
         raise WarehouseError("no C compiler: install one, or name it in the environment variable CC")
-    library = folder / f"{source.stem}.so"
-    done = subprocess.run([command, *FLAGS, "-o", library, source, "-lm"], capture_output=True, text=True, check=False)
+    library = folder / f"{SOURCE.stem}.so"
+    done = subprocess.run([command, *FLAGS, "-o", library, SOURCE, "-lm"], capture_output=True, text=True, check=False)
     if done.returncode:
-        raise WarehouseError(f"{command} could not compile {source.name}: {done.stderr.strip().splitlines()[-1:]}")
+        raise WarehouseError(f"{command} could not compile {SOURCE.name}: {done.stderr.strip().splitlines()[-1:]}")
     return ctypes.CDLL(str(library))
 
 
-def address(array: NDArray[np.generic]) -> ctypes.c_void_p:
+def _address(array: NDArray[np.generic]) -> ctypes.c_void_p:
     """Return the address of a contiguous array."""
     assert array.flags.c_contiguous
     return ctypes.c_void_p(array.ctypes.data)
 
 
-class InC:
-    """The work in C; `robots` and `seen` hold the state after the last step."""
+class FixedWork:
+    """The work of N robots in B worlds; `robots` and `seen` hold the state after the last step."""
 
     def __init__(self, worlds: int, robots: int, folder: Path) -> None:
-        """Compile into the folder; WarehouseError without a compiler."""
+        """Compile into the folder; WarehouseError without a compiler or if it fails."""
         begin = start(worlds, robots)
         self.robots = np.zeros((worlds, robots), ROBOT)
         for name, values in zip(("x", "y", "heading"), np.moveaxis(begin.pose, -1, 0), strict=True):
             self.robots[name] = values
         self.seen = np.zeros((worlds, robots, SEEN), np.float32)
         self.way, self.commands = begin.way, begin.commands
-        self._given = (floor(), lidar(), self.robots.copy())  # kept alive, since C holds only their addresses
-        shelf, rays, before = (address(array) for array in self._given)
-        native = load(SOURCE, folder).step
+        angle = 2 * math.pi * np.arange(RAYS) / RAYS
+        rays = np.stack([np.cos(angle), np.sin(angle)]).astype(np.float32)
+        self._given = (floor(), rays, self.robots.copy())  # kept alive, since C holds only their addresses
+        shelf, lidar, before = (_address(array) for array in self._given)
+        native = _load(folder).step
         native.restype = None
         sizes = (ctypes.c_int64(worlds), ctypes.c_int64(robots))
-        self._call = partial(native, *sizes, shelf, rays, address(self.robots), before, address(self.way))
+        self._call = partial(native, *sizes, shelf, lidar, _address(self.robots), before, _address(self.way))
 
     def __call__(self, k: int) -> None:
         """Do step k."""
-        self._call(address(self.commands[k % POOL]), address(self.seen))
-
-
-class InNumba:
-    """The work as a kernel; `seen` holds the rays of the last step."""
-
-    def __init__(self, worlds: int, robots: int) -> None:
-        """Compile, or load, the kernel."""
-        from train.benchmarks.fixed_kernel import step
-
-        begin = start(worlds, robots)
-        self.seen = np.zeros((worlds, robots, RAYS), np.float32)
-        self.commands = begin.commands
-        self._call = partial(step, begin.pose, np.zeros((worlds, robots, 2), np.float32), lidar())
-
-    def __call__(self, k: int) -> None:
-        """Do step k."""
-        self._call(self.commands[k % POOL], self.seen)
+        self._call(_address(self.commands[k % POOL]), _address(self.seen))

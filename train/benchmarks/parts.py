@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import importlib
 import math
 import statistics
-import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -18,12 +18,13 @@ from train.reporting.rows import Row
 from warehouse_env.config import EnvConfig
 from warehouse_env.threads import MOST_THREADS, set_num_threads
 
-_PLANNER = "astar"  # fast to plan; ants are measured by the part `plan`
-_POLICY = "ppo"
+_PLANNER = "astar"  # fast to plan
 _POOL = 32  # random actions, drawn before the clock starts and then cycled
 _TRAINED = 5  # seconds of each training per second of the budget
 _TURNS = 3  # chunks of the step and its reference per second of the budget
 _CHUNKS = 9  # a rate is the median over these
+_TRAINING_TURNS = 5
+_WARM_UP = 3  # updates of a training before the clock starts, which load kernels
 _START_SEEDS = 16  # large batches repeat these starts: planning 30,000 routes is not what is measured
 _SQUARE_PER_ROBOTS = {32: 46, 256: 130, 1024: 260}  # robots -> side of the floor [cells], at one density
 
@@ -36,7 +37,6 @@ class Budget:
     largest: int  # robots in a single world
     threads: tuple[int, ...]
     seed: int
-    each_reference: bool = False  # compare the step with every reference, not the best one only
 
 
 def _draws(space: Any, seed: int, *shape: int) -> NDArray[np.int64]:
@@ -72,7 +72,7 @@ def rate(call: Callable[[int], object], seconds: float) -> Rate:
 
 
 def _speed(measured: Rate, envs: int, agents: int, threads: int) -> Row:
-    """Return the common fields of a row from a rate of calls that step `envs` environments of `agents` robots each."""
+    """Return a row from a rate of calls that step `envs` environments of `agents` robots each."""
     rows = envs * agents
     return {
         "envs": envs, "agents": agents, "threads": threads, "agent_steps_per_s": measured.median * rows,
@@ -104,11 +104,11 @@ def simulator(budget: Budget) -> Iterator[Row]:
 
 
 def reference(budget: Budget) -> Iterator[Row]:
-    """Compare the step with fixed work in C, or in a kernel where there is no compiler, in turns."""
+    """Compare the step with fixed work in C, in turns."""
     from train.benchmarks.reference import reference as hold
 
     set_num_threads(1)
-    yield from hold(max(5, round(_TURNS * budget.seconds)), budget.seed, budget.each_reference)
+    yield from hold(max(5, round(_TURNS * budget.seconds)), budget.seed)
     set_num_threads(MOST_THREADS)
 
 
@@ -136,77 +136,39 @@ def vec_env(budget: Budget) -> Iterator[Row]:
     yield _speed(rate(lambda k: env.step(pool[k % _POOL]), budget.seconds), 64, 16, 1)
 
 
-def policy(budget: Budget) -> Iterator[Row]:
-    """Drive 64 robots a world with a learned policy: the steps alone, the decisions alone, and both in turn.
-
-    Where the two hinder each other, as threads of a BLAS and of the step can, the parts are less than the whole.
-    """
-    from agents import make_policy, policy_config
-    from warehouse_env.simulation.simulator import Simulator
-
-    config = policy_config(_POLICY, EnvConfig(num_agents=64, planner=_PLANNER, max_steps=sys.maxsize))
-    decider, rng = make_policy(_POLICY, config), np.random.default_rng(budget.seed)
-    for worlds, threads in [(1, 1), *((4, threads) for threads in budget.threads if threads <= MOST_THREADS)]:
-        set_num_threads(threads)
-        sim = Simulator(config, worlds)
-        actions = decider.act(sim.reset(budget.seed), rng)
-        step = rate(lambda _, sim=sim, actions=actions: sim.step(actions), budget.seconds)  # type: ignore[misc]
-        decision = rate(lambda _, sim=sim: decider.act(sim.observation, rng), budget.seconds)  # type: ignore[misc]
-        both = rate(lambda _, sim=sim: sim.step(decider.act(sim.observation, rng)), budget.seconds)  # type: ignore[misc]
-        seconds = {"step": 1 / step.median, "decision": 1 / decision.median}
-        whole = sum(seconds.values())
-        yield {
-            **_speed(both, worlds, 64, threads), **{f"{part}_ms": 1000 * spent for part, spent in seconds.items()},
-            "parts_over_whole": whole * both.median, "policy": _POLICY,
-            "shares": {part: spent / whole for part, spent in seconds.items()},
-        }  # fmt: skip
-    set_num_threads(MOST_THREADS)
-
-
 def training(budget: Budget) -> Iterator[Row]:
-    """Run the trainers in turns: agent-steps/s, and the shares of simulator, policy and update."""
-    from train.benchmarks.trainers import training as train
+    """Run the trainers by their recipe `bare` in turns: agent-steps/s of the whole loop, and shares of its time."""
+    from train.learning import config as configs
+    from train.learning.recipes import by_recipe
+    from train.learning.trainer import profile
 
-    yield from train(_TRAINED * budget.seconds, budget.seed)
-
-
-def plan(budget: Budget) -> Iterator[Row]:
-    """Run every planner on the named tasks of paper46: median milliseconds of a plan."""
-    from warehouse_env.maps.layouts import NAMED_TASKS, make_layout
-    from warehouse_env.planning import PLANNERS, make_planner
-
-    layout = "paper46"
-    grid, tasks = make_layout(layout), list(NAMED_TASKS[layout].values())
-    for name in PLANNERS:
-        planner, rng = make_planner(name), np.random.default_rng(budget.seed)
-        planner.plan(grid, tasks[0].start, tasks[0].goal, rng)
-        begin = time.perf_counter()
-        seconds: list[float] = []
-        while len(seconds) < 2 * len(tasks) or (time.perf_counter() - begin < budget.seconds and len(seconds) < 2000):
-            task = tasks[len(seconds) % len(tasks)]
-            seconds.append(planner.plan(grid, task.start, task.goal, rng).seconds)
-        yield {"planner": name, "ms": 1000 * statistics.median(seconds), "on": layout, "plans": len(seconds)}
-
-
-_FIRST_STEP = (
-    "from warehouse_env import parallel_env; env = parallel_env(num_agents=8, planner='astar'); env.reset(seed=0); "
-    "env.step({agent: 0 for agent in env.agents})"
-)
-
-
-def start(budget: Budget) -> Iterator[Row]:
-    """Time a fresh interpreter up to `import warehouse_env`, and up to the first step of an environment [s]."""
-    repeats = 3 if budget.seconds < 1 else 5
-    importing = "import warehouse_env"
-    for step, code in ((importing, importing), ("first step of an environment", _FIRST_STEP)):
-        timed: str = f"import time; begin = time.perf_counter(); {code}; print(time.perf_counter() - begin)"
-        seconds: list[float] = []
-        for _ in range(repeats + 1):  # the first fills the caches
-            done = subprocess.run([sys.executable, "-c", timed], capture_output=True, text=True, check=True)
-            seconds.append(float(done.stdout.split()[-1]))
-        yield {"step": step, "seconds": statistics.median(seconds[1:])}
+    kinds = {
+        ("train.reinforce", "Reinforce"): configs.ReinforceConfig,
+        ("train.threaded_ppo", "ThreadedPpo"): configs.ThreadedPPOConfig,
+        ("train.ppo", "Ppo"): configs.PPOConfig,  # of stable-baselines3: the others are compared with it
+    }
+    measured = []
+    for (module, name), kind in kinds.items():
+        config: configs.TrainingConfig = by_recipe(kind, "bare", seed=budget.seed)
+        trainer = getattr(importlib.import_module(module), name)(config)
+        update = profile(trainer, 1, _WARM_UP)["seconds"]
+        updates = max(1, round(_TRAINED * budget.seconds / _TRAINING_TURNS / update))
+        measured.append((trainer, updates, list[dict[str, float]]()))
+    for _ in range(_TRAINING_TURNS):
+        for trainer, updates, turns in measured:
+            turns.append(profile(trainer, updates, 0))
+    for trainer, _, turns in measured:
+        config, rates = trainer.config, [turn["steps_per_second"] for turn in turns]
+        split = {part: sum(turn[part] for turn in turns) for part in ("simulator_s", "policy_s", "update_s")}
+        yield {
+            "what": f"train_{trainer.algorithm}", "trainer": trainer.algorithm, "threads": config.threads,
+            "envs": sum(count for _, count in config.worlds(config.rows)), "agents": "/".join(map(str, config.robots)),
+            "hidden": list(config.hidden), "agent_steps_per_s": statistics.median(rates), "low": min(rates),
+            "high": max(rates),
+            "shares": {part.removesuffix("_s"): seconds / sum(split.values()) for part, seconds in split.items()},
+        }  # fmt: skip
 
 
 PARTS: dict[str, Callable[[Budget], Iterator[Row]]] = {
-    part.__name__: part for part in (simulator, reference, pettingzoo, vec_env, policy, training, plan, start)
+    part.__name__: part for part in (simulator, reference, pettingzoo, vec_env, training)
 }

@@ -1,13 +1,16 @@
-"""Measure our step beside a reference of fixed work in the same process, in turns, by processor time.
+"""Measure our step beside fixed work in C in the same process, in turns, and compare the ratios with the release's.
 
 Every chunk is a fixed number of steps from the same start, so slow and fast machines simulate the same. A ratio is that
-of neighbouring chunks, so it does not depend on a machine whose speed varies.
+of neighbouring chunks by processor time, so it does not depend on a machine whose speed varies.
 """
 
 from __future__ import annotations
 
 import copy
+import datetime
+import shutil
 import statistics
+import subprocess
 import sys
 import tempfile
 import time
@@ -19,15 +22,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents import make_policy, policy_config
-from train.benchmarks.fixed_work import InC, InNumba, Step, compiler, floor
+from train.benchmarks.fixed_work import FixedWork, floor
 from train.reporting.report import Table, number
-from train.reporting.rows import Row
+from train.reporting.rows import Row, read_rows, select, write_rows
+from warehouse_env import __version__
 from warehouse_env.config import EnvConfig, SensorSpec
+from warehouse_env.errors import WarehouseError
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import make_layout
 from warehouse_env.simulation.simulator import Simulator
 
-IN_C, KERNEL = "C", "the kernel"  # names of the references
 SEEDS = 16  # large batches repeat these starts
 POOL = 16  # commands, drawn before the clock starts and then cycled
 POLICY = "greedy"  # its decisions are measured, with shield, right of way and live routes
@@ -35,6 +39,12 @@ DECISIONS = {32: 60, 128: 15, 512: 2}  # robots of a single world -> decisions i
 DENSITY = 32 / 46**2  # [robots a cell] of these worlds
 WARM = 10  # decisions before the clock starts
 BESIDE = (64, 16)  # the reference's worlds x robots beside single worlds
+
+ROOT = Path(__file__).parents[2]
+RELEASE = Path(__file__).parent / "release.jsonl"
+RENEW = "warehouse bench --only reference --write-release"
+_LEFT = 2 / 3  # of a release's ratio: losing a third is more than machines and minutes differ by
+_NAMES = ("run", "envs", "agents")
 
 
 class Size(NamedTuple):
@@ -54,7 +64,7 @@ SIZES = (Size(64, 16, 60, 100, 30, 20), Size(1024, 32, 2, 3, 1, 5))
 class Timed(NamedTuple):
     """A function that steps `rows` robots, called `steps` times in a chunk."""
 
-    call: Step
+    call: Callable[[int], object]  # does step k
     rows: int
     steps: int
 
@@ -65,30 +75,21 @@ class Timed(NamedTuple):
         return self._replace(call=lambda k, call=self.call: call(k + steps))  # type: ignore[misc]
 
 
-def reference(chunks: int, seed: int, each: bool = False) -> Iterator[Row]:
-    """Yield a row for each configuration and size: the speed of a step over that of the reference, with quartiles.
-
-    The reference is C where there is a compiler, else a kernel; `each`: both, in separate rows.
-    """
+def reference(chunks: int, seed: int) -> Iterator[Row]:
+    """Yield a row for each configuration and size: the speed of a step over that of the reference, with quartiles."""
     with tempfile.TemporaryDirectory() as folder:
+
+        def fixed(worlds: int, robots: int, steps: int) -> Timed:
+            return Timed(FixedWork(worlds, robots, Path(folder)), worlds * robots, steps).warmed(3)
+
         for size in SIZES:
-            given = _references(size.worlds, size.robots, size.reference, Path(folder), each)
-            for name, timed in _configurations(size, seed):
-                named = {"run": name, "envs": size.worlds, "agents": size.robots}
-                yield from _rows(named, timed, given, chunks)
-        beside = _references(*BESIDE, SIZES[0].reference, Path(folder), each)
+            theirs = fixed(size.worlds, size.robots, size.reference)
+            for name, ours in _configurations(size, seed):
+                yield {"run": name, "envs": size.worlds, "agents": size.robots, **_ratio(ours, theirs, chunks)}
+        theirs = fixed(*BESIDE, SIZES[0].reference)
         for robots, decisions in DECISIONS.items():
-            named = {"run": f"{POLICY}'s decision", "envs": 1, "agents": robots}
-            yield from _rows(named, _decision(robots, decisions, seed), beside, chunks)
-
-
-def _references(worlds: int, robots: int, steps: int, folder: Path, each: bool) -> dict[str, Timed]:
-    made: dict[str, Callable[[], Step]] = {}
-    if compiler() is not None:
-        made[IN_C] = lambda: InC(worlds, robots, folder)
-    if each or not made:
-        made[KERNEL] = lambda: InNumba(worlds, robots)
-    return {name: Timed(make(), worlds * robots, steps).warmed(3) for name, make in made.items()}
+            ours = _decision(robots, decisions, seed)
+            yield {"run": f"{POLICY}'s decision", "envs": 1, "agents": robots, **_ratio(ours, theirs, chunks)}
 
 
 def _configurations(size: Size, seed: int) -> Iterator[tuple[str, Timed]]:
@@ -132,15 +133,12 @@ def _decision(robots: int, decisions: int, seed: int) -> Timed:
     return Timed(lambda _: simulator.step(policy.act(simulator.observation, rng)), robots, decisions).warmed(WARM)
 
 
-def _rows(named: Row, ours: Timed, references: dict[str, Timed], chunks: int) -> Iterator[Row]:
-    """Yield a row for each reference: its time over ours, which is our speed over its speed."""
-    spent = in_turns([ours, *references.values()], chunks)
-    for name, theirs in zip(references, spent[1:], strict=True):
-        low, ratio, high = statistics.quantiles([b / a for a, b in zip(spent[0], theirs, strict=True)], n=4)
-        yield {
-            **named, "reference": name, "ratio": ratio, "low": low, "high": high, "chunks": chunks,
-            "us_a_robot": statistics.median(spent[0]), "reference_us": statistics.median(theirs),
-        }  # fmt: skip
+def _ratio(ours: Timed, theirs: Timed, chunks: int) -> Row:
+    """Return the reference's time over ours, which is our speed over its speed."""
+    spent, other = in_turns([ours, theirs], chunks)
+    low, ratio, high = statistics.quantiles([b / a for a, b in zip(spent, other, strict=True)], n=4)
+    times = {"us_a_robot": statistics.median(spent), "reference_us": statistics.median(other)}
+    return {"ratio": ratio, "low": low, "high": high, "chunks": chunks, **times}
 
 
 def in_turns(timed: Sequence[Timed], chunks: int) -> list[list[float]]:
@@ -156,27 +154,55 @@ def in_turns(timed: Sequence[Timed], chunks: int) -> list[list[float]]:
 
 
 def reference_table(rows: Sequence[Row]) -> Table:
-    """Return the table of `reference`'s rows: a line for each configuration and size, two columns a reference."""
-    kinds = list(dict.fromkeys(row["reference"] for row in rows))
-    columns = [name for kind in kinds for name in (f"over {kind}", "quartiles")]
-    lines: dict[tuple[str, str], dict[str, Row]] = {}
-    for row in rows:
-        lines.setdefault((row["run"], f"{row['envs']} x {row['agents']}"), {})[row["reference"]] = row
+    """Return the table of `reference`'s rows: a line for each configuration and size."""
     cells = tuple(
-        (*named, number(next(iter(over.values()))["us_a_robot"], 3), *_ratios(over, kinds))
-        for named, over in lines.items()
-    )
-    last = rows[-1]
+        (
+            row["run"], f"{row['envs']} x {row['agents']}", number(row["us_a_robot"], 3), number(row["ratio"], 3),
+            f"{number(row['low'], 3)} to {number(row['high'], 3)}",
+        )
+        for row in rows
+    )  # fmt: skip
     note = (
-        f"The speed of a step over that of fixed work for as many robots, in turns, on one core ({last['commit']}, "
-        f"{last['date']}). A decision: 0.1 s of one world, beside the work of {BESIDE[0]} x {BESIDE[1]}."
+        f"The speed of a step over that of fixed work for as many robots, in turns, on one core ({rows[-1]['commit']}, "
+        f"{rows[-1]['date']}). A decision: 0.1 s of one world, beside the work of {BESIDE[0]} x {BESIDE[1]}."
     )
-    header = ("what", "worlds x robots", "us a robot", *columns)
+    header = ("what", "worlds x robots", "us a robot", "over C", "quartiles")
     return Table("The step beside fixed work", header, cells, note)
 
 
-def _ratios(over: dict[str, Row], kinds: Sequence[str]) -> Iterator[str]:
-    for kind in kinds:
-        row = over.get(kind)
-        yield number(row["ratio"], 3) if row else ""
-        yield f"{number(row['low'], 3)} to {number(row['high'], 3)}" if row else ""
+def write_release(rows: Sequence[Row], path: Path = RELEASE) -> None:
+    """Keep the rows of `reference` as those of the release."""
+    write_rows(path, select(rows, what="reference"))
+
+
+def judge(rows: Sequence[Row], path: Path = RELEASE) -> None:
+    """Raise WarehouseError if a ratio of `reference` is a third below the release's, or the release has none."""
+    ratios, written = select(rows, what="reference"), read_rows(path)
+    pairs = [(row, select(written, **{name: row[name] for name in _NAMES})) for row in ratios]
+    unknown = [_name(row) for row, known in pairs if not known]
+    if unknown:
+        raise WarehouseError(f"{path.name} has no ratio for {'; '.join(unknown)}: write all down with `{RENEW}`")
+    fell = [
+        f"{_name(row)} fell from {known['ratio']:.3g} of the speed of C to {row['ratio']:.3g}"
+        for row, (known, *_) in pairs
+        if row["ratio"] <= _LEFT * known["ratio"]
+    ]
+    if fell:
+        raise WarehouseError(
+            f"the step has lost a third of its speed or more since {written[0]['commit']} ({written[0]['date']}): "
+            f"{'; '.join(fell)}. Measure again on a quiet machine; then find the commit that costs it and make it "
+            f"cheaper, or, where it is worth its price, say so in the commit and write down new ratios with `{RENEW}`"
+        )
+
+
+def _name(row: Row) -> str:
+    return f"{row['run']} at {row['envs']} x {row['agents']}"
+
+
+def origin() -> Row:
+    """Return the commit of the source ("-dirty" where files differ), or the version without git, and today's date."""
+    command = ["git", "-C", str(ROOT), "describe", "--always", "--dirty", "--exclude", "*"]
+    commit = ""
+    if (ROOT / ".git").exists() and shutil.which("git"):
+        commit = subprocess.run(command, capture_output=True, text=True, check=False).stdout.strip()
+    return {"commit": commit or __version__, "date": datetime.date.today().isoformat()}

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, get_args
 
-from train.reporting.report import Table, make_progress, number
+from train.reporting.report import Table, make_progress
 from train.reporting.rows import Row, RowFile, read_rows, select
 from warehouse_env import __version__
 from warehouse_env.checked import Checked
@@ -18,17 +18,14 @@ from warehouse_env.errors import ConfigError
 if TYPE_CHECKING:
     from train.benchmarks.parts import Budget
 
-What = Literal[
-    "simulator", "reference", "pettingzoo", "vec_env", "policy", "training", "plan", "start",
-]  # fmt: skip
+What = Literal["simulator", "reference", "pettingzoo", "vec_env", "training"]
 
 _SMALL = 32  # robots of the single world that larger ones are compared with
 
 
 @dataclass(frozen=True)
 class Bench(Checked):
-    """Measure agent-steps/s of the simulator, the environments, a policy and the trainers, the step beside fixed work,
-    plans/s and the time to start."""
+    """Measure agent-steps/s of the simulator, environments and trainers, and the step beside fixed work in C."""
 
     only: tuple[What, ...] = ()
     """What to measure (everything if left out)."""
@@ -47,14 +44,14 @@ class Bench(Checked):
     rows: Path | None = None
     """Measure nothing: print the tables of the rows in this file, as Markdown."""
     check: bool = False
-    """Fail if a ratio of the step to its reference is a third below that of the release."""
+    """Fail if a ratio of the step to the fixed work is a third below that of the release."""
     write_release: bool = False
-    """Keep the ratios of the step to each reference as those of the release."""
+    """Keep the ratios of the step to the fixed work as those of the release."""
 
     def run(self) -> None:
         """Measure and print; a row is written as soon as it is measured."""
         from train.benchmarks.parts import PARTS
-        from train.benchmarks.release import RELEASE, judge, write_release
+        from train.benchmarks.reference import RELEASE, judge, write_release
 
         if self.rows is not None:
             print("\n".join(table.markdown() for table in tables(read_rows(self.rows))))
@@ -85,7 +82,7 @@ class Bench(Checked):
             raise ConfigError("--check and --write-release need the part `reference`: name it in --only as well")
         return Budget(
             seconds=self.seconds / 5 if self.quick else self.seconds, largest=256 if self.quick else 1024,
-            threads=self.threads, seed=self.seed, each_reference=self.write_release,
+            threads=self.threads, seed=self.seed,
         )  # fmt: skip
 
 
@@ -93,7 +90,7 @@ def measure(
     chosen: Sequence[str], parts: Mapping[str, Callable[[Budget], Iterator[Row]]], budget: Budget, file: RowFile
 ) -> list[Row]:
     """Run the chosen parts under a progress bar; return all rows, each also added to `file` at once."""
-    from train.benchmarks.release import origin
+    from train.benchmarks.reference import origin
 
     machine = {**origin(), "cores": os.cpu_count(), "machine": platform.machine(), "python": platform.python_version()}
     rows: list[Row] = []
@@ -113,27 +110,14 @@ def measure(
 
 
 def tables(rows: Sequence[Row]) -> list[Table]:
-    """Return the tables of speeds, plans and starting times, as far as they were measured."""
+    """Return the tables of speeds, and of the step beside fixed work, as far as they were measured."""
     speeds = [row for row in rows if "agent_steps_per_s" in row]
     made = [_speeds(speeds)] if speeds else []
     if own := select(rows, what="reference"):
         from train.benchmarks.reference import reference_table
 
         made.append(reference_table(own))
-    for what, make in (("plan", _plans), ("start", _starts)):
-        if own := select(rows, what=what):
-            made.append(make(own))
     return made
-
-
-def _plans(rows: Sequence[Row]) -> Table:
-    cells = tuple((row["planner"], number(row["ms"], 2), number(1000 / row["ms"], 3), row["on"]) for row in rows)
-    return Table("Plans, one core", ("planner", "median ms", "plans/s", "on"), cells)
-
-
-def _starts(rows: Sequence[Row]) -> Table:
-    cells = tuple((row["step"], number(row["seconds"], 2)) for row in rows)
-    return Table("A fresh process, compile cache warm", ("until", "seconds"), cells)
 
 
 def _speeds(rows: Sequence[Row]) -> Table:
@@ -152,7 +136,7 @@ def _speeds(rows: Sequence[Row]) -> Table:
 
 
 def ratios(rows: Sequence[Row]) -> list[str]:
-    """Return the ratios within these rows: threads over one, large single worlds over a small one, parts over whole."""
+    """Return ratios within these rows: threads over one, large single worlds over a small one, trainers over PPO."""
     lines = []
     simulator = select(rows, what="simulator")
     for row in simulator:
@@ -165,11 +149,6 @@ def ratios(rows: Sequence[Row]) -> list[str]:
     for other in select(rows, what="train_ppo"):
         trained = [row for row in rows if "trainer" in row and row is not other]
         lines += [f"{row['what']} over train_ppo: {_ratio(row, other)}" for row in trained]
-    for row in select(rows, what="policy"):
-        lines.append(
-            f"policy {_name(row)}, {row['threads']} thread(s): a step {row['step_ms']:.2f} ms, a decision "
-            f"{row['decision_ms']:.2f} ms, the two over both in turn {row['parts_over_whole']:.2f}"
-        )
     return lines
 
 
