@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from tests.simulation.reference import REAR, WHEELBASE, WIDTH, bodies, separation, shelves
 from tests.simulation.worlds import drawn, put, raw, stage
 from warehouse_env.config import EnvConfig
 from warehouse_env.maps.layouts import make_layout
@@ -58,6 +59,27 @@ def test_what_may_be_driven_touches_no_shelf_and_little_else_is_refused() -> Non
     assert counts[0, 1] > 60
     assert counts[0, 0] < 15  # refused although it touches nothing: within GRAZE
     assert coarse == 0  # a margin asks for more
+
+
+@pytest.mark.parametrize(("overlap", "touches"), [(8e-3, True), (-1e-4, False)])
+@pytest.mark.parametrize("substep", [0, 1])
+def test_a_corner_that_is_passed_between_two_samples_is_not_driven(overlap: float, touches: bool, substep: int) -> None:
+    """The right rear corner of a body that turns left swings past a shelf's corner half-way through a substep."""
+    grid, corner = drawn([".....", "...#.", ".....", ".....", "....."]), np.array([3.0, 3.0])  # the shelf north-east
+    speed, steer, dt = 0.3, -math.pi / 3, 0.05
+    radius = WHEELBASE / math.tan(math.pi / 3)  # of the axle's turn
+    far = math.hypot(REAR, WIDTH / 2 + radius)  # from the centre of the turn to the corner of the body
+    centre = corner - (far - overlap) * math.sqrt(0.5)
+    half_way = math.pi / 4 - math.atan2(-WIDTH / 2 - radius, -REAR)  # the heading where the corners meet
+    headings = half_way + speed / radius * dt * (np.arange(12) - 0.5 - substep)
+    x, y = (centre[:, None] + radius * np.stack([np.sin(headings), -np.cos(headings)])).tolist()
+    simulator = stage(grid, (x[0], y[0], float(headings[0]), speed, steer))
+    apart = separation(bodies(x, y, headings)[:, None], shelves(grid.occupied)[None]).min()
+    assert apart > 5e-5  # at every sample
+    r, p = simulator.robots[0, 0], simulator._params[0]
+    may = may_drive(r, np.float32(speed), np.float32(steer), np.float32(1.7e-4), p, simulator._floor)
+    assert may != touches
+    assert drive_and_stop(simulator, speed, steer) == touches
 
 
 @pytest.mark.parametrize(

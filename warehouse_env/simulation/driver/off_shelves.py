@@ -6,10 +6,21 @@ import numpy as np
 
 from warehouse_env.kernel import inline, part
 from warehouse_env.simulation.driver.driving import NARROW
-from warehouse_env.simulation.physics.footprint import body_touches_shelf, sweep_is_free
+from warehouse_env.simulation.physics.discs import touches_obstacle
+from warehouse_env.simulation.physics.footprint import body_touches_shelf, disc_room, sweep_is_free
 from warehouse_env.simulation.physics.geometry import Pose, body_of, grown
-from warehouse_env.simulation.physics.kinematics import approach, braking, chassis_of, curvature, drive, next_motion
+from warehouse_env.simulation.physics.kinematics import (
+    approach,
+    arc_driven,
+    braking,
+    chassis_of,
+    curvature,
+    drive,
+    next_motion,
+    way_driven,
+)
 from warehouse_env.simulation.physics.stops import REST
+from warehouse_env.simulation.physics.sweep import NOWHERE, Sweep, turns_back
 from warehouse_env.simulation.physics.trigonometry import HALF, ZERO, sin_cos
 
 GRAZE = np.float32(3e-5)  # [m] that the body then keeps off shelves
@@ -46,20 +57,30 @@ def _keeps_margin(r, next_speed, next_steer, margin, p, floor):
 def _stops_clear(r, next_speed, next_steer, p, floor):
     """Whether the body keeps GRAZE in a step to a speed and a steering angle, and in the stop after it.
 
-    Substep by substep, by the arithmetic with which contact.py moves it: nothing is left to a prediction.
+    Checks every substep as contact.py does: the same poses, and the sweep between them. A robot that is too close at
+    the start may leave.
     """
     motion = r["motion"]
     dt, chassis = p["dt"], chassis_of(p)
     x, y, heading, speed, steer = motion["x"], motion["y"], motion["heading"], motion["speed"], motion["steer"]
     acceleration, rate = (next_speed - speed) / p["time_step"], (next_steer - steer) / p["time_step"]
+    body = grown(body_of(x, y, motion["cos"], motion["sin"], p), GRAZE)
+    leaves, room = body_touches_shelf(body, floor), max(disc_room(body, floor), ZERO)
     while True:
         for _ in range(p["substeps"]):
             to_speed, to_steer = next_motion(speed, steer, acceleration, rate, chassis, dt)
             if speed != ZERO or to_speed != ZERO:
                 x, y, heading = drive((x, y, heading), speed, to_speed, steer, to_steer, chassis, dt)
                 s, c = sin_cos(heading)
-                if body_touches_shelf(grown(body_of(x, y, c, s, p), GRAZE), floor):
+                before, body = body, grown(body_of(x, y, c, s, p), GRAZE)
+                room_before, room = room, max(disc_room(body, floor), ZERO)
+                _, bend = arc_driven(speed, to_speed, steer, to_steer, chassis, dt)
+                way = way_driven(speed, to_speed, bend, p["far"], dt)
+                between = room_before + room <= way and not leaves
+                swept = Sweep(before, body, turns_back(speed, to_speed, bend, p))
+                if (between or room <= ZERO) and touches_obstacle(swept, way, between, p, floor) != NOWHERE:
                     return False
+                leaves = False
             speed, steer = to_speed, to_steer
         if abs(speed) < REST:
             return True
@@ -70,8 +91,8 @@ def _stops_clear(r, next_speed, next_steer, p, floor):
 def may_drive(r, speed, steer, margin, p, floor):
     """Whether a robot of ROBOT may go for a speed [m/s] and a steering angle [rad] in the next physics step.
 
-    It must then be able to brake with the steering that it has at the end of the step, and all the way keep `margin`
-    [m] from shelves; where that is NARROW, GRAZE, and exactly.
+    It must be able to brake with the steering at the end of that step, and keep `margin` [m] from shelves all the way.
+    A margin below NARROW is replaced by GRAZE, and checked exactly.
     """
     next_speed = approach(r["motion"]["speed"], speed, p["max_acceleration"] * p["time_step"])
     next_steer = approach(r["motion"]["steer"], steer, p["max_steer_rate"] * p["time_step"])
