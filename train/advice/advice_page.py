@@ -1,20 +1,27 @@
-"""An advice as a page: the answer, and the figures behind it."""
+"""An advice as a page: the answer, the figures behind it, and the recommended floor as files."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
 
 from agents import POLICIES
 from train.advice.answer import answer, effect_text, robots_text
 from train.advice.candidates import storage_lost
-from train.advice.changes import KINDS, Effect
+from train.advice.changes import Effect
 from train.advice.course import Advice
-from train.advice.take_away import recommended
 from train.advice.trials import BLOCK
+from train.evaluation.pictures import file_name
 from train.reporting.page import Link, Page, PagePart, Shown, made_by
 from train.reporting.report import Table, difference, number, with_interval
+from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.maps.halls import lif, route_graph
+from warehouse_env.maps.halls.saved import write_hall
 from warehouse_env.render import report_charts
 from warehouse_env.render.heat_maps import Panel, heat_maps
+
+FOLDER = "floor"  # beside the page
 
 
 def advice_page(advice: Advice, hall: Sequence[PagePart] = (), files: Sequence[Link] = ()) -> Page:
@@ -34,14 +41,49 @@ def advice_page(advice: Advice, hall: Sequence[PagePart] = (), files: Sequence[L
     return Page(title, subtitle, answer(advice), parts)
 
 
+class Recommended(NamedTuple):
+    """A floor to take away."""
+
+    grid: GridMap
+    effect: Effect | None  # the change, None: the floor as it is
+
+
+def recommended(advice: Advice) -> Recommended:
+    """Return the floor with the one change that surely gains most; changes were not measured together."""
+    gains = [effect for effect in advice.effects if effect.told and effect.gain.mean > 0]
+    best = max(gains, key=lambda effect: effect.gain.mean, default=None)
+    return Recommended(advice.plan.grid if best is None else best.candidate.grid, best)
+
+
+def write_floor(advice: Advice, out: Path) -> list[Link]:
+    """Write the recommended floor's files to OUT/floor; return links to them."""
+    grid, folder = recommended(advice).grid, out / FOLDER
+    folder.mkdir(parents=True, exist_ok=True)
+    stem = file_name(grid.name)
+    floor, lanes, graph = (folder / f"{stem}{suffix}" for suffix in (".yaml", lif.SUFFIX, route_graph.SUFFIX))
+    how = write_hall(grid, floor).removeprefix(str(floor))
+    lif.write_lif(grid, lanes)
+    route_graph.write_route_graph(grid, graph)
+    text = "map_server, a pixel a cell, with pick faces, stations and arrows beside it; every command reads it as"
+    return [
+        Link(f"{FOLDER}/{path.name}", title, f"{path.name}: {what}")
+        for path, title, what in (
+            (floor, "Map", f"{text} --map {floor.name}{how}"),
+            (lanes, "Lanes as LIF 1.0.0", "nodes, edges and stations, with one-way rules"),
+            (graph, "Lanes for Nav2", "nodes, edges and stations, with one-way rules"),
+        )
+    ]
+
+
 def _to_take_away(advice: Advice, files: Sequence[Link]) -> PagePart:
     """Return the files of the recommended floor."""
-    found, label = recommended(advice), "The floor to take away"
-    pictures = []
-    if found.effect is not None:
-        drawing = heat_maps([_panel(found.effect, "", advice, heat=False)], "", label)
-        pictures = [Shown(drawing, f"{label}, in green what is changed.")]
-    return PagePart(label, f"This is {found.words}.", pictures, links=files)
+    effect, label = recommended(advice).effect, "The floor to take away"
+    if effect is None:
+        return PagePart(label, "This is the floor as it is, since no change is known to gain anything.", links=files)
+    drawing = heat_maps([_panel(effect, "", advice, heat=False)], "", label)
+    stands = "; on your own map these shelves still stand" if effect.candidate.kind == "aisle" else ""
+    words = f"This is the floor with the change that gains most by itself: {effect.candidate.text}{stands}."
+    return PagePart(label, words, [Shown(drawing, f"{label}, in green what is changed.")], links=files)
 
 
 def _throughput(advice: Advice) -> Shown:
@@ -121,8 +163,7 @@ def _changes(advice: Advice) -> list[Shown]:
     if not advice.effects:
         return []
     aim = advice.plan.aim
-    placed = [effect for effect in advice.effects if effect.candidate.changed.any()]
-    drawn_at = dict(zip("ABCD", placed, strict=False))
+    drawn_at = dict(zip("AB", advice.effects, strict=False))
     panels = [_panel(effect, letter, advice) for letter, effect in drawn_at.items()]
     label = "The changes that were measured"
     said = " ".join(
@@ -134,14 +175,13 @@ def _changes(advice: Advice) -> list[Shown]:
     differences = f"{aim.gained.capitalize()} per hour of all robots, difference from the floor as it is"
     below = f"{differences}: paired, with intervals; blue and filled if the interval excludes 0."
     drawn = report_charts.differences({"measured": pairs}, differences, f"{aim.gained} per hour")
-    maps = [Shown(heat_maps(panels, "standing [s per hour]", label), caption)] if panels else []
-    return [*maps, Shown(drawn, below)]
+    return [Shown(heat_maps(panels, "standing [s per hour]", label), caption), Shown(drawn, below)]
 
 
 def _panel(effect: Effect, letter: str, advice: Advice, heat: bool = True) -> Panel:
     """Return the floor with a change, over where robots wait."""
     one, way = effect.candidate, effect.candidate.kind == "one-way"
-    grid = advice.plan.grid if heat and one.kind in KINDS else one.grid
+    grid = advice.plan.grid if heat else one.grid
     title = f"{letter}: {one.kind}" if letter else ""
     waiting = advice.floor.waiting if heat else None
     return Panel(title, grid, waiting, opened=None if way else one.changed, one_way=one.grid.one_way if way else None)

@@ -7,10 +7,9 @@ import re
 from collections.abc import Iterator
 
 from train.advice.aim import FELL, GOALS, Aim
-from train.advice.asked import SURE, RobotsNeeded
 from train.advice.candidates import Candidate, Kind, storage_lost
-from train.advice.capacity import Capacity
-from train.advice.changes import PAIRS, Effect, kinds
+from train.advice.capacity import SURE, Capacity, RobotsNeeded
+from train.advice.changes import KINDS, PAIRS, Effect
 from train.advice.course import Advice
 from train.advice.curve import STUCK, LoadPoint, peak
 from train.advice.trials import AdvicePlan
@@ -21,9 +20,7 @@ from warehouse_env.config import RobotSpec
 from warehouse_env.maps.grid_map import GridMap
 
 NAMED = 3  # bottlenecks named in words
-_HEADS: dict[Kind, str] = {
-    "aisle": "One more aisle", "one-way": "A one-way rule", "stations": "Stations", "chargers": "Chargers"
-}  # fmt: skip
+_HEADS: dict[Kind, str] = {"aisle": "One more aisle", "one-way": "A one-way rule"}
 
 
 def answer(advice: Advice) -> list[str]:
@@ -31,7 +28,7 @@ def answer(advice: Advice) -> list[str]:
     plan, capacity = advice.plan, advice.capacity
     parts = [asked_text(advice.asked, capacity, plan.aim)] if advice.asked else []
     parts += [" ".join(_most(advice)), _knee(capacity, plan.aim), " ".join(_jam(advice)), " ".join(_policy(advice))]
-    parts += [" ".join(_bottlenecks(advice)), *(_changes(advice, kind) for kind in kinds(plan))]
+    parts += [" ".join(_bottlenecks(advice)), *(_changes(advice, kind) for kind in KINDS)]
     if plan.narrow:
         parts.append(f"**Not all of the floor is for these robots**: {'; '.join(plan.narrow)}.")
     return [part for part in (*parts, _basis(plan)) if part]
@@ -138,18 +135,17 @@ def _bottlenecks(advice: Advice) -> Iterator[str]:
 
 
 def _changes(advice: Advice, kind: Kind) -> str:
-    """Say what the measured changes of a kind gain."""
-    own, head = [effect for effect in advice.effects if effect.candidate.kind == kind], f"**{_HEADS[kind]}**"
-    if not own and not advice.sought:
+    """Say what the best change of a kind gains."""
+    effect = next((one for one in advice.effects if one.candidate.kind == kind), None)
+    head = f"**{_HEADS[kind]}**"
+    if effect is None and not advice.sought:
         return f"{head}: there was no time to try any."
-    if not own:
+    if effect is None:
         return f"{head}: no change of this kind is possible." if advice.bottlenecks else ""
-    aim, told = advice.plan.aim, []
-    for effect in own:
-        best = f"the best of {effect.tried} tried is " if effect.tried > 1 else ""
-        cost = f"; it costs {storage_text(advice.plan.grid, effect.candidate)}" if kind == "aisle" else ""
-        told.append(f"{best}{effect.candidate.text}: {effect_text(effect, aim)}{cost}")
-    return f"{head} with {counted(advice.crew.robots, 'robot')}: {'; '.join(told)}."
+    best = f"the best of {effect.tried} tried is " if effect.tried > 1 else ""
+    cost = f"; it costs {storage_text(advice.plan.grid, effect.candidate)}" if kind == "aisle" else ""
+    said = f"{best}{effect.candidate.text}: {effect_text(effect, advice.plan.aim)}{cost}"
+    return f"{head} with {counted(advice.crew.robots, 'robot')}: {said}."
 
 
 def storage_text(grid: GridMap, one: Candidate) -> str:

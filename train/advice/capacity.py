@@ -1,20 +1,22 @@
 """How many robots a floor bears: the best policy there, the number that makes most, the knee, the jam.
 
-The choice is measured again on seeds that had no part in it.
+Also the fewest robots that make what is asked for. Each choice is measured again on seeds that had no part in it.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
+import numpy as np
+
 from train.advice.aim import GOALS
-from train.advice.curve import LoadPoint, jams_from, knee, loads, peak, rungs, smallest
-from train.advice.race import FEWEST, mean
-from train.advice.study import Team, TrialRuns
+from train.advice.curve import LoadPoint, bracket, fewest_that, jams_from, knee, loads, peak, rungs, smallest
+from train.advice.study import Team, TrialRuns, best_of
 from train.advice.trials import AdvicePlan, Use
 from train.reporting.columns import MEASURES
-from train.reporting.rows import Interval
+from train.reporting.rows import Interval, mean_interval
 
 FIRST = 8  # robots, with which the search begins
 SCOUTS = 2  # episodes of each number of robots, to find the best
@@ -22,6 +24,10 @@ ROUNDS = 8  # of a race, at most
 STEADY = 4  # episodes of each number of robots, for the knee and the jam
 CONFIRMED = 12  # episodes of the choice on new seeds, if there is time
 ALONE = 40  # episodes of one robot alone, which are quick and vary much; with orders they are long and vary little
+LOOKS = (4, 8, 12, 16)  # episodes of a number, until it is clear whether it makes what is asked for
+ANSWERS = 12  # episodes on new seeds of a number that may be the answer
+TRIES = 3  # of such numbers, at most
+SURE = 1 - 0.05 / TRIES  # of each interval, so that all together hold with 95%
 _UP, _POLICY, _LOAD, _CONFIRM, _CURVE = 0.3, 0.4, 0.5, 0.58, 0.65  # of the time, when each part ends
 
 
@@ -49,7 +55,7 @@ def capacity(study: TrialRuns) -> Capacity:
     crew = _choose_load(study, crew, stopped)
     (rows,) = study.rows([Team(crew.policy, 1)], alone_seeds(study.plan))
     alone = loads({1: rows}, study.plan.aim)[0].goals
-    confirm(study, crew)
+    study.repeat([crew], Use.CONFIRM, CONFIRMED, _CONFIRM)
     below, above = rungs(1, crew.robots)[::-1], rungs(crew.robots, most)
     for numbers, what in ((below, "the numbers below were driven"), (above, "the number that jams was found")):
         if not _sweep(study, crew.policy, numbers, STEADY, _CURVE, until_jam=True):
@@ -81,8 +87,9 @@ def _choose_policy(study: TrialRuns, robots: int, stopped: list[str]) -> tuple[T
     policies, counts = study.plan.policies, sorted({max(1, robots // 2), robots})
     crews = [Team(policy, count) for policy in policies for count in counts]
     raced = study.race(crews, ROUNDS, _POLICY, lambda left: len({crew.policy for crew in left}) == 1)
-    if raced.values[crews[0]]:
-        return raced.best, True
+    best = best_of(raced)
+    if raced[best]:
+        return best, True
     if len(policies) > 1:
         stopped.append("the policies were raced")
     return Team(policies[0], robots), False
@@ -97,8 +104,8 @@ def _choose_load(study: TrialRuns, crew: Team, stopped: list[str]) -> Team:
         jammed = {load.robots for load in study.loads(crew.policy) if load.jammed and load.robots != centre}
         counts = [one for one in rungs(max(1, centre // 2), min(2 * centre, study.plan.most)) if one not in jammed]
         raced = study.race([Team(crew.policy, count) for count in counts], ROUNDS, _LOAD)
-        best = raced.best.robots
-        if not raced.values[raced.best]:
+        best = best_of(raced).robots
+        if not any(raced.values()):
             if len(counts) > 1:
                 stopped.append("numbers in between were tried")
             study.rows([Team(crew.policy, centre)], study.plan.seeds(Use.CHOOSE, study.plan.at_most(SCOUTS)))
@@ -106,8 +113,7 @@ def _choose_load(study: TrialRuns, crew: Team, stopped: list[str]) -> Team:
         if best not in (counts[0], counts[-1]) or best in tried:
             break
         centre = best
-    means = {one.robots: mean(raced.values[one]) for one in raced.left}
-    return Team(crew.policy, smallest(means, list(means)))
+    return Team(crew.policy, smallest({one.robots: float(np.mean(values)) for one, values in raced.items()}))
 
 
 def alone_seeds(plan: AdvicePlan) -> range:
@@ -115,18 +121,47 @@ def alone_seeds(plan: AdvicePlan) -> range:
     return plan.seeds(Use.ALONE, plan.at_most(ALONE if plan.aim is GOALS else STEADY))
 
 
-def confirm(study: TrialRuns, crew: Team, episodes: int = CONFIRMED, share: float = _CONFIRM) -> None:
-    """Drive a crew on new seeds, at least FEWEST times and as often as there is time."""
-    plan = study.plan
-    done, most = 0, plan.at_most(episodes)
-    while done < most:
-        done = min(most, max(FEWEST, done + plan.processes))
-        seeds = plan.seeds(Use.CONFIRM, done)
-        if done > FEWEST and not study.affords([crew], seeds, share):
-            return
-        study.rows([crew], seeds)
-
-
 def confirmed(study: TrialRuns, crew: Team) -> LoadPoint:
     """Return what a crew made on new seeds."""
     return next(load for load in study.loads(crew.policy, Use.CONFIRM) if load.robots == crew.robots)
+
+
+class RobotsNeeded(NamedTuple):
+    """What it takes to make the goals an hour, or the share of orders in time, asked for."""
+
+    wanted: float  # goals per hour, or the share
+    robots: int | None  # that make them, None if no number surely does
+    goals: Interval  # what those make, at SURE; else what the best make
+
+    @property
+    def possible(self) -> bool:
+        """Whether the floor may bear it."""
+        return not self.goals.high < self.wanted
+
+
+def robots_needed(study: TrialRuns, capacity: Capacity, share: float) -> RobotsNeeded:
+    """Return the fewest robots of the chosen policy that make what the plan wants, if the floor can."""
+    plan, policy = study.plan, capacity.crew.policy
+    wanted = plan.wanted or 0.0
+    none = RobotsNeeded(wanted, None, capacity.goals.asked)
+    ends = bracket(capacity.loads, wanted)
+    if ends is None:
+        return none
+
+    def reaches(robots: int) -> bool:
+        crew, made = Team(policy, robots), Interval(0.0, -math.inf, math.inf, 0)
+        for episodes in LOOKS:
+            seeds = plan.seeds(Use.ASK, plan.at_most(episodes))
+            if not made.low < wanted <= made.high or not study.affords([crew], seeds, share):
+                break
+            made = mean_interval(map(plan.aim.asked, *study.rows([crew], seeds)))
+        return made.low >= wanted
+
+    number = fewest_that(reaches, *ends)
+    for _ in range(TRIES):
+        (rows,) = study.rows([Team(policy, number)], plan.seeds(Use.ANSWER, plan.at_most(ANSWERS)))
+        made = mean_interval(map(plan.aim.asked, rows), SURE)
+        if made.low >= wanted:
+            return RobotsNeeded(wanted, number, made)
+        number = min(plan.most, number + max(1, number // 16))
+    return none

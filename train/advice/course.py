@@ -7,13 +7,21 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from train.advice import changes, fittings
-from train.advice.asked import RobotsNeeded, asked
-from train.advice.candidates import Bottleneck, bottlenecks, draw_trips, passing, plan_trips, traffic
-from train.advice.capacity import FIRST, SCOUTS, Capacity, alone_seeds, capacity, confirm, confirmed
+from train.advice import changes
+from train.advice.capacity import (
+    FIRST,
+    SCOUTS,
+    Capacity,
+    RobotsNeeded,
+    alone_seeds,
+    capacity,
+    confirmed,
+    robots_needed,
+)
 from train.advice.changes import Effect
 from train.advice.study import Team, TrialRuns
 from train.advice.trials import AdvicePlan, Drive, TimeBudget, Use
+from train.advice.trips import Bottleneck, bottlenecks, draw_trips, plan_trips, traffic
 from train.evaluation.places import FloorNotes, floor_of_notes
 
 _ASKED = 0.75  # of the time, when the number of robots for the goals asked for is found
@@ -38,18 +46,17 @@ def advise(plan: AdvicePlan, drive: Drive, clock: TimeBudget) -> Advice:
     """Find out everything in the time given; the time begins after the first episodes, which may compile kernels."""
     study = _begun(plan, drive, clock)
     trips = draw_trips(plan.grid, plan.seed)
-    routes = plan_trips(plan.grid, trips)
-    visits, flow = passing(routes, plan.grid.shape), traffic(routes, plan.grid.shape)
+    visits, moves, _ = traffic(plan_trips(plan.grid, trips), plan.grid.shape)
     found = capacity(study)
-    answered = asked(study, found, _ASKED) if plan.wanted is not None else None
+    answered = robots_needed(study, found, _ASKED) if plan.wanted is not None else None
     crew = Team(found.crew.policy, answered.robots if answered and answered.robots else found.crew.robots)
     worst = _places(study, crew, visits)[1]
-    most = changes.affordable(clock.left, study.seconds(crew.robots), 2 * len(fittings.kinds(plan.work)))
-    chosen = changes.options(plan, worst, trips, flow, crew, most)
+    most = changes.affordable(clock.left, study.seconds(crew.robots))
+    chosen = changes.options(plan, worst, trips, moves, crew.robots, most)
     if not chosen and plan.episodes is None:
-        confirm(study, found.crew, _MOST, 1.0)
+        study.repeat([found.crew], Use.CONFIRM, _MOST, 1.0)
         found = found._replace(goals=confirmed(study, found.crew))
-    effects = changes.effects(plan, chosen, crew, drive, clock)
+    effects = changes.effects(study, chosen, crew)
     return Advice(plan, crew, found, answered, *_places(study, crew, visits), visits, effects, most > 0)
 
 

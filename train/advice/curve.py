@@ -75,10 +75,9 @@ def rungs(low: int, high: int) -> list[int]:
     return sorted({number for number in takewhile(lambda one: one <= 2 * high, both) if low <= number <= high} | {high})
 
 
-def smallest(means: Mapping[int, float], left: Sequence[int]) -> int:
-    """Return the smallest number of `left` that comes NEAR to the best."""
-    best = max(means[robots] for robots in left)
-    return min(robots for robots in left if means[robots] >= NEAR * best)
+def smallest(means: Mapping[int, float]) -> int:
+    """Return the smallest number of robots whose mean comes NEAR to the best."""
+    return min(robots for robots, mean in means.items() if mean >= NEAR * max(means.values()))
 
 
 def knee(found: Sequence[LoadPoint], alone: Interval, seed: int) -> Interval | None:
@@ -110,7 +109,9 @@ def _draws(mean: Interval, rng: np.random.Generator) -> NDArray[np.float64]:
 
 def _crossing(means: NDArray[np.float64], widths: NDArray[np.float64], middles: NDArray[np.float64]) -> float:
     """Return where slopes fall to HALF of means[0], else infinity; means[1:] are at the ends of the widths."""
-    slopes = falling(np.diff([0.0, *means[1:]]) / widths, widths)
+    from scipy.optimize import isotonic_regression  # not when this is loaded, which takes long
+
+    slopes = isotonic_regression(np.diff([0.0, *means[1:]]) / widths, weights=widths, increasing=False).x
     slopes, middles = np.concatenate([[max(means[0], slopes[0])], slopes]), np.concatenate([[0.0], middles])
     below = np.flatnonzero(slopes < HALF * means[0])
     if not len(below):
@@ -118,17 +119,6 @@ def _crossing(means: NDArray[np.float64], widths: NDArray[np.float64], middles: 
     k = int(below[0])
     share = (slopes[k - 1] - HALF * means[0]) / (slopes[k - 1] - slopes[k])
     return float(middles[k - 1] + share * (middles[k] - middles[k - 1]))
-
-
-def falling(values: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the non-increasing values nearest to `values` by weighted squares (pool adjacent violators)."""
-    pools: list[tuple[float, float, int]] = []  # mean, weight, members
-    for value, weight in zip(values.tolist(), weights.tolist(), strict=True):
-        pools.append((value, weight, 1))
-        while len(pools) > 1 and pools[-2][0] < pools[-1][0]:
-            (one, of, n), (other, by, m) = pools[-2:]
-            pools[-2:] = [((one * of + other * by) / (of + by), of + by, n + m)]
-    return np.repeat([mean for mean, _, _ in pools], [members for _, _, members in pools])
 
 
 def fewest_that(reaches: Callable[[int], bool], low: int, high: int) -> int:

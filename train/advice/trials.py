@@ -10,7 +10,6 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
-from types import MappingProxyType
 from typing import Any
 
 from train.advice.aim import GOALS, ORDERS, Aim, OrdersSoFar
@@ -130,21 +129,16 @@ class AdvicePlan:
         """What the floor is judged by."""
         return ORDERS if "orders" in self.work else GOALS
 
-    def trials(
-        self, grid: GridMap, policy: str, robots: int, seeds: Sequence[int], floor: str = AS_IS,
-        work: Mapping[str, Any] = MappingProxyType({}),
-    ) -> list[Trial]:  # fmt: skip
-        """Return an episode for each seed; work: replaces fields of the plan's own.
+    def trials(self, grid: GridMap, policy: str, robots: int, seeds: Sequence[int], floor: str = AS_IS) -> list[Trial]:
+        """Return an episode for each seed.
 
         A robot alone is of each kind in turn, in proportion to the fleet's shares.
         """
         turns = [(seed - self.seed) % BLOCK if robots == 1 else 0 for seed in seeds]
         return [
-            Trial(
-                floor, grid, policy, robots, seed, self.seconds, self.planner, {**self.given(robots, turn), **work}
-            )
+            Trial(floor, grid, policy, robots, seed, self.seconds, self.planner, self.given(robots, turn))
             for seed, turn in zip(seeds, turns, strict=True)
-        ]  # fmt: skip
+        ]
 
     def given(self, robots: int, first: int = 0) -> dict[str, Any]:
         """Return the fields of EnvConfig that robots have; first: see Kinds.of."""

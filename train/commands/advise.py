@@ -14,12 +14,11 @@ from pathlib import Path
 from typing import Annotated, ClassVar
 
 from agents import POLICIES, make_policy, policy_config
-from train.advice.advice_page import advice_page, changes_table, loads_table, places_table
+from train.advice.advice_page import FOLDER, advice_page, changes_table, loads_table, places_table, write_floor
 from train.advice.answer import answer
 from train.advice.course import advise
 from train.advice.hall_part import hall_parts
 from train.advice.room import for_kinds, most_with_a_start
-from train.advice.take_away import FOLDER, write_floor
 from train.advice.trials import AdvicePlan, TimeBudget
 from train.commands.evaluate import GOES_ON
 from train.commands.kinds import Fleet
@@ -50,9 +49,8 @@ class Advise(Fleet, Work, WorkerOptions):
 
     Robots drive between pick faces and stations: more and more of them, then around the best number, under the policy
     that drives best there. The choice is measured again on new seeds. Then aisles are opened at the worst bottlenecks
-    and made one way, in pairs of episodes with the floor as it is. If robots are served, carry out orders or charge,
-    they are judged by that, and one more and one fewer station and charger are tried, too. Example:
-    warehouse advise --map hall.map --minutes 10 --goals 4000
+    and made one way, in pairs of episodes with the floor as it is. Robots that carry out orders are judged by those.
+    Example: warehouse advise --map hall.map --minutes 10 --goals 4000
     """
 
     layout: Annotated[str | None, BY_MAP] = None

@@ -19,6 +19,13 @@ def floor_of(*lines: str, **more: Any) -> GridMap:
     return GridMap(np.array([[letter == "#" for letter in line] for line in lines]), name="hall", **more)
 
 
+# Two racks of 2 x 4 cells, an aisle of one cell between them, ways of one cell around.
+RACKS = floor_of(
+    "......", ".####.", ".####.", "......", ".####.", ".####.", "......",
+    picks=[(3, 2), (0, 2)], stations=[(0, 0), (6, 5)],
+)  # fmt: skip
+
+
 def driver(
     curves: Mapping[str, Curve], noise: float = 0.0, stuck: Callable[[float], float] = lambda robots: 0.0,
     changed: Mapping[str, float] = {}, salt: int = 0, seconds: Callable[[float], float] = lambda robots: 0.0,

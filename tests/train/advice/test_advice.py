@@ -1,4 +1,4 @@
-"""Advice: bottlenecks and changes by hand, its words, and the command."""
+"""Advice: changes by hand, its words, and the command."""
 
 from __future__ import annotations
 
@@ -9,67 +9,21 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.train.advice.floors import floor_of
+from tests.train.advice.floors import RACKS, floor_of
 from train.advice import changes
 from train.advice.answer import answer
-from train.advice.asked import RobotsNeeded
-from train.advice.candidates import (
-    EAST,
-    WEST,
-    Bottleneck,
-    aisles,
-    alternating,
-    bottlenecks,
-    choose,
-    cut_off,
-    expected_cost,
-    one_ways,
-    passing,
-    traffic,
-)
-from train.advice.capacity import Capacity
+from train.advice.candidates import EAST, WEST, aisles, alternating, choose, cut_off, one_ways
+from train.advice.capacity import Capacity, RobotsNeeded
 from train.advice.changes import Effect
 from train.advice.course import Advice
 from train.advice.curve import LoadPoint
 from train.advice.study import Team
 from train.advice.trials import AdvicePlan
+from train.advice.trips import Bottleneck, expected_cost
 from train.cli import main
 from train.evaluation.places import FloorNotes
 from train.reporting.rows import Interval, read_rows
 from warehouse_env.maps.movingai import write_map
-
-# Two racks of 2 x 4 cells, an aisle of one cell between them, ways of one cell around.
-RACKS = floor_of(
-    "......",
-    ".####.",
-    ".####.",
-    "......",
-    ".####.",
-    ".####.",
-    "......",
-    picks=[(3, 2), (0, 2)],
-    stations=[(0, 0), (6, 5)],
-)
-
-
-def test_traffic_of_two_routes_by_hand() -> None:
-    routes = [np.array([(0, 0), (0, 1), (1, 2)]), np.array([(0, 1), (0, 0)])]
-    flow, visits = traffic(routes, (2, 3)), passing(routes, (2, 3))
-    assert flow[0, 0, 0] == 0.5  # east
-    assert flow[0, 1, 7] == 0.5  # south-east
-    assert flow[0, 1, 4] == 0.5  # west
-    assert flow.sum() == 1.5
-    assert visits.tolist() == [[1.0, 1.0, 0.0], [0.0, 0.0, 0.5]]
-
-
-def test_bottlenecks_say_where_in_metres_and_how_much() -> None:
-    waiting = np.zeros((7, 6))
-    waiting[3, 3], waiting[6, 0] = 30.0, 10.0
-    visits = np.zeros((7, 6))
-    visits[3, 4] = 0.25
-    first, second = bottlenecks(RACKS, waiting, visits)
-    assert first == Bottleneck((3, 3), 3.5, 3.5, 30.0, 0.75, 0.25)
-    assert second[:4] == ((6, 0), 0.5, 0.5, 10.0)
 
 
 def test_aisles_open_gaps_faces_and_whole_lines() -> None:

@@ -9,10 +9,9 @@ from typing import Any
 import pytest
 
 from tests.train.advice.floors import Curve, Slow, driver, floor_of, plan_of
-from train.advice.asked import asked
-from train.advice.capacity import Capacity, capacity
+from train.advice.capacity import Capacity, capacity, robots_needed
 from train.advice.course import advise
-from train.advice.study import TrialRuns
+from train.advice.study import TrialRuns, best_of, race
 from train.advice.trials import TimeBudget, Trial
 
 HALL = floor_of(*["." * 48] * 48)  # 2,304 cells
@@ -128,7 +127,7 @@ def test_the_fewest_that_make_so_many_goals(salt: int) -> None:
     curve = peaked(60.0)
     plan = plan_of(HALL, wanted=3000.0, episodes=12)
     study = TrialRuns(plan, driver({"ours": curve}, 0.03, salt=salt), TimeBudget(None))
-    one = asked(study, capacity(study), 1.0)
+    one = robots_needed(study, capacity(study), 1.0)
     fewest = next(robots for robots in range(60) if curve(robots) >= 3000.0)
     assert one.robots is not None
     assert fewest <= one.robots <= 1.25 * fewest
@@ -137,5 +136,21 @@ def test_the_fewest_that_make_so_many_goals(salt: int) -> None:
 
 def test_goals_that_a_floor_cannot_make_are_called_so() -> None:
     study = TrialRuns(plan_of(HALL, wanted=5000.0), driver({"ours": peaked(30.0)}, 0.02), TimeBudget(None))
-    one = asked(study, capacity(study), 1.0)  # the most is 200 * 30 / e = 2,207
+    one = robots_needed(study, capacity(study), 1.0)  # the most is 200 * 30 / e = 2,207
     assert (one.robots, one.possible) == (None, False)
+
+
+def run(marks: dict[str, Sequence[float]], last: int = 99) -> dict[str, list[float]]:
+    """Race four rounds; last: the round before which there is no more time."""
+    return race(
+        marks, lambda left, number: [marks[arm][number] for arm in left], 4, lambda left, n: len(left) > 1 and n < last
+    )
+
+
+def test_arms_that_are_significantly_worse_are_dropped_after_three_rounds() -> None:
+    raced = run({"best": [9, 10, 11, 10], "near": [8, 11, 10, 10], "far": [1, 2, 3, 2]})
+    assert {arm: len(values) for arm, values in raced.items()} == {"best": 4, "near": 4}
+    assert best_of(raced) == "best"
+    assert run({"best": [9, 10, 11, 10], "far": [1, 2, 3, 2]}) == {"best": [9, 10, 11]}
+    assert list(run({"best": [9, 9], "far": [1, 1]}, last=2)) == ["best", "far"]  # of two rounds nothing is told
+    assert run({"best": [9, 9], "far": [1, 1]}, last=0) == {"best": [], "far": []}

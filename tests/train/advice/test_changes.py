@@ -12,7 +12,7 @@ import pytest
 from tests.train.advice.floors import driver, floor_of, plan_of
 from train.advice.candidates import Candidate, storage_lost
 from train.advice.changes import PAIRS, Effect, affordable, effects
-from train.advice.study import Team
+from train.advice.study import Team, TrialRuns
 from train.advice.trials import TimeBudget, Trial
 
 HALL = floor_of(*["............"] * 10)
@@ -26,7 +26,7 @@ def tried(salt: int, pairs: int = PAIRS, **changed: float) -> list[Effect]:
     """Return the effects of six changes of each kind, in noise of 3%; changed: what some bring, "_" for a blank."""
     gains = {name.replace("_", " "): gain for name, gain in changed.items()}
     drive = driver({"ours": lambda robots: 4000.0}, 0.03, changed=gains, salt=salt)
-    return effects(plan_of(HALL, episodes=pairs), [*AISLES, *RULES], CREW, drive, TimeBudget(None))
+    return effects(TrialRuns(plan_of(HALL, episodes=pairs), drive, TimeBudget(None)), [*AISLES, *RULES], CREW)
 
 
 def test_noise_is_called_a_gain_on_at_most_one_floor_in_twenty() -> None:
@@ -70,15 +70,14 @@ def test_storage_that_an_aisle_costs() -> None:
     assert lost.faces > 0
 
 
-def test_a_single_change_needs_no_race_and_stations_are_not_raced() -> None:
+def test_a_single_change_needs_no_race() -> None:
     driven: list[str] = []
 
     def drive(trials: Sequence[Trial]) -> list[dict[str, Any]]:
         driven.extend(trial.floor for trial in trials)
         return driver({"ours": lambda robots: 4000.0})(trials)
 
-    stations = [Candidate("stations", f"{k} stations", HALL, NOTHING) for k in (3, 5)]
-    found = effects(plan_of(HALL), [AISLES[0], *stations], CREW, drive, TimeBudget(None))
-    assert [effect.tried for effect in found] == [1, 1, 1]
-    assert all(driven.count(floor) == 6 for floor in ("as it is", "aisle 0", "3 stations", "5 stations"))
-    assert effects(plan_of(HALL), [], CREW, drive, TimeBudget(None)) == []
+    study = TrialRuns(plan_of(HALL), drive, TimeBudget(None))
+    assert [effect.tried for effect in effects(study, AISLES[:1], CREW)] == [1]
+    assert all(driven.count(floor) == 6 for floor in ("as it is", "aisle 0"))
+    assert effects(study, [], CREW) == []

@@ -7,8 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.train.advice.floors import floor_of, plan_of
-from tests.train.advice.test_advice import RACKS
+from tests.train.advice.floors import RACKS, floor_of, plan_of
 from train.advice import room
 from train.advice.room import for_kinds, most_with_a_start
 from train.advice.trials import AdvicePlan, Use
