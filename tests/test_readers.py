@@ -101,6 +101,7 @@ MAY_READ = {
     "train.reporting.page": "ships with the package",
     "train.fleet.check": "ships with the package",
     "train.tables.runner": "sources of this package",
+    "train.tables.catalogue": "ships with the package",
     "warehouse_env.render.video": "what it has just written",
     "train.reporting.rows": "counts what its own output replaces",
     "train.reporting.lock": "its own lock",

@@ -1,4 +1,4 @@
-"""The study of `warehouse tables planners`: 200 pairs of cells on each of five floors, by every planner."""
+"""The floors of `warehouse tables planners`: 200 pairs of cells on each of five."""
 
 from __future__ import annotations
 
@@ -7,11 +7,10 @@ import zlib
 
 import numpy as np
 
-from train.tables.study import TableSetting, TableStudy, TableSystem, TableTask
+from train.tables.study import TableSetting, TableTask
 from warehouse_env.maps.generators import blocks, random_floor
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import make_layout
-from warehouse_env.planning import PLANNERS
 
 PAIRS = 200
 
@@ -34,7 +33,7 @@ def _clutter(share: float, name: str) -> GridMap:
     return dataclasses.replace(random_floor(46, 46, share=share, seed=0), name=name)
 
 
-def settings() -> tuple[TableSetting, ...]:
+def pairs_on_floors() -> tuple[TableSetting, ...]:
     """Return the floors, each with pairs of distinct cells drawn evenly from its largest region."""
     floors = (make_layout("paper46"), make_layout("narrow"), _clutter(0.20, "clutter20"), _clutter(0.35, "clutter35"))
     made = []
@@ -44,17 +43,3 @@ def settings() -> tuple[TableSetting, ...]:
         tasks = (TableTask(grid, (start[0], start[1]), (goal[0], goal[1])) for start, goal in pairs)
         made.append(TableSetting(grid.name, tuple(tasks)))
     return tuple(made)
-
-
-STUDIES = (
-    TableStudy(
-        name="planners",
-        paper="All planners at their defaults",
-        title="Every planner on the same pairs of cells",
-        settings=settings,
-        systems=tuple(TableSystem(name, name) for name in PLANNERS),
-        runs=10,
-        measures=("found_share", "gap", "optimal_share", "turns", "min_turns", "clearance", "ms"),
-        note="Gap, turns and clearance are those of the runs that found a path. A sample is a pair of cells.",
-    ),
-)

@@ -6,7 +6,6 @@ A job is a block: all runs of one system on one task. Its rows are known again b
 from __future__ import annotations
 
 import hashlib
-import importlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -20,15 +19,14 @@ from train.evaluation.jobs import Job, Result, Tick, of_all_runs
 from train.evaluation.planning_runs import make_task, plan_once
 from train.reporting.report import Table, number, with_interval
 from train.reporting.rows import Row
+from train.tables.catalogue import EXPERIMENTS, PAPERS, settings_of, studies_of
 from train.tables.measures import MEASURES, TableFigures
 from train.tables.options import TableOptions
 from train.tables.planners import PAIRS
-from train.tables.study import ClaimVerdict, Published, TableSetting, TableStudy, TableSystem, TableTask
+from train.tables.study import ClaimVerdict, PrintedLine, TableStudy, TableSystem, TableTask
 from train.tables.verdicts import RULE, judge, verdict_counts
 from warehouse_env.errors import unknown_name
 
-PAPERS = {number: f"train.tables.papers.paper{number}" for number in ("000", "001", "002", "003", "004")}
-PLANNERS_STUDY = "train.tables.planners"
 PLANNING = ("warehouse_env/maps", "warehouse_env/planning")  # the code that makes a plan
 DRIVING = ("warehouse_env", "agents", "train/evaluation", "train/tables")  # the code that makes an experiment's row
 INTERVALS = (
@@ -36,18 +34,6 @@ INTERVALS = (
     "Wilson's score for shares on one map. n: runs of each system, times maps. Lengths in cells; times are medians of "
     "processor time in milliseconds, without compilation. Lines in italics are printed in the paper."
 )
-
-
-@cache
-def studies_of(module: str) -> dict[str, TableStudy]:
-    """Return the studies of a module by name."""
-    return {study.name: study for study in importlib.import_module(module).STUDIES}
-
-
-@cache
-def settings_of(module: str, study: str) -> dict[str, TableSetting]:
-    """Return the settings of a study by name, built once in a process."""
-    return {setting.name: setting for setting in studies_of(module)[study].settings()}
 
 
 @cache
@@ -62,7 +48,7 @@ def code_of(*rooms: str) -> str:
 class PlanBlock(Job):
     """All runs of one system on one task of a setting, in names and numbers only."""
 
-    module: str
+    file: str  # of the study, in `studies`
     study: str
     setting: str
     number: int  # of the task in its setting
@@ -75,8 +61,8 @@ class PlanBlock(Job):
 
     def subject(self) -> tuple[TableTask, TableSystem]:
         """Return the task and the system."""
-        systems = {system.label: system for system in studies_of(self.module)[self.study].systems}
-        return settings_of(self.module, self.study)[self.setting].tasks[self.number], systems[self.system]
+        systems = {system.label: system for system in studies_of(self.file)[self.study].systems}
+        return settings_of(self.file, self.study)[self.setting].tasks[self.number], systems[self.system]
 
     @property
     def identity(self) -> Row:
@@ -86,8 +72,8 @@ class PlanBlock(Job):
             "study": self.study, "setting": self.setting, "number": self.number, "system": self.system,
             "runs": self.runs, "seed": self.seed, "map": task.grid.key, "start": list(task.start),
             "goal": list(task.goal), "others": [[list(start), list(goal)] for start, goal in task.others],
-            "parameters": system.make().key, "version": warehouse_env.__version__,
-            "code": code_of(*(PLANNING if system.experiment is None else DRIVING)),
+            "parameters": system.make().key, "experiment": system.experiment, "version": warehouse_env.__version__,
+            "code": code_of(*(DRIVING if system.experiment else PLANNING)),
         }  # fmt: skip
 
     def left(self, rows: Sequence[Row]) -> tuple[Sequence[Row], PlanBlock | None]:
@@ -99,9 +85,9 @@ class PlanBlock(Job):
         """Do all runs. A first plan, which may compile and fill caches, is not timed."""
         given, system = self.subject()
         planner, identity, grid = system.make(), self.identity, given.grid
-        if system.experiment is not None:
+        if system.experiment:
             draws = [np.random.default_rng([self.seed, self.number, run]) for run in range(self.runs)]
-            rows = [system.experiment(given, planner, rng) for rng in draws]
+            rows = [EXPERIMENTS[system.experiment](given, planner, rng) for rng in draws]
             return Result([{**row, **identity, "run": run} for run, row in enumerate(rows)])
         task = make_task(grid, f"{self.setting}_{self.number}", given.start, given.goal)
         plan_once(grid, planner, task, self.number, 0, self.seed)
@@ -119,14 +105,14 @@ class Studies(TableOptions):
     title: ClassVar[str]
 
     def chosen(self) -> list[tuple[str, TableStudy]]:
-        """Return (module, study) of what is asked for."""
+        """Return (file, study) of what is asked for."""
         raise NotImplementedError
 
-    def blocks(self, module: str, study: TableStudy) -> list[PlanBlock]:
+    def blocks(self, file: str, study: TableStudy) -> list[PlanBlock]:
         """Return the jobs of a study, in the order of its table."""
         return [
-            PlanBlock(module, study.name, setting.name, number, system.label, self.runs or study.runs, self.seed)
-            for setting in settings_of(module, study.name).values()
+            PlanBlock(file, study.name, setting.name, number, system.label, self.runs or study.runs, self.seed)
+            for setting in settings_of(file, study.name).values()
             for system in study.systems
             for number in range(len(setting.tasks))
         ]
@@ -135,7 +121,7 @@ class Studies(TableOptions):
         """Run what is missing, then write the page."""
         chosen = self.chosen()
         self.check_writable()
-        jobs = [block for module, study in chosen for block in self.blocks(module, study)]
+        jobs = [block for file, study in chosen for block in self.blocks(file, study)]
         asked = {(job.study, job.number) for job in jobs}
         rows = self.rows_of(jobs, lambda row: (row.get("study"), row.get("number")) in asked)
         text, tables, verdicts = f"{INTERVALS}\n\n", list[Table](), list[ClaimVerdict]()
@@ -143,7 +129,7 @@ class Studies(TableOptions):
             figures = TableFigures(study.name, rows)
             tables.append(study_table(study, figures))
             if study.claims:
-                own = [judge(figures, claim) for claim in study.claims]
+                own = [judge(figures, claim, study.printed) for claim in study.claims]
                 lines = ((one.shown, claim.text, one.why) for one, claim in zip(own, study.claims, strict=True))
                 tables.append(Table(f"Claims: {study.title}", ("verdict", "claim", "ours"), tuple(lines)))
                 verdicts += own
@@ -169,16 +155,16 @@ class PapersTable(Studies):
 
     def chosen(self) -> list[tuple[str, TableStudy]]:
         """Return the named papers and tables; WarehouseError for a wrong name."""
-        every = {name: (key, module) for key, module in PAPERS.items() for name in studies_of(module)}
+        every = {name: file for file in PAPERS for name in studies_of(file)}
         for what, names, known in (("paper", self.papers, PAPERS), ("table", self.tables, every)):
             for name in names:
                 if name not in known:
                     raise unknown_name(what, name, known)
         all_of_them = not self.papers and not self.tables
         return [
-            (module, studies_of(module)[name])
-            for name, (key, module) in every.items()
-            if all_of_them or key in self.papers or name in self.tables
+            (file, studies_of(file)[name])
+            for name, file in every.items()
+            if all_of_them or file in self.papers or name in self.tables
         ]
 
 
@@ -198,11 +184,11 @@ class PlannersTable(Studies):
 
     def chosen(self) -> list[tuple[str, TableStudy]]:
         """Return the one study."""
-        return [(PLANNERS_STUDY, study) for study in studies_of(PLANNERS_STUDY).values()]
+        return [("planners", study) for study in studies_of("planners").values()]
 
-    def blocks(self, module: str, study: TableStudy) -> list[PlanBlock]:
+    def blocks(self, file: str, study: TableStudy) -> list[PlanBlock]:
         """Return the jobs on the first pairs."""
-        return [block for block in super().blocks(module, study) if block.number < self.pairs]
+        return [block for block in super().blocks(file, study) if block.number < self.pairs]
 
 
 def study_table(study: TableStudy, figures: TableFigures) -> Table:
@@ -210,7 +196,7 @@ def study_table(study: TableStudy, figures: TableFigures) -> Table:
     lines: list[tuple[str, ...]] = []
     for setting in figures.settings:
         begin = len(lines)
-        printed = [one for one in study.published if one.setting == setting]
+        printed = [line for line in study.printed if line.setting == setting]
         for system in study.systems:
             tasks = figures.tasks(setting, system.label)
             if not tasks:
@@ -219,8 +205,8 @@ def study_table(study: TableStudy, figures: TableFigures) -> Table:
             found = ((figures.figure(setting, system.label, name), MEASURES[name]) for name in study.measures)
             texts = (with_interval(interval, measure.factor, measure.digits) for interval, measure in found)
             lines.append(("", system.label, count, *texts))
-            lines += _printed_lines([one for one in printed if one.ours == system.label], study.measures)
-        lines += _printed_lines([one for one in printed if not one.ours], study.measures)
+            lines += [_printed_line(one, study.measures) for one in printed if one.ours == system.label]
+        lines += [_printed_line(one, study.measures) for one in printed if not one.ours]
         if len(lines) > begin:
             label = study.systems[0].label
             optimum, fewest = (figures.figure(setting, label, name).mean for name in ("optimum", "min_turns"))
@@ -230,12 +216,7 @@ def study_table(study: TableStudy, figures: TableFigures) -> Table:
     return Table(study.title, header, tuple(lines), f"{study.paper}. {study.note}")
 
 
-def _printed_lines(printed: Sequence[Published], measures: Sequence[str]) -> list[tuple[str, ...]]:
-    """Return one line for each system in print, in italics."""
-    lines = []
-    for name in dict.fromkeys(one.system for one in printed):
-        own = {one.measure: one.value for one in printed if one.system == name}
-        known = {measure: MEASURES[measure] for measure in measures}
-        texts = [f"*{number(own[k] * one.factor, one.digits)}*" if k in own else "" for k, one in known.items()]
-        lines.append(("", f"*in print: {name}*", "", *texts))
-    return lines
+def _printed_line(printed: PrintedLine, names: Sequence[str]) -> tuple[str, ...]:
+    """Return the line of a system in print, in italics."""
+    known = {name: (value * MEASURES[name].factor, MEASURES[name].digits) for name, value in printed.figures.items()}
+    return "", f"*in print: {printed.system}*", "", *(f"*{number(*known[k])}*" if k in known else "" for k in names)

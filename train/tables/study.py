@@ -1,19 +1,20 @@
 """A table of a paper as data: the maps, the systems that are compared, the printed figures and the claims.
 
-A module lists its `STUDIES`. Running, resuming, tables and verdicts are the same for all (`runner.py`). Lengths are in
-cells, times in milliseconds, shares from 0 to 1.
+`studies/*.toml` hold the studies, `catalogue.py` reads them. `runner.py` runs them and writes
+the tables. Lengths are in cells, times in milliseconds, shares from 0 to 1.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any, Final, Literal, NamedTuple
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Final, Literal, NamedTuple
 
 import numpy as np
 
 from train.reporting.rows import Row
-from train.tables.measures import MEASURES, TableFigures
+from train.tables.measures import MEASURES
+from warehouse_env.checked import CheckedPart
 from warehouse_env.errors import ConfigError, unknown_name
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.planning import Planner, make_planner, min_turns
@@ -54,20 +55,20 @@ class TableSetting(NamedTuple):
 
 
 @dataclass(frozen=True)
-class TableSystem:
-    """A planner with its parameters, as one line of the table; `label` is unique in a study, e.g. "pf_aco (paper)".
+class TableSystem(CheckedPart):
+    """One line of the table; `label` is unique in a study, e.g. "pf_aco (paper)".
 
-    experiment: what a run does with the planner; one plan of the task if None.
+    planner: as `make_planner` reads it, with parameters. experiment: a name of `catalogue.EXPERIMENTS`, which says what
+    a run does with the planner; one plan of the task if left out.
     """
 
     label: str
     planner: str
-    parameters: Mapping[str, Any] = field(default_factory=dict)
-    experiment: Experiment | None = None
+    experiment: str = ""
 
     def make(self) -> Planner:
         """Build the planner; ConfigError for a wrong name or parameter."""
-        return make_planner(self.planner, **self.parameters)
+        return make_planner(self.planner)
 
 
 def driven_row(grid: GridMap, ends: Sequence[tuple[Cell, Cell]], success: bool, length: float, last: float) -> Row:
@@ -82,30 +83,18 @@ def driven_row(grid: GridMap, ends: Sequence[tuple[Cell, Cell]], success: bool, 
     return {"success": success, **told, "optimal_length": optimum, "min_turns": turns}
 
 
-class Published(NamedTuple):
-    """A figure that the paper prints.
+@dataclass(frozen=True)
+class PrintedLine(CheckedPart):
+    """Figures that the paper prints for one system in one setting.
 
     system: what the paper calls it; ours: the label of our system that it belongs beside, "" for a line of its own.
-    value: in the unit of the measure: cells, milliseconds, shares from 0 to 1.
+    figures: values by measure, in the unit of the measure: cells, milliseconds, shares from 0 to 1.
     """
 
     setting: str
     system: str
-    measure: str
-    value: float
+    figures: dict[str, float]
     ours: str = ""
-
-
-def published(
-    measures: Sequence[str], lines: Iterable[tuple[str, str, str, Sequence[float | None]]]
-) -> tuple[Published, ...]:
-    """Return the figures of printed lines (setting, system, ours, values): a value a measure, None where none is."""
-    return tuple(
-        Published(setting, system, measure, value, ours)
-        for setting, system, ours, values in lines
-        for measure, value in zip(measures, values, strict=True)
-        if value is not None
-    )
 
 
 class ClaimVerdict(NamedTuple):
@@ -132,12 +121,12 @@ class ClaimVerdict(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Claim:
+class Claim(CheckedPart):
     """`ours` has a better `measure` than `other`, by `by` where a size is given.
 
     by: relative to `other` (-0.14: 14% less); for a share, a difference of shares (0.5: 50 points more).
-    settings: names of the settings that it is claimed for; all if empty. `check` replaces the general rule where a
-    claim has another form, and reads no times; `measure`, `ours` and `other` are then unused.
+    settings: names of the settings that it is claimed for; all if empty. check: a name of `verdicts.CHECKS`, for a
+    claim of another form. printed: a figure in print that a check compares with. why_open: why it cannot be judged.
     """
 
     text: str
@@ -146,40 +135,43 @@ class Claim:
     measure: str = ""
     by: float | None = None
     settings: tuple[str, ...] = ()
-    check: Callable[[TableFigures], ClaimVerdict] | None = None
+    check: str = ""
+    printed: float = 0.0
+    why_open: str = ""
 
 
 @dataclass(frozen=True)
-class TableStudy:
+class TableStudy(CheckedPart):
     """One table: what is run for it, what the paper prints, what it claims.
 
-    settings: a function, so that maps are built only where they are needed; it must give the same maps every time.
-    runs: of each system on each task; measures: names of MEASURES, the columns.
-    note: what is a reconstruction, and what differs from the paper; Markdown, shown under the table.
+    settings: a name of `catalogue.SETTINGS`; runs: of each system on each task; measures: names of MEASURES, the
+    columns. note: what is a reconstruction, and what differs from the paper; Markdown, shown under the table.
     """
 
     name: str
     paper: str
     title: str
-    settings: Callable[[], tuple[TableSetting, ...]]
+    settings: str
     systems: tuple[TableSystem, ...]
     runs: int
     measures: tuple[str, ...]
-    published: tuple[Published, ...] = ()
+    printed: tuple[PrintedLine, ...] = ()
     claims: tuple[Claim, ...] = ()
     note: str = ""
 
     def __post_init__(self) -> None:
         """Refuse unknown names, so that a wrong table is noticed before it is run."""
+        super().__post_init__()
         labels = [system.label for system in self.systems]
         if len(set(labels)) != len(labels):
             raise ConfigError(f"study {self.name}: two systems have one label; labels must differ")
-        ruled = [claim for claim in self.claims if claim.check is None]
-        measures = (*self.measures, *(p.measure for p in self.published), *(claim.measure for claim in ruled))
-        for measure in measures:
-            if measure not in MEASURES:
-                raise unknown_name(f"study {self.name}: measure", measure, MEASURES)
-        named = (*(p.ours for p in self.published if p.ours), *(name for c in ruled for name in (c.ours, c.other)))
-        for label in named:
-            if label not in labels:
-                raise unknown_name(f"study {self.name}: system", label, labels)
+        measures = (*self.measures, *(name for line in self.printed for name in line.figures))
+        self._known("measure", (*measures, *(claim.measure for claim in self.claims)), MEASURES)
+        named = (name for claim in self.claims for name in (claim.ours, claim.other))
+        self._known("system", (*named, *(line.ours for line in self.printed)), labels)
+
+    def _known(self, what: str, names: Iterable[str], known: Iterable[str]) -> None:
+        """Raise ConfigError for the first name that is not known; "" is left out."""
+        for name in names:
+            if name and name not in known:
+                raise unknown_name(f"study {self.name}: {what}", name, known)

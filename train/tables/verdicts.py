@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from train.reporting.report import number
 from train.reporting.rows import Interval
 from train.tables.measures import MEASURES, PRINT_ROUNDING, ROUNDING, TableFigures
-from train.tables.study import FAILS, HOLDS, IN_PART, OPEN, Claim, ClaimVerdict, Published
+from train.tables.study import FAILS, HOLDS, IN_PART, OPEN, Claim, ClaimVerdict, PrintedLine
 
 RULE = (
     "A claim is judged in each setting by the difference of the two systems' figures with its 95% interval (Welch's t "
@@ -31,10 +31,12 @@ class SettingVerdict(NamedTuple):
     text: str
 
 
-def judge(figures: TableFigures, claim: Claim) -> ClaimVerdict:
-    """Return the verdict on a claim by RULE, with the figures of each setting."""
-    if claim.check is not None:
-        return claim.check(figures)
+def judge(figures: TableFigures, claim: Claim, printed: Sequence[PrintedLine] = ()) -> ClaimVerdict:
+    """Return the verdict on a claim by RULE or its own check, with the figures of each setting."""
+    if claim.why_open:
+        return ClaimVerdict(OPEN, claim.why_open)
+    if claim.check:
+        return CHECKS[claim.check](figures, claim, printed)
     settings = claim.settings or figures.settings
     judged = [one for one in (_judge(figures, claim, setting) for setting in settings) if one is not None]
     why, by_clock = "; ".join(one.text for one in judged), MEASURES[claim.measure].clock
@@ -67,21 +69,78 @@ def _judge(figures: TableFigures, claim: Claim, setting: str) -> SettingVerdict 
     return SettingVerdict(math.isfinite(relative.mean), clear, reaches, text)
 
 
-def reaches_print(figures: TableFigures, published: Sequence[Published], ours: str) -> ClaimVerdict:
+def reaches_print(figures: TableFigures, claim: Claim, printed: Sequence[PrintedLine]) -> ClaimVerdict:
     """Judge whether our figures reach every printed one beside `ours`, except times; name those that do not."""
     worse, reached = [], []
-    for printed in published:
-        figure = figures.figure(printed.setting, ours, printed.measure)
-        measure = MEASURES[printed.measure]
-        if printed.ours != ours or measure.clock or measure.better == "neither" or not math.isfinite(figure.mean):
+    beside = [line for line in printed if line.ours == claim.ours]
+    for setting, name, value in ((line.setting, *figure) for line in beside for figure in line.figures.items()):
+        mean, measure = figures.figure(setting, claim.ours, name).mean, MEASURES[name]
+        if measure.clock or measure.better == "neither" or not math.isfinite(mean):
             continue
         sign = -1.0 if measure.better == "more" else 1.0
-        reached.append(sign * (figure.mean - printed.value) <= PRINT_ROUNDING * abs(printed.value))
+        reached.append(sign * (mean - value) <= PRINT_ROUNDING * abs(value))
         if not reached[-1]:
-            shown = [number(measure.factor * value, measure.digits) for value in (figure.mean, printed.value)]
-            worse.append(f"{printed.setting}, {measure.heading}: {shown[0]} against {shown[1]} in print")
+            shown = [number(measure.factor * one, measure.digits) for one in (mean, value)]
+            worse.append(f"{setting}, {measure.heading}: {shown[0]} against {shown[1]} in print")
     why = f"{sum(reached)} of {len(reached)} figures reached" + ("; not: " + "; ".join(worse) if worse else "")
     return ClaimVerdict.graded(reached, why)
+
+
+def below_print(figures: TableFigures, claim: Claim, _: Sequence[PrintedLine]) -> ClaimVerdict:
+    """Judge whether our figure is below `printed`, of another paper, by the claimed relative size."""
+    (setting,), by = claim.settings, claim.by or 0.0
+    figure = figures.figure(setting, claim.ours, claim.measure)
+    if not math.isfinite(figure.mean):
+        return ClaimVerdict(OPEN, "nothing was run for it")
+    low, high = (value if math.isfinite(value) else figure.mean for value in (figure.low, figure.high))
+    shown = f"{number(figure.mean, 4)} against {number(claim.printed, 4)} in print"
+    below = high < claim.printed
+    why = f"{setting}, {MEASURES[claim.measure].heading}: {shown}"
+    return ClaimVerdict.graded([below, below and low / claim.printed - 1 <= by], why)
+
+
+def costs_at_most(figures: TableFigures, claim: Claim, _: Sequence[PrintedLine]) -> ClaimVerdict:
+    """Judge "ours costs at most `by` over other" by the upper ends of the intervals."""
+    most = (claim.by or 0.0) + PRINT_ROUNDING + ROUNDING
+    every = {name: figures.relative(name, claim.ours, claim.other, claim.measure) for name in claim.settings}
+    costs = {name: cost for name, cost in every.items() if math.isfinite(cost.mean)}  # where both have a figure
+    why = "; ".join(f"{name}: {percent(cost)}" for name, cost in costs.items())
+    return ClaimVerdict.graded([cost.mean <= most and not cost.high > most for cost in costs.values()], why)
+
+
+def resolves_all(figures: TableFigures, claim: Claim, _: Sequence[PrintedLine]) -> ClaimVerdict:
+    """Judge "all robots arrive, and none touch" on every task of a setting."""
+    runs = {name: [row for task in figures.tasks(name, claim.ours) for row in task] for name in claim.settings}
+    good = {name: [row["success"] and not row["contacts"] for row in rows] for name, rows in runs.items() if rows}
+    why = "; ".join(f"{name}: {sum(each)} of {len(each)}" for name, each in good.items())
+    return ClaimVerdict.graded([all(each) for each in good.values()], why)
+
+
+def always_optimal(figures: TableFigures, claim: Claim, _: Sequence[PrintedLine]) -> ClaimVerdict:
+    """Judge whether every run of `ours` has a shortest path."""
+    shares = {name: figures.figure(name, claim.ours, "optimal_share").mean for name in claim.settings}
+    if any(map(math.isnan, shares.values())):
+        return ClaimVerdict(OPEN, "not all of it was run")
+    shown = ", ".join(f"{name} {100 * share:.0f}%" for name, share in shares.items())
+    return ClaimVerdict.graded([share == 1.0 for share in shares.values()], shown)
+
+
+def finds_optimum(figures: TableFigures, claim: Claim, _: Sequence[PrintedLine]) -> ClaimVerdict:
+    """Judge whether the best of the runs of `ours` is the optimum, on all maps of all settings."""
+    counts = []
+    for setting in figures.settings:
+        runs = figures.tasks(setting, claim.ours)
+        best = [min((row["gap"] for row in rows if row["success"]), default=1.0) for rows in runs]
+        counts.append((setting, sum(gap < 1e-9 for gap in best), len(best)))
+    why = "; ".join(f"{setting}: on {reached} of {maps} maps" for setting, reached, maps in counts)
+    return ClaimVerdict.graded([reached == maps for _, reached, maps in counts if maps], why)
+
+
+CHECKS: dict[str, Callable[[TableFigures, Claim, Sequence[PrintedLine]], ClaimVerdict]] = {
+    check.__name__: check
+    for check in (reaches_print, below_print, costs_at_most, resolves_all, always_optimal, finds_optimum)
+}
+"""Rules for claims of another form, from the figures, the claim and what the paper prints; none reads times."""
 
 
 def percent(relative: Interval, unit: str = "%") -> str:

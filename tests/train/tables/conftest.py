@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
-import sys
-import types
+from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
-from tests.train.tables.toy import STUDY
-from train.tables import runner
-from train.tables.study import TableStudy
+from tests.train.tables.toy import TOY, settings
+from train.tables import catalogue, runner
 
 
 @pytest.fixture
-def toy(monkeypatch: pytest.MonkeyPatch) -> TableStudy:
-    """Make the toy study the only one of the catalogue."""
-    runner.studies_of.cache_clear()
-    runner.settings_of.cache_clear()
-    module = types.ModuleType("toy_paper")
-    module.STUDIES = (STUDY,)  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "toy_paper", module)
-    monkeypatch.setattr(runner, "PAPERS", {"toy": "toy_paper"})
-    return STUDY
+def toy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """Make the toy study the only one of the catalogue; return its file."""
+    path = tmp_path / "studies" / "toy.toml"
+    path.parent.mkdir()
+    path.write_text(TOY)
+    monkeypatch.setattr(catalogue, "FOLDER", path.parent)
+    monkeypatch.setitem(catalogue.SETTINGS, "toy", settings)
+    monkeypatch.setattr(runner, "PAPERS", ("toy",))
+    yield path
+    for cached in (catalogue.studies_of, catalogue.settings_of):
+        cached.cache_clear()

@@ -8,17 +8,11 @@ import pytest
 from train.reporting.rows import Row
 from train.tables.papers.avoidance import (
     ANSWERS,
-    CLASSICAL,
     CROSSING,
     GAIN,
-    HEEDLESS,
-    NEW_ROUTE,
     ONCOMING,
-    OURS,
     REACH,
     STANDING,
-    WAITING,
-    WITH_POINT,
     Avoider,
     avoid,
     cells_of,
@@ -53,21 +47,21 @@ def test_tasks_are_what_they_say_and_a_heedless_robot_is_touched() -> None:
             assert (step is None) == (kind == STANDING)
             assert step is None or len(path) // 4 <= step < 3 * len(path) // 4
             assert {STANDING: shared == 1, CROSSING: shared <= 1, ONCOMING: shared > 4}[kind]
-            touched = walked(task, HEEDLESS)
+            touched = walked(task, "follows its path")
             assert touched["contacts"]
             assert not touched["success"]
 
 
 def test_answers_to_an_obstacle_that_comes_head_on_stands_or_crosses() -> None:
     head_on, stands = open_task((4, 0), (4, 12), (4, 12), (4, 0)), open_task((4, 0), (4, 12), (4, 6))
-    assert not walked(head_on, WAITING)["success"]
-    assert walked(head_on, NEW_ROUTE)["success"]
-    row = walked(stands, NEW_ROUTE)
+    assert not walked(head_on, "waits")["success"]
+    assert walked(head_on, "new route")["success"]
+    row = walked(stands, "new route")
     assert row["apart"] == 2.0  # round its neighbours, too
     # Three straight to where it replans, a diagonal, one up beside the corner, four along, two diagonals, two on.
     assert row["length"] == pytest.approx(10 + 3 * 2**0.5)
-    assert not walked(stands, WAITING)["success"]
-    crossing = walked(open_task((4, 2), (4, 12), (0, 6), (8, 6)), WAITING)  # both on (4, 6) in step 4
+    assert not walked(stands, "waits")["success"]
+    crossing = walked(open_task((4, 2), (4, 12), (0, 6), (8, 6)), "waits")  # both on (4, 6) in step 4
     assert crossing["success"]
     assert crossing["length"] == 10.0
     assert crossing["last"] > 10.0
@@ -81,7 +75,7 @@ def test_the_force_repels_when_near_and_attracts_when_far() -> None:
     assert robot.pushed((4, 7), (4, 12), 1.0) == robot.pushed((4, 7), (4, 12), 0.0) == (4, 5)
 
 
-@pytest.mark.parametrize("label", [CLASSICAL, OURS, WITH_POINT, WAITING, NEW_ROUTE])
+@pytest.mark.parametrize("label", [label for label in ANSWERS if label != "follows its path"])
 def test_the_robot_never_steps_onto_the_obstacle(label: str) -> None:
     robot = Avoider(open_task((4, 4), (4, 12), (0, 0)), make_planner("astar_turns"))
     for obstacle in ((3, 4), (5, 5), (4, 5)):

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
-import sys
 from pathlib import Path
 
 import pytest
@@ -12,9 +10,9 @@ import pytest
 from train.cli import main
 from train.evaluation.jobs import Result, Tick
 from train.reporting.rows import read_rows
-from train.tables import planners, runner
+from train.tables import catalogue
 from train.tables.runner import PlanBlock
-from train.tables.study import TableStudy
+from warehouse_env.planning import PLANNERS
 
 
 def tables(folder: Path, *options: str) -> int:
@@ -44,7 +42,6 @@ def test_rows_tables_and_verdicts(tmp_path: Path, capsys: pytest.CaptureFixture[
         assert row["length"] >= row["optimal_length"] - 1e-9
         assert row["cpu_ms"] > 0
         assert {"study", "setting", "number", "system", "map", "code", "version", "seed", "runs"} <= set(row)
-    assert {path.name for path in tmp_path.iterdir() if not path.name.startswith(".")} == {"README.md", "rows.jsonl"}
     counts = "Of 1 claims 0 hold, 0 hold in part and 1 do not hold."
     assert counts in capsys.readouterr().out
     page = (tmp_path / "README.md").read_text()
@@ -98,11 +95,10 @@ def test_rows_of_other_code_maps_parameters_or_seeds_are_not_reused(tmp_path: Pa
     assert len(counted) == 3 + 6
 
 
-def test_tables_that_are_not_asked_for_keep_their_rows(
-    tmp_path: Path, toy: TableStudy, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    both = (toy, dataclasses.replace(toy, name="toy_2", title="Another toy"))
-    monkeypatch.setattr(sys.modules["toy_paper"], "STUDIES", both)
+def test_tables_that_are_not_asked_for_keep_their_rows(tmp_path: Path, toy: Path) -> None:
+    text = toy.read_text()
+    other = text[text.index("[[studies]]") :].replace('"toy"\ntitle = "A', '"toy_2"\ntitle = "Another')
+    toy.write_text(text + other)
     for name in ("toy", "toy_2"):
         assert tables(tmp_path, "--tables", name, "--runs", "1") == 0
     page = (tmp_path / "README.md").read_text()
@@ -112,9 +108,8 @@ def test_tables_that_are_not_asked_for_keep_their_rows(
 
 
 def test_planners_on_the_first_pairs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    systems = tuple(one for one in planners.STUDIES[0].systems if one.planner in ("astar", "dijkstra", "apf"))
-    monkeypatch.setattr(planners, "STUDIES", (dataclasses.replace(planners.STUDIES[0], systems=systems),))
-    runner.studies_of.cache_clear()
+    monkeypatch.setattr(catalogue, "PLANNERS", {name: PLANNERS[name] for name in ("astar", "dijkstra", "apf")})
+    catalogue.studies_of.cache_clear()
     asked = ["tables", "planners", "--pairs", "1", "--runs", "1", "--processes", "1", "--out", str(tmp_path)]
     assert main(asked) == 0
     page = (tmp_path / "planners" / "README.md").read_text()
@@ -128,7 +123,7 @@ def test_planners_on_the_first_pairs(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert main(asked) == 0
     assert read_rows(tmp_path / "planners" / "rows.jsonl") == both  # of fewer pairs it removes nothing
     assert main([*asked, "--pairs", "201"]) == 2
-    runner.studies_of.cache_clear()
+    catalogue.studies_of.cache_clear()
 
 
 @pytest.mark.parametrize(

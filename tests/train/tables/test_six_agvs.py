@@ -4,27 +4,17 @@ from __future__ import annotations
 
 from itertools import combinations, pairwise
 from math import sqrt
-from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from train.tables.maps import drawn_map
-from train.tables.measures import TableFigures
+from train.tables.catalogue import settings_of, studies_of
 from train.tables.papers.coordinator import Coordinator, Path, duration, meet, nearest, path_of
-from train.tables.papers.six_agvs import (
-    ALONE,
-    IN_PRINT,
-    OURS,
-    SIX_AGVS,
-    by_bodies,
-    cost_is_small,
-    printed_task,
-    resolves_all,
-)
-from train.tables.study import FAILS, HOLDS, IN_PART, OPEN, TableTask
+from train.tables.papers.settings import drawn_map
+from train.tables.papers.six_agvs import by_bodies, printed_task
+from train.tables.study import TableTask
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.planning import make_planner, validate
 
@@ -110,9 +100,10 @@ def test_no_fleet_ever_touches_or_breaks_the_rules_of_the_map(seed: int, robots:
 def test_the_printed_experiment() -> None:
     task = printed_task()
     alone = planned(task.grid, *task.ends)
-    for measure, reduce in (("mean", sum), ("last", max)):
-        for paths, printed in zip((alone, drive(task.grid, *task.ends)[1]), IN_PRINT[measure], strict=True):
-            assert reduce(times(paths)) == pytest.approx(printed, abs=5e-5)
+    for paths, line in zip(
+        (alone, drive(task.grid, *task.ends)[1]), studies_of("001")["001_six_agvs"].printed, strict=True
+    ):
+        assert {"mean": sum(times(paths)), "last": max(times(paths))} == pytest.approx(line.figures, abs=5e-5)
     assert task.grid.shape[1] == 22
     assert clashes(alone) == 2
     at = [path[9] for path in alone]
@@ -121,32 +112,6 @@ def test_the_printed_experiment() -> None:
     assert alone[2][8] == alone[5][10]  # head-on
     left = [duration(alone[robot][9:]) for robot in (0, 4, 2, 5)]
     assert left == pytest.approx([12.4142, 3.4142, 11.8284, 17.8284], abs=5e-5)
-
-
-def row(setting: str, system: str, number: int, length: float | None, contacts: int = 0) -> dict[str, Any]:
-    return {"study": "x", "setting": setting, "system": system, "number": number, "length": length,
-            "success": length is not None, "contacts": contacts}  # fmt: skip
-
-
-def test_a_cost_is_judged_by_the_upper_end_of_its_interval() -> None:
-    def verdict(*costs: float) -> tuple[str, str]:
-        rows = [row("narrow", ALONE, k, 100.0) for k in range(len(costs))]
-        rows += [row("narrow", OURS, k, 100.0 * (1 + cost)) for k, cost in enumerate(costs)]
-        found = cost_is_small(TableFigures("x", rows), "mean")
-        return found.word, found.why
-
-    assert verdict(0.015) == (HOLDS, "narrow: +1.5%")
-    assert verdict(0.016)[0] == FAILS  # 119.6274 / 117.799 is 1.0155
-    assert verdict(0.01, 0.011, 0.012)[0] == HOLDS
-    assert verdict(0.0, 0.0, 0.03)[0] == FAILS  # mean 1%, but not told from 5%
-    assert verdict()[0] == OPEN
-
-
-def test_all_robots_must_arrive_untouched() -> None:
-    rows = [row("a", OURS, 0, 9.0), row("a", OURS, 1, 9.0), row("b", OURS, 0, 9.0), row("b", OURS, 1, None)]
-    assert resolves_all(TableFigures("x", rows), OURS, ("a",)).word == HOLDS
-    assert resolves_all(TableFigures("x", rows), OURS, ("a", "b")) == (IN_PART, "a: 2 of 2; b: 1 of 2", False)
-    assert resolves_all(TableFigures("x", [row("a", OURS, 0, 9.0, contacts=1)]), OURS, ("a",)).word == FAILS
 
 
 def test_bodies_drive_given_tasks_together_and_each_alone() -> None:
@@ -160,8 +125,8 @@ def test_bodies_drive_given_tasks_together_and_each_alone() -> None:
 
 
 def test_tasks_are_drawn_with_room_for_bodies() -> None:
-    for setting in SIX_AGVS.settings()[1:]:
-        for task in setting.tasks:
+    for name, setting in settings_of("001", "001_six_agvs").items():
+        for task in setting.tasks if name != "as printed" else ():
             starts = np.array([start for start, _ in task.ends])
             assert len({cell for one in task.ends for cell in one}) == 2 * len(starts)
             apart = np.abs(starts[:, None] - starts[None]).max(axis=2)[np.triu_indices(len(starts), 1)]

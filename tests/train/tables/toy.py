@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from train.tables.study import Claim, Published, TableSetting, TableStudy, TableSystem, TableTask
+from train.tables.study import TableSetting, TableTask
 from warehouse_env.maps.grid_map import GridMap
 
 
@@ -21,18 +21,26 @@ def settings() -> tuple[TableSetting, ...]:
     return TableSetting("open", (one,)), TableSetting("shelves", tuple(shelves))
 
 
-STUDY = TableStudy(
-    name="toy",
-    paper="a toy",
-    title="A toy table",
-    settings=settings,
-    systems=(TableSystem("ants", "pf_aco", {"ants": 8, "iterations": 3}), TableSystem("dijkstra", "dijkstra")),
-    runs=3,
-    measures=("best", "mean", "optimal_share", "turns", "ms"),
-    published=(Published("open", "theirs", "mean", 6.0, "ants"), Published("open", "another", "turns", 2)),
-    claims=(Claim("ants are as good", "ants", "dijkstra", "mean"),),
-    note="A note.",
-)
+TOY = """
+paper = "a toy"
+runs = 3
+measures = ["best", "mean", "optimal_share", "turns", "ms"]
+systems = [
+    { label = "ants", planner = "pf_aco:ants=8,iterations=3" },
+    { label = "dijkstra", planner = "dijkstra" },
+]
+
+[[studies]]
+name = "toy"
+title = "A toy table"
+settings = "toy"
+note = "A note."
+printed = [
+    { setting = "open", system = "theirs", ours = "ants", figures = { mean = 6.0 } },
+    { setting = "open", system = "another", figures = { turns = 2 } },
+]
+claims = [{ text = "ants are as good", ours = "ants", other = "dijkstra", measure = "mean" }]
+"""
 
 
 def row(setting: str, system: str, length: float | None, run: int = 0, number: int = 0, **more: Any) -> dict[str, Any]:

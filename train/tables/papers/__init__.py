@@ -1,1 +1,1 @@
-"""The tables of the five papers as data: maps, systems, printed figures, claims."""
+"""The floors of the papers' tables, and the experiments that are no single plan."""

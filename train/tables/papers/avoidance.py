@@ -17,18 +17,15 @@ from functools import partial
 import numpy as np
 
 from train.reporting.rows import Row
-from train.tables.maps import clutter_task
 from train.tables.papers.coordinator import TOUCH, Path, duration, gaps, path_of
-from train.tables.papers.six_agvs import resolves_all
-from train.tables.study import Claim, TableSetting, TableStudy, TableSystem, TableTask, driven_row
+from train.tables.papers.settings import clutter_task
+from train.tables.study import TableSetting, TableTask, driven_row
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
 from warehouse_env.planning import Planner, make_planner, path_length, turns
 from warehouse_env.planning.field_walkers import along
 from warehouse_env.planning.potential_field import force_at, intermediate_point, repulsion_parts
 
 STANDING, CROSSING, ONCOMING = "standing obstacle", "crossing obstacle", "oncoming obstacle"
-OURS, CLASSICAL, WITH_POINT = "improved field", "classical field", "improved field, intermediate point"
-HEEDLESS, WAITING, NEW_ROUTE = "follows its path", "waits", "new route"
 SIZE, SHARE, MAPS = 30, 0.2, 24
 START, GOAL = (0, 0), (29, 27)
 
@@ -111,12 +108,12 @@ class Avoider:
 
 Answer = Callable[[Avoider, Cell], Cell]
 ANSWERS: dict[str, Answer] = {
-    HEEDLESS: Avoider.follow,
-    CLASSICAL: partial(Avoider.by_field, exponent=0.0),
-    OURS: Avoider.by_field,
-    WITH_POINT: partial(Avoider.by_field, points=True),
-    WAITING: Avoider.wait,
-    NEW_ROUTE: Avoider.new_route,
+    "follows its path": Avoider.follow,
+    "classical field": partial(Avoider.by_field, exponent=0.0),
+    "improved field": Avoider.by_field,
+    "improved field, intermediate point": partial(Avoider.by_field, points=True),
+    "waits": Avoider.wait,
+    "new route": Avoider.new_route,
 }
 
 
@@ -148,7 +145,7 @@ def met_at(path: Path, other: Path) -> int | None:
 
 def obstacles(seed: int) -> dict[str, TableTask]:
     """Return a map with an obstacle of each kind that clashes with a robot in the middle half of its path."""
-    grid = clutter_task(SIZE, SHARE, seed, START, GOAL).grid
+    grid = clutter_task(SIZE, SHARE, seed, (START, GOAL)).grid
     planner, rng = make_planner("astar_turns"), np.random.default_rng([SIZE, seed])
     path = cells_of(planner, grid, START, GOAL)
     middle = range(len(path) // 4, 3 * len(path) // 4)
@@ -172,35 +169,3 @@ def settings() -> tuple[TableSetting, ...]:
     """Return the floors with an obstacle that stands, crosses, or comes towards the robot."""
     every = [obstacles(seed) for seed in range(MAPS)]
     return tuple(TableSetting(kind, tuple(one[kind] for one in every)) for kind in (STANDING, CROSSING, ONCOMING))
-
-
-MOVING_OBSTACLE = TableStudy(
-    name="002_moving_obstacle",
-    paper="Paper 002 (about 2023), ant colony and improved artificial potential field for agricultural robots",
-    title="Paper 002: an obstacle that the global path does not know",
-    settings=settings,
-    systems=tuple(
-        TableSystem(label, "astar_turns", experiment=partial(avoid, answer=answer)) for label, answer in ANSWERS.items()
-    ),
-    runs=1,
-    measures=("found_share", "mean", "gap", "last", "apart", "turns"),
-    claims=(
-        Claim(
-            "The robot avoids temporary obstacles", check=partial(resolves_all, ours=WITH_POINT, settings=(STANDING,))
-        ),
-        Claim(
-            "The robot avoids dynamic obstacles",
-            check=partial(resolves_all, ours=WITH_POINT, settings=(CROSSING, ONCOMING)),
-        ),
-        Claim("The improved repulsion avoids more obstacles than the classical", OURS, CLASSICAL, "found_share"),
-        Claim("The intermediate point avoids more of them", WITH_POINT, OURS, "found_share"),
-        Claim("It has the shortest path: shorter than a new route in every step", WITH_POINT, NEW_ROUTE, "mean"),
-        Claim("Stronger avoidance: further off than a new route in every step", WITH_POINT, NEW_ROUTE, "apart"),
-    ),
-    note="The paper claims the shortest path and the stronger avoidance; our copy has neither figures nor a picture. "
-    f"The maps are its 30 x 30 cells, start and goal with {SHARE:.0%} of random clutter, {MAPS} of a kind. A robot on "
-    "its path touches the obstacle in the middle half of its way. The obstacle stands there, or drives a shortest path "
-    "at the robot's speed that shares one cell with the robot's path or runs along it the other way. Gains were chosen "
-    f"on other maps. Found: the goal reached without touch, in {PATIENCE} times the path's steps. Length: cells "
-    "driven; last arrival: with waits, a cell a second. Distance: least, between centres. Nothing is drawn in a run.",
-)  # fmt: skip
