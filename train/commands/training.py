@@ -17,7 +17,7 @@ import tyro
 
 from agents.weights_folder import read_record
 from train.commands.kinds import read_fleet
-from train.evaluation.workers import check_address
+from train.evaluation.cluster import check_address
 from train.learning.config import PPOConfig, ReinforceConfig, ThreadedConfig, ThreadedPPOConfig, TrainingConfig
 from train.learning.curves import read_run
 from train.learning.progress import ROWS

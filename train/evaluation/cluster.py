@@ -6,122 +6,117 @@ Only this process writes files. A job's input files travel with it, so nodes nee
 from __future__ import annotations
 
 import contextlib
+import hashlib
+import importlib.metadata
+import importlib.util
 import os
+import platform
+import re
 import secrets
 import shutil
 import signal
 import socket
 import sys
 import tempfile
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from functools import cache
+from pathlib import Path
 from typing import Any
 
-from train.evaluation.jobs import Job, Result
-from train.evaluation.nodes import Node, about_this_node, check_node
-from train.evaluation.remote import WAIT, RemoteWorkers
+from train.evaluation.jobs import Job, Numbered, Progress, Result, lost_jobs
 from train.job_files import JobFiles, pack, unpacked
 from train.own import Typed, take_in, taken_in
 from train.reporting.report import counted, tell
-from warehouse_env.errors import WarehouseError
+from warehouse_env import __version__
+from warehouse_env.errors import ConfigError, WarehouseError, shown
 
 AUTO, LOCAL = "auto", "local"
-_AHEAD = 2  # jobs sent for each core, so that no core waits for its next one
+_ADDRESS = re.compile(r"[^\s:/]+:\d{1,5}|\[[0-9a-fA-F:]+\]:\d{1,5}")
+_TRIES = 4  # of a job whose worker or node is lost
+_WAIT = 0.2  # [s] between two looks at the tasks
 _CONNECT_SECONDS = 10.0
 _LONGEST_FOLDER = 20  # letters of a temporary folder's name, which leave room for the 107 of a socket's
+_PACKAGES = ("warehouse_env", "agents", "train")
+_LIBRARIES = ("numpy", "numba", "llvmlite", "torch")
+
+Code = dict[str, str]
+"""The versions of Python, of this project and of what it computes with, and a digest of our sources."""
 
 
-class Cluster(RemoteWorkers):
-    """The cores of a cluster, connected to at the first job."""
+class Cluster:
+    """The cores of a cluster, connected to at the first job (see `Workers`). Ray repeats the jobs of lost workers."""
 
-    tries = 4
-
-    def __init__(self, address: str, prepare: Callable[[], None] | None = None, cores: int | None = None) -> None:
+    def __init__(self, address: str, prepare: Callable[[], None] | None = None) -> None:
         """Take a cluster: LOCAL, one of this machine alone; AUTO, the one that this machine belongs to; or HOST:PORT.
 
-        prepare: called once on each node before any job, as to compile kernels. cores: of LOCAL; all if left out.
+        prepare: called once on each node before any job, as to compile kernels.
         """
-        self.address, self._prepare, self._cores = address, prepare, cores
+        self.address, self._prepare = address, prepare
         self._opened = contextlib.ExitStack()
         self._ray: Any = None
-        self._task: Any = None
-        self._files: dict[tuple[str, ...], Any] = {}
-        self._jobs: dict[Any, Job] = {}  # under way, by their references
+        self._under_way: dict[Any, Numbered] = {}  # by the references to their results
 
     @property
     def width(self) -> int:
         """Cores of all nodes that are there now, at least 1."""
-        return max(1, self._connected_cores())
+        if self._ray is None:
+            self._ray = self._opened.enter_context(joined(self.address, self._prepare))
+        return max(1, int(self._ray.cluster_resources().get("CPU", 0)))
 
-    @property
-    def room(self) -> int:
-        """Jobs that may be under way: none while no node is there."""
-        return _AHEAD * self._connected_cores()
+    def each(self, jobs: Sequence[Numbered], moved: Progress) -> Iterator[tuple[int, Result]]:
+        """Do the jobs (see `Workers.each`). Their times are left empty: the machines do other work as well."""
+        width, ray, files, lost = self.width, self._ray, dict[tuple[str, ...], Any](), list[Job]()
+        task, done, title = ray.remote(_work).options(num_cpus=1, max_retries=_TRIES - 1), 0.0, "workers start"
+        for number, job in jobs:
+            if job.files not in files:
+                files[job.files] = ray.put(pack(job.files))
+            self._under_way[task.remote(job, files[job.files], taken_in(), code_here())] = number, job
+        while self._under_way:
+            sent = list(self._under_way)
+            for reference in ray.wait(sent, num_returns=len(sent), timeout=_WAIT, fetch_local=False)[0]:
+                number, job = self._under_way.pop(reference)
+                try:
+                    result: Result = ray.get(reference)
+                except ray.exceptions.RayTaskError as error:
+                    raise error.cause from None
+                except ray.exceptions.RayError:
+                    lost.append(job)
+                    continue
+                done, title = done + job.size, job.title
+                rows = [row | {name: None for name in job.times if name in row} for row in result.rows]
+                yield number, result._replace(rows=rows)
+            moved(done, f"{width} at a time · {title}")
+        if lost:
+            raise lost_jobs(lost, len(jobs), _TRIES)
 
     def close(self) -> None:
         """Cancel all jobs and leave the cluster; one of this machine alone ends, and leaves nothing behind."""
-        for reference in self._jobs:
+        for reference in self._under_way:
             self._ray.cancel(reference, force=True)
-        self._jobs.clear()
-        self._files.clear()
+        self._under_way.clear()
         self._opened.close()
         self._ray = None
-        if self.sent_again:
-            tell(f"{counted(self.sent_again, 'job')} sent again, because a worker or node was lost")
-            self.sent_again = 0
 
-    def send(self, job: Job) -> Any:
-        """Send a job with its files; return the reference to its result."""
-        if job.files not in self._files:
-            self._files[job.files] = self._ray.put(pack(job.files))
-        reference = self._task.remote(job, self._files[job.files], taken_in(), about_this_node())
-        self._jobs[reference] = job
-        return reference
 
-    def ended(self) -> Iterator[tuple[Any, Result | None]]:
-        """Yield the jobs that ended, without their times: the machines do other work as well."""
-        if not self._jobs:
-            time.sleep(WAIT)  # for a node
-            return
-        self._ray.wait(list(self._jobs), timeout=WAIT, fetch_local=False)
-        for reference in self._ray.wait(list(self._jobs), num_returns=len(self._jobs), timeout=0.0)[0]:
-            job = self._jobs.pop(reference)
-            try:
-                result: Result = self._ray.get(reference)
-            except self._ray.exceptions.RayTaskError as error:
-                raise error.cause from None
-            except self._ray.exceptions.RayError:
-                yield reference, None
-                continue
-            rows = [row | {name: None for name in job.times if name in row} for row in result.rows]
-            yield reference, result._replace(rows=rows)
-
-    def _connected_cores(self) -> int:
-        """Return the cores that are there now, after connecting if need be."""
-        if self._ray is None:
-            self._ray = self._opened.enter_context(joined(self.address, self._prepare, self._cores))
-            self._task = self._ray.remote(_work).options(num_cpus=1, max_retries=0)
-        return int(self._ray.cluster_resources().get("CPU", 0))
+def check_address(ray: str) -> None:
+    """Raise ConfigError for a wrong address of a cluster, or if Ray is not installed."""
+    if ray not in (AUTO, LOCAL) and not _ADDRESS.fullmatch(ray):
+        raise ConfigError(f"--ray {shown(ray)} must be {AUTO}, {LOCAL} or HOST:PORT")
+    if importlib.util.find_spec("ray") is None:
+        raise ConfigError('--ray needs the package ray: pip install "warehouse-env[ray]"')
 
 
 @contextlib.contextmanager
 def joined(address: str, prepare: Callable[[], None] | None = None, cores: int | None = None) -> Iterator[Any]:
-    """Connect to a cluster, check and prepare all its nodes; yield the library.
+    """Connect to a cluster as `connected` does, check and prepare all its nodes; yield the library.
 
-    The arguments are those of Cluster. WarehouseError names a node that has other code.
+    prepare: called once on each node. cores: of LOCAL; all if left out. WarehouseError names a node with other code.
     """
     with connected(address, cores) as ray:
-        here = about_this_node()
-        processors = _on_each_node(ray, here, prepare)
-        if not processors:
+        nodes = _prepare_nodes(ray, prepare)
+        if not nodes:
             raise WarehouseError("the cluster has no node with a free core: add one by `ray start --address HOST:PORT`")
-        for node, processor in processors.items():
-            if processor != here.processor:
-                tell(
-                    f"node {node} has another processor ({processor}, here {here.processor}): figures may differ "
-                    "in the last digits, and so, in the long run, may episodes"
-                )
-        tell(f"{counted(len(processors), 'node')} with {counted(int(ray.cluster_resources()['CPU']), 'core')}")
+        tell(f"{counted(nodes, 'node')} with {counted(int(ray.cluster_resources()['CPU']), 'core')}")
         yield ray
 
 
@@ -138,6 +133,7 @@ def connected(address: str, cores: int | None = None) -> Iterator[Any]:
     _check_there(address)
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
     os.environ.setdefault("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")  # else it warns of what a later version will do
+    os.environ.setdefault("RAY_task_oom_retries", str(_TRIES - 1))  # else a job that needs too much memory never ends
     with contextlib.ExitStack() as stack:
         options: dict[str, Any] = {"address": address}
         usual = tempfile.gettempdir()
@@ -180,44 +176,62 @@ def _first_line(error: Exception) -> str:
     return (str(error).strip().splitlines() or [type(error).__name__])[0].rstrip(".")
 
 
-def _on_each_node(ray: Any, here: Node, prepare: Callable[[], None] | None) -> dict[str, str]:
-    """Check and prepare all nodes; return address -> processor. WarehouseError names a node that cannot work."""
+def _prepare_nodes(ray: Any, prepare: Callable[[], None] | None) -> int:
+    """Check and prepare all nodes; return their number. WarehouseError names a node that cannot work."""
     from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
     sent = {}
     for node in ray.nodes():
         if node["Alive"] and node["Resources"].get("CPU", 0) >= 1:
             on = NodeAffinitySchedulingStrategy(node["NodeID"], soft=False)
-            task = ray.remote(_prepared).options(num_cpus=0, scheduling_strategy=on)
-            sent[f"{node['NodeManagerAddress']} ({node['NodeID'][:6]})"] = task.remote(here, prepare)
-    processors = {}
+            task = ray.remote(_prepare_node).options(num_cpus=0, scheduling_strategy=on)
+            sent[f"{node['NodeManagerAddress']} ({node['NodeID'][:6]})"] = task.remote(code_here(), prepare)
+    ready = 0
     for node, reference in sent.items():
-        try:
-            processors[node] = ray.get(reference)
-        except ray.exceptions.RayTaskError as error:
-            raise WarehouseError(
-                f"node {node} cannot do the jobs: {_first_line(error.cause)}; install the same version there"
-            ) from None
-        except ray.exceptions.RayError:
-            continue  # the node is gone
-    return processors
+        with contextlib.suppress(ray.exceptions.RayError):  # the node is gone
+            try:
+                ray.get(reference)
+                ready += 1
+            except ray.exceptions.RayTaskError as error:
+                raise WarehouseError(
+                    f"node {node} cannot do the jobs: {_first_line(error.cause)}; install the same version there"
+                ) from None
+    return ready
 
 
-def _prepared(here: Node, prepare: Callable[[], None] | None) -> str:
-    """Check and prepare the node that this runs on; return its kind of processor."""
-    there = about_this_node()
-    check_node(here, there)
+def _prepare_node(code: Code, prepare: Callable[[], None] | None) -> None:
+    check_code(code, code_here())
     if prepare is not None:
         prepare()
-    return there.processor
 
 
-def _work(job: Job, files: JobFiles, typed: list[Typed], here: Node) -> Result:
+def _work(job: Job, files: JobFiles, typed: list[Typed], code: Code) -> Result:
     """Do a job on a node, on one thread, with the files that came with it."""
     from warehouse_env.threads import set_num_threads
 
     set_num_threads(1)
-    check_node(here, about_this_node())  # the node may be new
+    check_code(code, code_here())  # the node may be new
     with unpacked(files):
         take_in(typed)
         return job.run(lambda part: None)
+
+
+@cache
+def code_here() -> Code:
+    """Return what this process runs."""
+    homes = [Path(spec.origin).parent for name in _PACKAGES if (spec := importlib.util.find_spec(name)) and spec.origin]
+    sources = hashlib.sha256()
+    for home in homes:
+        for file in sorted(home.rglob("*.py")):
+            sources.update(f"{file.relative_to(home).as_posix()}\n".encode() + file.read_bytes())
+    libraries = {name: importlib.metadata.version(name) for name in _LIBRARIES}
+    own = {"warehouse_env": __version__, "sources": sources.hexdigest()[:16]}
+    return {"python": platform.python_version(), **libraries, **own}
+
+
+def check_code(here: Code, there: Code) -> None:
+    """Raise WarehouseError unless a node has the code and the library versions of this machine."""
+    differs = [name for name in here if there.get(name) != here[name]]
+    if differs:
+        theirs, ours = (", ".join(f"{name} {code.get(name)}" for name in differs) for code in (there, here))
+        raise WarehouseError(f"it has {theirs}, here it is {ours}")

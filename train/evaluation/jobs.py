@@ -116,34 +116,27 @@ def in_parts(jobs: Sequence[Numbered], width: int) -> list[Numbered]:
     return [(number, part) for number, job in jobs for part in job.parts(most)]
 
 
-class Known:
-    """Rows by identity, to find those of a job."""
-
-    def __init__(self, rows: Sequence[Row]) -> None:
-        self._rows = list(rows)
-        self._found: dict[tuple[str, ...], dict[str, list[Row]]] = {}  # by the names of an identity, then its values
-
-    def add(self, rows: Sequence[Row]) -> None:
-        """Take more rows."""
-        self._rows += rows
-        for names, found in self._found.items():
-            self._sort_in(rows, names, found)
-
-    def of(self, job: Job) -> list[Row]:
-        """Return the rows with a job's identity."""
-        if not self._rows:
-            return []
+def rows_of_jobs(jobs: Sequence[Job], rows: Sequence[Row]) -> list[list[Row]]:
+    """Return for each job the rows with its identity."""
+    if not rows:
+        return [[] for _ in jobs]
+    indices: dict[tuple[str, ...], dict[str, list[Row]]] = {}  # by the names of an identity, then its values
+    found = []
+    for job in jobs:
         identity = job.identity
         names = tuple(identity)
-        if names not in self._found:
-            self._found[names] = {}
-            self._sort_in(self._rows, names, self._found[names])
-        return self._found[names].get(_key(identity, names), [])
+        if names not in indices:
+            indices[names] = {}
+            for row in rows:
+                indices[names].setdefault(_key(row, names), []).append(row)
+        found.append(indices[names].get(_key(identity, names), []))
+    return found
 
-    @staticmethod
-    def _sort_in(rows: Sequence[Row], names: tuple[str, ...], found: dict[str, list[Row]]) -> None:
-        for row in rows:
-            found.setdefault(_key(row, names), []).append(row)
+
+def lost_jobs(lost: Sequence[Job], jobs: int, tries: int) -> LostError:
+    """Return the error that names the jobs, of so many, whose workers were lost each time."""
+    named = "; ".join(job.title for job in lost)
+    return LostError(f"{len(lost)} of {jobs} jobs lost their worker {tries} times: {named}")
 
 
 def of_all_runs(rows: Sequence[Row], runs: int) -> list[Row]:
@@ -163,8 +156,8 @@ def go_on(file: RowFile, jobs: Sequence[Job], ours: Callable[[Row], bool], fresh
     `fresh`, all rows that are ours are removed.
     """
     old = file.old()
-    known = Known([] if fresh else old)
-    done = [job.left(known.of(job)) for job in jobs]
+    known = rows_of_jobs(jobs, [] if fresh else old)
+    done = [job.left(rows) for job, rows in zip(jobs, known, strict=True)]
     kept = [row for rows, _ in done for row in rows]
     good = [*(row for row in old if not ours(row)), *kept]
     if file.path is not None and len(good) < len(old):
@@ -179,7 +172,7 @@ class Runner:
     """A context that does the jobs whose rows are missing and writes their rows; it stops its workers at the end.
 
     Errors of a job are raised as they are. On Ctrl-C the KeyboardInterrupt says which rows are kept. A job whose worker
-    is killed, say for its memory, is done again. If that fails too, LostError names it after all other jobs.
+    is killed, say for its memory, is repeated. If that fails too, LostError names it after all other jobs.
     """
 
     def __init__(
@@ -193,7 +186,7 @@ class Runner:
         same way, so that the progress bar can estimate the time. progress: a bar on stderr by default. hear: called
         with a job's number and `Result.more` of a part before its rows are written.
         """
-        self._file, self._known, self._workers = file, Known(old), workers or Here()
+        self._file, self._known, self._workers = file, list(old), workers or Here()
         self._goes_on, self._mixed, self._progress, self._hear = goes_on, mixed, progress, hear
 
     def __enter__(self) -> Runner:
@@ -206,8 +199,8 @@ class Runner:
         """Return the rows of all jobs, in their order."""
         rows: dict[int, list[Row]] = {}
         missing: list[Numbered] = []
-        for number, job in enumerate(jobs):
-            stand, left = job.left(self._known.of(job))
+        for number, (job, known) in enumerate(zip(jobs, rows_of_jobs(jobs, self._known), strict=True)):
+            stand, left = job.left(known)
             rows[number] = list(stand)
             if left is not None:
                 missing.append((number, left))
@@ -218,7 +211,7 @@ class Runner:
                 for part, result in self._workers.each(self._in_order([job for _, job in parts]), moved):
                     self._hear(parts[part][0], result.more)
                     self._file.add(result.rows)
-                    self._known.add(result.rows)
+                    self._known += result.rows
                     done[part] = result.rows
         except KeyboardInterrupt as stop:
             raise type(stop)(*self._left_behind()) from None

@@ -7,63 +7,76 @@ import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Iterator
+from collections import deque
+from collections.abc import Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing.connection import Connection
 
-from train.evaluation.jobs import Job, Result
-from train.evaluation.remote import WAIT, RemoteWorkers
+from train.evaluation.jobs import Job, Numbered, Progress, Result, lost_jobs
 from train.own import Typed, take_in, taken_in
 
+_WAIT = 0.2  # [s] between two looks at the processes
 
-class Processes(RemoteWorkers):
-    """Processes that start when they are needed. Each is a pool of its own, so a killed one takes no others with it."""
 
-    tries = 2
-    again_alone = True  # it may have been killed because the memory was full
+class Processes:
+    """Processes that start when they are needed (see `Workers`).
+
+    Each is a pool of its own, so a killed one takes no others with it. Its job is repeated once, after all others and
+    alone, since the memory may have been full.
+    """
 
     def __init__(self, processes: int) -> None:
         """Run up to `processes` jobs at a time."""
-        self._width = processes
+        self.width = processes
         self._idle: list[ProcessPoolExecutor] = []
-        self._busy: dict[Future[Result], ProcessPoolExecutor] = {}
+        self._busy: dict[Future[Result], tuple[ProcessPoolExecutor, Numbered]] = {}
         self._pipe: tuple[Connection, Connection] | None = None  # closing its second end ends the processes
+        self._done = 0.0
 
-    @property
-    def width(self) -> int:
-        """How many processes there may be."""
-        return self._width
+    def each(self, jobs: Sequence[Numbered], moved: Progress) -> Iterator[tuple[int, Result]]:
+        """Do the jobs (see `Workers.each`)."""
+        self._done = 0.0
+        killed = yield from self._each(jobs, self.width, moved)
+        lost = yield from self._each(killed, 1, moved)
+        if lost:
+            raise lost_jobs([job for _, job in lost], len(jobs), tries=2)
 
-    def send(self, job: Job) -> Future[Result]:
+    def _each(
+        self, jobs: Sequence[Numbered], width: int, moved: Progress
+    ) -> Generator[tuple[int, Result], None, list[Numbered]]:
+        """Do jobs, `width` at a time; return those whose process was killed."""
+        waiting, killed, title = deque(jobs), list[Numbered](), "processes start"
+        while waiting or self._busy:
+            while waiting and len(self._busy) < width:
+                self._send(waiting.popleft())
+            for future in wait(self._busy, _WAIT, FIRST_COMPLETED).done:
+                pool, (number, job) = self._busy.pop(future)
+                if isinstance(future.exception(), BrokenProcessPool):
+                    killed.append((number, job))
+                    continue
+                self._idle.append(pool)
+                self._done, title = self._done + job.size, job.title
+                yield number, future.result()
+            moved(self._done, f"{width} at a time · {title}")
+        return killed
+
+    def _send(self, numbered: Numbered) -> None:
         """Give a job to an idle process or a new one."""
         pool = self._idle.pop() if self._idle else self._start()
         try:
-            future = pool.submit(_work, job)
+            future = pool.submit(_work, numbered[1])
         except BrokenProcessPool:  # killed while it was idle
             pool = self._start()
-            future = pool.submit(_work, job)
-        self._busy[future] = pool
-        return future
-
-    def ended(self) -> Iterator[tuple[Future[Result], Result | None]]:
-        """Yield the jobs that ended; a process that was killed is forgotten."""
-        for future in wait(self._busy, WAIT, FIRST_COMPLETED).done:
-            pool = self._busy.pop(future)
-            try:
-                result = future.result()
-            except BrokenProcessPool:
-                yield future, None
-                continue
-            self._idle.append(pool)
-            yield future, result
+            future = pool.submit(_work, numbered[1])
+        self._busy[future] = pool, numbered
 
     def close(self) -> None:
         """End all processes."""
         if self._pipe is None:
             return
         self._pipe[1].close()
-        for pool in (*self._idle, *self._busy.values()):
+        for pool in (*self._idle, *(pool for pool, _ in self._busy.values())):
             pool.shutdown()
         self._pipe[0].close()
         self._idle, self._busy, self._pipe = [], {}, None

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import importlib.util
-import re
 from dataclasses import dataclass
 from typing import ClassVar
 
-from train.evaluation.cluster import AUTO, LOCAL, Cluster
+from train.evaluation.cluster import Cluster, check_address
 from train.evaluation.jobs import Here, Workers
 from train.evaluation.kernels import compile_missing
 from train.evaluation.processes import Processes
 from warehouse_env.checked import Checked
-from warehouse_env.errors import ConfigError, shown
-
-_ADDRESS = re.compile(r"[^\s:/]+:\d{1,5}|\[[0-9a-fA-F:]+\]:\d{1,5}")
+from warehouse_env.errors import ConfigError
 
 
 @dataclass(frozen=True)
@@ -46,11 +42,3 @@ class WorkerOptions(Checked):
             return Cluster(self.ray, compile_missing)
         processes = self.processes or self.usual_processes
         return Here() if processes == 1 else Processes(processes)
-
-
-def check_address(ray: str) -> None:
-    """Raise ConfigError for a wrong address of a cluster, or if Ray is not installed."""
-    if ray not in (AUTO, LOCAL) and not _ADDRESS.fullmatch(ray):
-        raise ConfigError(f"--ray {shown(ray)} must be {AUTO}, {LOCAL} or HOST:PORT")
-    if importlib.util.find_spec("ray") is None:
-        raise ConfigError('--ray needs the package ray: pip install "warehouse-env[ray]"')

@@ -8,7 +8,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,7 @@ import pytest
 from tests.train.evaluation.test_jobs import DRIVE, Square, done, driven
 from train.cli import LOST, main
 from train.evaluation.cluster import Cluster
-from train.evaluation.jobs import Result, Tick
+from train.evaluation.jobs import Numbered, Progress, Result, Tick
 from train.reporting.rows import read_rows
 
 pytest.importorskip("ray")
@@ -68,12 +68,9 @@ def test_a_node_that_goes_without_a_word(tmp_path: Path, connected_nodes: Any) -
     class Removing(Cluster):
         """Has a node removed when the third result is in."""
 
-        count = 0
-
-        def ended(self) -> Iterator[tuple[Any, Result | None]]:
-            for given in super().ended():
-                self.count += 1
-                if self.count == 3:
+        def each(self, jobs: Sequence[Numbered], moved: Progress) -> Iterator[tuple[int, Result]]:
+            for count, given in enumerate(super().each(jobs, moved), start=1):
+                if count == 3:
                     time.sleep(0.2)  # until the next jobs have begun
                     connected_nodes.remove_node(third, allow_graceful=False)
                 yield given

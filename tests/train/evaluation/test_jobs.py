@@ -16,9 +16,8 @@ from typing import Any
 import pytest
 
 from train.cli import main
-from train.evaluation.cluster import Cluster
+from train.evaluation.cluster import Cluster, check_code, code_here
 from train.evaluation.jobs import Here, Job, Result, Runner, Tick, Workers
-from train.evaluation.nodes import Node, about_this_node, check_node
 from train.evaluation.processes import Processes
 from train.reporting.rows import Row, RowFile, read_rows
 from warehouse_env.errors import LostError, WarehouseError
@@ -174,13 +173,10 @@ def test_rows_are_the_same_here_in_processes_and_on_two_nodes(tmp_path: Path, co
 
 
 def test_a_node_with_other_code_is_an_error() -> None:
-    here = about_this_node()
-    check_node(here, here._replace(processor="abacus"))
-    with pytest.raises(WarehouseError, match=r"has sources 0123, here it is \w+"):
-        check_node(here, here._replace(source="0123"))
-    older = tuple((name, "0.1" if name == "numba" else version) for name, version in here.versions)
-    with pytest.raises(WarehouseError, match=r"has numba 0\.1, here it is numba \d"):
-        check_node(here, Node("other", older, here.processor))
+    here = code_here()
+    check_code(here, dict(here))
+    with pytest.raises(WarehouseError, match=r"has numba 0\.1, sources 0123, here it is numba \d\S+, sources \w+"):
+        check_code(here, here | {"sources": "0123", "numba": "0.1"})
 
 
 @pytest.mark.parametrize(
