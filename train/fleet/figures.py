@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import math
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from train.evaluation.audit.bodies import AuditFleet, body_of, gap, outline_of
+from train.evaluation.audit.bodies import AuditBody, Outline, gap
 from warehouse_env.config import EnvConfig
-from warehouse_env.kernel import kernel
 from warehouse_env.simulation.state import GAP_HORIZON, ROBOT
 from warehouse_env.simulation.traffic.waits import SLOW
 
@@ -25,163 +24,21 @@ MOMENT = np.dtype(
         ("planned", np.float32),  # [m] to them
     ]
 )
-_NEAR, _CONTACT = 1, 2  # of a pair: near and untouched, in a contact episode
 _STANDS_WITHIN = 1.0  # [m]
 
-
-@kernel
-def _arrive(r, reached, planned, seconds, late):
-    """Count the goals that a robot has `reached` since the last moment."""
-    if reached > 0:
-        task, totals = r["task"], r["totals"]
-        r["events"]["arrived"] = 1
-        totals["goals"] += reached
-        totals["late_goals"] += reached if late else 0
-        totals["longest_age"], task["age"] = max(totals["longest_age"], task["age"]), 0
-        totals["planned"] = planned
-        totals["driven_to_goals"] += totals["distance"] - totals["distance_at_goal"]
-        totals["distance_at_goal"], totals["finish_time"] = totals["distance"], seconds
-
-
-@kernel
-def _step_robots(robots, poses, before, moments, was, seconds, dt, late):
-    """Advance each robot's clocks and totals by a moment; was, before: moments and poses a moment ago."""
-    for i in range(robots.shape[0]):
-        r = robots[i]
-        motion, task, events, totals, clocks = r["motion"], r["task"], r["events"], r["totals"], r["clocks"]
-        x, y, heading = poses[i, 0], poses[i, 1], poses[i, 2]
-        dx, dy = x - before[i, 0], y - before[i, 1]
-        seen = (moments[i]["bits"] & was[i]["bits"] & PRESENT) != 0
-        way = math.sqrt(dx * dx + dy * dy) if seen else 0.0
-        ahead = dx * (math.cos(heading) + math.cos(before[i, 2])) + dy * (math.sin(heading) + math.sin(before[i, 2]))
-        motion["x"], motion["y"], motion["heading"] = x, y, heading
-        motion["cos"], motion["sin"] = math.cos(heading), math.sin(heading)
-        motion["speed"] = (way if ahead >= 0.0 else -way) / dt if dt > 0.0 else 0.0
-        events["arrived"] = events["hit_robot"] = events["hit_shelf"] = events["hit_person"] = events["near_miss"] = 0
-        events["touching"] = (moments[i]["bits"] & (AT_ROBOT | AT_SHELF | AT_PERSON)) != 0
-        stood, task["acting"] = task["alive"] == 0, task["alive"]
-        task["alive"] = (moments[i]["bits"] & PRESENT) != 0 and (moments[i]["bits"] & UNDER_WAY) != 0
-        events["gap"] = GAP_HORIZON
-        began = moments[i]["bits"] & ~was[i]["bits"]
-        events["hit_shelf"], events["hit_person"] = (began & AT_SHELF) != 0, (began & AT_PERSON) != 0
-        totals["hits_shelf"] += events["hit_shelf"]
-        totals["hits_person"] += events["hit_person"]
-        totals["distance"] += way
-        r["on_route"]["position"] = 0.0 if moments[i]["line"] != was[i]["line"] else r["on_route"]["position"] + way
-        if (
-            dt == 0.0
-            or (stood and task["alive"] != 0)
-            or (x - clocks["anchor_x"]) ** 2 + (y - clocks["anchor_y"]) ** 2 > _STANDS_WITHIN**2
-        ):
-            clocks["anchor_x"], clocks["anchor_y"], clocks["standing_time"] = x, y, 0.0
-        elif task["alive"] != 0:
-            clocks["standing_time"] += dt
-            totals["longest_standing"] = max(totals["longest_standing"], clocks["standing_time"])
-        clocks["stalled_time"] = clocks["standing_time"]
-        if dt > 0.0 and task["alive"] != 0:
-            totals["lived"] += 1
-            totals["waited"] += abs(motion["speed"]) < SLOW
-            task["age"] += 1
-        _arrive(r, moments[i]["goals"] - was[i]["goals"], moments[i]["planned"], seconds, late)
-
-
-@kernel
-def _gap_of(a, b, one, other, apart):
-    """Return the gap [m] between two robots' bodies, negative if they overlap, and `apart` if their centres are so far.
-
-    one, other: the FleetBody of each.
-    """
-    a, b = a["motion"], b["motion"]
-    x, y = a["x"] - one.back * a["cos"], a["y"] - one.back * a["sin"]
-    to_x, to_y = b["x"] - other.back * b["cos"], b["y"] - other.back * b["sin"]
-    if (to_x - x) ** 2 + (to_y - y) ** 2 > apart * apart:
-        return apart
-    return gap(outline_of((x, y, a["cos"], a["sin"]), one), outline_of((to_x, to_y, b["cos"], b["sin"]), other))
-
-
-@kernel
-def _place_of(i, j, active, count):
-    """Return the row of a pair in `active`: its own, or `count` if it is new."""
-    for k in range(count):
-        if active[k, 0] == i and active[k, 1] == j:
-            return k
-    return count
-
-
-@kernel
-def _note(i, j, found, touch, robots, active, count, near):
-    """Note the gap `found` [m] of robots i < j, and a contact that begins; return how many pairs are active."""
-    for r in (robots[i], robots[j]):
-        r["events"]["gap"] = min(r["events"]["gap"], found)
-        r["totals"]["min_gap"] = min(r["totals"]["min_gap"], found)
-    k = _place_of(i, j, active, count) if found < near else active.shape[0]
-    if k == active.shape[0]:
-        return count
-    if k == count:
-        active[k, 0], active[k, 1], active[k, 2] = i, j, _NEAR
-    active[k, 3] = 1
-    begins = touch and active[k, 2] != _CONTACT
-    if touch:
-        active[k, 2] = _CONTACT
-        for r in (robots[i], robots[j]):
-            r["events"]["touching"] = 1
-            r["events"]["hit_robot"] += begins
-            r["totals"]["hits_robot"] += begins
-    return max(count, k + 1)
-
-
-@kernel
-def _end_pairs(robots, active, count):
-    """Drop the active pairs that are near no more, and count near misses; return how many are left."""
-    kept = 0
-    for k in range(count):
-        if active[k, 3] != 0:
-            active[kept] = active[k]
-            active[kept, 3] = 0
-            kept += 1
-        elif active[k, 2] == _NEAR:
-            for r in (robots[active[k, 0]], robots[active[k, 1]]):
-                r["events"]["near_miss"] += 1
-                r["totals"]["near_misses"] += 1
-    return kept
-
-
-@kernel
-def _look_at_pairs(robots, active, count, bits, near, fleet):
-    """Begin and end near misses and contacts of pairs; active int64[K, 4]: two robots, status, whether near now.
-
-    A pair touches if its bodies overlap, or both report to touch a robot. Returns how many are active.
-    """
-    apart, back = 2.0 * fleet.radius + GAP_HORIZON, 0.0
-    for body in fleet.bodies:
-        back = max(back, abs(body.back))
-    order = np.argsort(robots["motion"]["x"])
-    for n in range(order.size):
-        for m in range(n + 1, order.size):
-            if robots[order[m]]["motion"]["x"] - robots[order[n]]["motion"]["x"] > apart + 2.0 * back:
-                break
-            i, j = min(order[n], order[m]), max(order[n], order[m])
-            if (bits[i] & bits[j] & PRESENT) == 0:
-                continue
-            found = _gap_of(robots[i], robots[j], body_of(i, fleet), body_of(j, fleet), apart)
-            if found < apart:
-                touch = found < 0.0 or (found < near and (bits[i] & bits[j] & AT_ROBOT) != 0)
-                count = _note(i, j, 0.0 if touch else found, touch, robots, active, count, near)
-    return _end_pairs(robots, active, count)
+Pair = tuple[int, int]
 
 
 class FleetFigures:
     """The records ROBOT[1, N] of a fleet, updated moment by moment."""
 
     def __init__(self, config: EnvConfig) -> None:
-        count = config.num_agents
-        self.robots: NDArray[Any] = np.zeros((1, count), dtype=ROBOT)
+        self.robots: NDArray[Any] = np.zeros((1, config.num_agents), dtype=ROBOT)
         self.robots["totals"]["min_gap"] = GAP_HORIZON
         self.robots["shield"]["vetoed_by"] = self.robots["traffic"]["yields_to"] = -1
         self.moments = -1
-        self._config, self._fleet = config, AuditFleet.of(config)
-        self._active = np.zeros((8 * count, 4), dtype=np.int64)
-        self._count = 0
+        self._config, self._body = config, AuditBody.of(config, config.robot)
+        self._active: dict[Pair, bool] = {}  # pairs that are near, and whether they have touched
         self._pose: NDArray[np.float64] | None = None
         self._was: NDArray[Any] | None = None
 
@@ -193,12 +50,109 @@ class FleetFigures:
     def take(self, pose: NDArray[np.float32], moment: NDArray[Any]) -> None:
         """Take the next moment: pose float32[N, 3], moment MOMENT[N]."""
         self.moments += 1
-        now, robots = pose.astype(np.float64), self.robots[0]
+        now = pose.astype(np.float64)
         before, was = (now, moment) if self._pose is None or self._was is None else (self._pose, self._was)
-        dt = self._config.time_step if self.moments else 0.0
-        late = self.moments > self._config.max_steps // 2
-        _step_robots(robots, now, before, moment, was, self.seconds, dt, late)
-        self._count = _look_at_pairs(
-            robots, self._active, self._count, moment["bits"], self._config.near_miss_gap, self._fleet
-        )
+        self._move(now, before, (moment["bits"] & was["bits"] & PRESENT) != 0)
+        self._touch(moment["bits"], was["bits"])
+        self._stand((moment["bits"] & (PRESENT | UNDER_WAY)) == PRESENT | UNDER_WAY)
+        self._arrive(moment["goals"] - was["goals"], moment["planned"])
+        way = self.robots[0]["on_route"]["position"]
+        way[moment["line"] != was["line"]] = 0.0
+        self._look_at_pairs(moment["bits"])
         self._pose, self._was = now, moment
+
+    def _move(self, now: NDArray[np.float64], before: NDArray[np.float64], seen: NDArray[np.bool_]) -> None:
+        """Take the poses [N, 3] of this moment and the last; seen: whether a vehicle was present at both."""
+        robots = self.robots[0]
+        motion, heading = robots["motion"], now[:, 2]
+        motion["x"], motion["y"], motion["heading"] = now.T
+        motion["cos"], motion["sin"] = np.cos(heading), np.sin(heading)
+        (dx, dy), last = (now - before)[:, :2].T, before[:, 2]
+        way = np.where(seen, np.hypot(dx, dy), 0.0)
+        ahead = dx * (motion["cos"] + np.cos(last)) + dy * (motion["sin"] + np.sin(last))
+        motion["speed"] = np.where(ahead >= 0, way, -way) / self._config.time_step
+        robots["totals"]["distance"] += way
+        robots["on_route"]["position"] += way
+
+    def _touch(self, bits: NDArray[np.uint8], was: NDArray[np.uint8]) -> None:
+        """Begin contacts with shelves and people as they are told, and forget the last moment's events."""
+        events, totals = self.robots[0]["events"], self.robots[0]["totals"]
+        for name in ("arrived", "hit_robot", "near_miss"):
+            events[name] = 0
+        events["gap"] = GAP_HORIZON
+        events["touching"] = (bits & (AT_ROBOT | AT_SHELF | AT_PERSON)) != 0
+        for other, bit in (("shelf", AT_SHELF), ("person", AT_PERSON)):
+            events[f"hit_{other}"] = (bits & ~was & bit) != 0
+            totals[f"hits_{other}"] += events[f"hit_{other}"]
+
+    def _stand(self, alive: NDArray[np.bool_]) -> None:
+        """Count how long vehicles stand, wait and drive to one goal."""
+        robots, dt = self.robots[0], self._config.time_step if self.moments else 0.0
+        motion, task, totals, clocks = robots["motion"], robots["task"], robots["totals"], robots["clocks"]
+        begins = (task["alive"] == 0) & alive
+        task["acting"], task["alive"] = task["alive"], alive
+        moved = np.hypot(motion["x"] - clocks["anchor_x"], motion["y"] - clocks["anchor_y"]) > _STANDS_WITHIN
+        anew = moved | begins | (self.moments == 0)
+        for axis in "xy":
+            clocks[f"anchor_{axis}"] = np.where(anew, motion[axis], clocks[f"anchor_{axis}"])
+        clocks["standing_time"] = np.where(anew, 0.0, clocks["standing_time"] + dt * alive)
+        clocks["stalled_time"] = clocks["standing_time"]
+        totals["longest_standing"] = np.maximum(totals["longest_standing"], clocks["standing_time"])
+        if self.moments:
+            totals["lived"] += alive
+            totals["waited"] += alive & (np.abs(motion["speed"]) < SLOW)
+            task["age"] += alive
+
+    def _arrive(self, reached: NDArray[np.int32], planned: NDArray[np.float32]) -> None:
+        """Count the goals that vehicles have `reached` since the last moment."""
+        robots, late = self.robots[0], self.moments > self._config.max_steps // 2
+        task, totals = robots["task"], robots["totals"]
+        for i in np.flatnonzero(reached > 0).tolist():
+            robots["events"]["arrived"][i] = 1
+            totals["goals"][i] += reached[i]
+            totals["late_goals"][i] += reached[i] * late
+            totals["longest_age"][i], task["age"][i] = max(totals["longest_age"][i], task["age"][i]), 0
+            totals["planned"][i] = planned[i]
+            totals["driven_to_goals"][i] += totals["distance"][i] - totals["distance_at_goal"][i]
+            totals["distance_at_goal"][i], totals["finish_time"][i] = totals["distance"][i], self.seconds
+
+    def _look_at_pairs(self, bits: NDArray[np.uint8]) -> None:
+        """Begin and end near misses and contacts of pairs; of pairs that end, those that never touched are near misses.
+
+        A pair touches if its bodies overlap, or both report to touch a robot.
+        """
+        robots, near = self.robots[0], self._config.near_miss_gap
+        events, totals, last = robots["events"], robots["totals"], self._active
+        self._active = {}
+        for pair, found in self._gaps():
+            both = list(pair)
+            told = np.bitwise_and.reduce(bits[both])
+            if not told & PRESENT:
+                continue
+            touch = found < 0 or bool(found < near and told & AT_ROBOT)
+            for values in (events["gap"], totals["min_gap"]):
+                values[both] = np.minimum(values[both], 0.0 if touch else found)
+            if touch and not last.get(pair):
+                events["hit_robot"][both] += 1
+                totals["hits_robot"][both] += 1
+            if touch:
+                events["touching"][both] = 1
+            if touch or found < near:
+                self._active[pair] = touch or last.get(pair, False)
+        for pair in [pair for pair, touched in last.items() if not touched and pair not in self._active]:
+            events["near_miss"][list(pair)] += 1
+            totals["near_misses"][list(pair)] += 1
+
+    def _gaps(self) -> Iterator[tuple[Pair, float]]:
+        """Yield all pairs nearer than GAP_HORIZON, and perhaps others, with the gap of their bodies [m]."""
+        from scipy.spatial import cKDTree  # not when this is loaded, which takes long
+
+        motion, body, apart = self.robots[0]["motion"], self._body, 2.0 * self._body.radius + GAP_HORIZON
+        turned = np.stack([motion["cos"], motion["sin"]], axis=-1).astype(np.float64)
+        centres = np.stack([motion["x"], motion["y"]], axis=-1).astype(np.float64) - body.back * turned
+        outlines = [
+            Outline(*values, body.half_length, body.half_width)
+            for values in np.concatenate([centres, turned], axis=1).tolist()
+        ]
+        for i, j in sorted(cKDTree(centres).query_pairs(apart)):
+            yield (i, j), gap(outlines[i], outlines[j])
