@@ -95,7 +95,7 @@ READS = {*FUNCTIONS, "read_text", "read_bytes", "fromfile", "loadtxt", "genfromt
 MAY_READ = {
     "warehouse_env.files": "the door",
     "warehouse_env.simulation.record.recording": "members of what the door opened",
-    "warehouse_env.maps.halls.picture": "bytes that the door read",
+    "warehouse_env.maps.halls.map_server": "bytes that the door read",
     "train.evaluation.nodes": "sources of this package",
     "warehouse_env.render.page_text": "ships with the package",
     "train.reporting.page": "ships with the package",

@@ -31,8 +31,7 @@ from warehouse_env.errors import ConfigError, MapError, WarehouseError, WeightsE
 from warehouse_env.files import file_digest
 from warehouse_env.maps.discs import read_discs
 from warehouse_env.maps.halls.lif import read_lif
-from warehouse_env.maps.halls.map_server import read_occupancy
-from warehouse_env.maps.halls.picture import read_picture
+from warehouse_env.maps.halls.map_server import read_occupancy, read_picture
 from warehouse_env.maps.halls.places import read_places
 from warehouse_env.maps.halls.route_graph import read_route_graph
 from warehouse_env.maps.movingai import read_map, read_scen

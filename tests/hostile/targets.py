@@ -77,9 +77,8 @@ def _make_hall(rng: Random) -> tuple[dict[str, bytes], str]:
         is_json = name.endswith("json")
         files[name] = json_bytes(rng, json.loads(files[name])) if is_json else damaged(rng, files[name])
     how = rng.choice(["", "cell=0.5", "keepout=k.yaml", "speed=k.yaml", "discs=h.discs.json", "lanes=l.json",
-                      "lanes=l.geojson", "lanes=l.json,lanes_only=true", "begin=best", "begin=corner",
-                      "begin=0.25+0.4", f"begin={rng.choice(making.NUMBERS)}+{rng.random()}", "cell=2,begin=best",
-                      "begin=" + making.text(rng), "cell=" + making.text(rng), making.text(rng)])  # fmt: skip
+                      "lanes=l.geojson", "lanes=l.json,lanes_only=true", "cell=2", "cell=" + making.text(rng),
+                      making.text(rng)])  # fmt: skip
     return files, rng.choice(["h.yaml", "h.yaml", "h.yaml", "h.png"]) + (f":{how}" if how else "")
 
 
@@ -89,7 +88,7 @@ def _hall(given: tuple[dict[str, bytes], str], folder: Path) -> None:
     hall = read_hall(f"{folder}/{given[1]}")
     _use(hall.grid)
     list(files_of(f"{folder}/{given[1]}"))
-    write_hall(hall.grid, folder / "g.yaml", None, hall.barred)
+    write_hall(hall.grid, folder / "g.yaml")
     write_lif(hall.grid, folder / "g.json")
     write_route_graph(hall.grid, folder / "g.geojson")
 

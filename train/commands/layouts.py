@@ -18,8 +18,7 @@ from warehouse_env.errors import ConfigError, MapError
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.halls import lif, route_graph
 from warehouse_env.maps.halls.hall import Hall, is_hall, read_hall
-from warehouse_env.maps.halls.map_server import YAMLS
-from warehouse_env.maps.halls.picture import SUFFIXES as PICTURES
+from warehouse_env.maps.halls.map_server import PICTURES, YAMLS
 from warehouse_env.maps.halls.saved import write_hall
 from warehouse_env.maps.layouts import LAYOUTS, make_layout
 from warehouse_env.maps.movingai import read_map, write_map
@@ -44,7 +43,7 @@ class Layouts(Checked):
     """A map's file to check."""
     convert: Annotated[Path | None, tyro.conf.arg(aliases=("--save",))] = None
     """Write the layout or map named by --draw to this file instead of drawing it: NAME.map (MovingAI), NAME.yaml
-    (map_server, with masks and places beside it), NAME.lif.json (lanes as LIF) or NAME.geojson (Nav2's route graph)."""
+    (map_server, with places beside it), NAME.lif.json (lanes as LIF) or NAME.geojson (Nav2's route graph)."""
     resolution: float | None = None
     """Width of a pixel [m]: of a plain picture to draw, or of what is saved as NAME.yaml (there a cell's)."""
     seed: int | None = None
@@ -77,8 +76,7 @@ class Layouts(Checked):
             name = f"{name}{',' if ':' in name else ':'}resolution={self.resolution}"
         return read_hall(name)
 
-    def _convert(self, grid: GridMap, hall: Hall | None, path: Path) -> None:
-        barred = None if hall is None else hall.barred
+    def _convert(self, grid: GridMap, path: Path) -> None:
         suffix = path.suffix.lower()
         if suffix == ".map":
             write_map(grid, path)
@@ -87,7 +85,7 @@ class Layouts(Checked):
         elif suffix == route_graph.SUFFIX:
             route_graph.write_route_graph(grid, path)
         elif suffix in YAMLS:
-            print(f"wrote {path}, which is read by --map {write_hall(grid, path, self.resolution, barred)}")
+            print(f"wrote {path}, which is read by --map {write_hall(grid, path, self.resolution)}")
             return
         else:
             raise ConfigError(f"--save {path} must end in .map, {YAMLS[0]}, {lif.SUFFIX} or {route_graph.SUFFIX}")
@@ -114,7 +112,7 @@ class Layouts(Checked):
         hall = self._hall(name)
         grid = self._floor(name) if hall is None else hall.grid
         if self.convert is not None:
-            self._convert(grid, hall, self.convert)
+            self._convert(grid, self.convert)
             return
         print("\n".join(grid.text()))
         arrows = f"   {' '.join(ARROWS[1:])} one way" if grid.one_way.any() else ""

@@ -68,9 +68,7 @@ def _stations(rows: int, columns: int, offsets: tuple[int, int], middles: list[i
 
 def _covered(starts: list[int], block: int, length: int) -> NDArray[np.bool_]:
     """Return which cells along one axis the blocks cover that begin at `starts`."""
-    at = np.arange(length)[:, None] - np.array(starts)
-    covered: NDArray[np.bool_] = ((at >= 0) & (at < block)).any(axis=1)
-    return covered
+    return np.isin(np.arange(length), np.add.outer(starts, np.arange(block)))
 
 
 def _starts(length: int, rim: int, block: int, aisle: int, cross: int, zone: int) -> list[int]:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import hashlib
-from collections import OrderedDict
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -90,9 +89,7 @@ class GridMap:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the fields only; the copy is checked and read-only again, with empty caches."""
-        of_cells = (self.occupied, self.height, self.cell_size, self.picks, self.stations, self.name, self.one_way)
-        on_the_way = (self.speed, self.price, self.tight, self.pace)
-        return GridMap, (*of_cells, self.origin, self.discs, self.walls, *on_the_way)
+        return GridMap, tuple(getattr(self, field.name) for field in dataclasses.fields(self))
 
     def __deepcopy__(self, memo: dict[int, Any]) -> GridMap:
         """Return itself: it is immutable, and all copies share its caches."""
@@ -235,28 +232,18 @@ class GridMap:
         return np.asarray(points, dtype=np.float64)[..., :2] + self.origin
 
     @cached_property
-    def _distance_fields(self) -> OrderedDict[Cell, NDArray[np.float64]]:
-        return OrderedDict()
+    def _distances(self) -> Callable[[Cell], NDArray[np.float64]]:
+        """The computed fields of `distance_to` by goal."""
+        from warehouse_env.maps.distance import distance_field
+
+        return lru_cache(DISTANCE_FIELDS_KEPT)(lambda goal: frozen(distance_field(self.entries, MOVES, *goal)))
 
     def distance_to(self, goal: Cell) -> NDArray[np.float64]:
         """Return float64[H, W], the exact octile cost-to-go [cells] to `goal` by eq. 26 moves; inf where unreachable.
 
         Read-only, and kept for the last `DISTANCE_FIELDS_KEPT` goals. MapError if the goal is outside or on a shelf.
         """
-        goal = self.check_cell(goal, "goal")
-        fields = self._distance_fields
-        known = fields.get(goal)
-        if known is None:
-            from warehouse_env.maps.distance import distance_field
-
-            known = frozen(distance_field(self.entries, MOVES, goal[0], goal[1]))
-            fields[goal] = known
-            if len(fields) > DISTANCE_FIELDS_KEPT:
-                fields.popitem(last=False)
-        else:
-            with contextlib.suppress(KeyError):  # another thread that plans on this map may just have dropped it
-                fields.move_to_end(goal)
-        return known
+        return self._distances(self.check_cell(goal, "goal"))
 
     def return_region(self, cell: Cell) -> NDArray[np.bool_]:
         """Return bool[H, W]: the cells that can be reached from a cell and from which it can be reached again."""

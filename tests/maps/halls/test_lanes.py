@@ -210,11 +210,6 @@ FIRST = ["layouts", 0]
         ([*FIRST, "nodes", 0, "nodeId"], None, "nodeId None must be a text"),
         ([*FIRST, "nodes", 0, "nodePosition", "x"], float("nan"), "finite number"),
         ([*FIRST, "nodes", 0, "nodePosition"], [1, 2], "position of"),
-        (
-            [*FIRST, "nodes", 0],
-            {"nodeId": "r0c0", "nodePosition": {"x": 0.5, "y": 0.5}, "mobileRobotTypeNode": []},
-            "holds mobileRobotTypeNode, a name of LIF 2, which is not read",
-        ),
         ([*FIRST, "edges", 0, "endNodeId"], "nowhere", "which there is not"),
         ([*FIRST, "edges", 0, "vehicleTypeEdgeProperties", 0, "maxSpeed"], -1, "must be above 0"),
         ([*FIRST, "stations", 0, "interactionNodeIds"], ["nowhere"], "which there is not"),

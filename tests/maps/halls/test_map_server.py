@@ -9,14 +9,21 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
+from PIL import Image
 
 from train.job_files import pack, unpacked
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import MapError, WarehouseError
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.halls.hall import read_hall
-from warehouse_env.maps.halls.map_server import UNKNOWN, Occupancy, read_occupancy, write_occupancy
-from warehouse_env.maps.halls.picture import read_picture, write_pgm
+from warehouse_env.maps.halls.map_server import (
+    UNKNOWN,
+    Occupancy,
+    read_occupancy,
+    read_picture,
+    write_occupancy,
+    write_pgm,
+)
 from warehouse_env.maps.halls.saved import write_hall
 from warehouse_env.maps.layouts import make_layout
 from warehouse_env.maps.loading import load_floor
@@ -60,7 +67,8 @@ def test_cells_by_hand(tmp_path: Path) -> None:
     grey = room(7, 9)
     grey[0, 2] = 0  # a quarter of cell (0, 1)
     grey[5, 0:2] = 205  # unknown is free at .25
-    grid = read_hall(hall(tmp_path, grey) + ":begin=corner").grid
+    (tmp_path / "hall.oneway").write_text("....\n" * 3)  # with it cells begin at the corner
+    grid = read_hall(hall(tmp_path, grey)).grid
     assert grid.occupied.astype(int).tolist() == [[0, 1, 0, 0], [0, 0, 0, 0], [0, 0, 0, 0]]
     assert grid.origin == (-3.0, 2.5)  # the lower half row is no cell
     assert grid.world(grid.centre((2, 0))).tolist() == [-2.5, 3.0]
@@ -139,14 +147,12 @@ def test_a_floor_is_read_back_as_it_was_written(tmp_path_factory, occupied, size
     cell, resolution = sizes
     arrows = np.array([[rng.randrange(5) for _ in row] for row in occupied]) * ~occupied
     grid = GridMap(occupied, cell_size=cell, one_way=arrows, origin=origin, name="hall")
-    barred = np.array([[rng.random() < 0.3 for _ in row] for row in occupied]) & occupied
-    name = write_hall(grid, tmp_path_factory.mktemp("h") / "hall.yaml", resolution, barred)
+    name = write_hall(grid, tmp_path_factory.mktemp("h") / "hall.yaml", resolution)
     found = read_hall(name)
     assert found.grid.key == grid.key
     assert np.array_equal(found.grid.picks, grid.picks)
     assert np.array_equal(found.grid.stations, grid.stations)
     assert np.allclose(found.grid.origin, origin)
-    assert np.array_equal(found.barred, barred)
 
 
 def test_speed_limits_are_saved_as_a_mask(tmp_path: Path) -> None:
@@ -156,16 +162,15 @@ def test_speed_limits_are_saved_as_a_mask(tmp_path: Path) -> None:
 
 
 def test_pictures_of_other_kinds(tmp_path: Path) -> None:
-    image = pytest.importorskip("PIL.Image")
     grey = room()
     grey[2:4, 2:4] = 0
     for name in ("hall.png", "hall.bmp"):
-        image.fromarray(grey.astype(np.uint8)).save(tmp_path / name)
+        Image.fromarray(grey.astype(np.uint8)).save(tmp_path / name)
         assert read_hall(f"{tmp_path / name}:resolution=0.5").grid.occupied.sum() == 1
         with pytest.raises(MapError, match=r"resolution=0\.05"):
             read_hall(str(tmp_path / name))
     colours = np.dstack([grey, grey, grey, np.where(np.arange(12) < 2, 0, 255) + 0 * grey]).astype(np.uint8)
-    image.fromarray(colours).save(tmp_path / "hall.png")  # its first two columns are transparent, so unknown
+    Image.fromarray(colours).save(tmp_path / "hall.png")  # its first two columns are transparent, so unknown
     assert read_hall(f"{tmp_path / 'hall.png'}:resolution=0.5").grid.occupied.sum() == 5
     (tmp_path / "p2.pgm").write_text("P2 # a comment\n2 1\n# another\n15\n0 15\n")
     assert read_picture(tmp_path / "p2.pgm").grey.tolist() == [[0, 255]]
@@ -201,11 +206,12 @@ def test_a_wrong_yaml_is_one_sentence(tmp_path: Path, old: str, new: str, senten
 @pytest.mark.parametrize(
     ("content", "sentence"),
     [
-        (b"P5 40000 40000 255\n", "make it coarser"), (b"P5 2 2 255\n\0", "1 of its 4"), (b"P6 2 2 255\n", "no PGM"),
-        (b"P5 2 2 65535\n" + bytes(8), "8 bits"), (b"\x89PNG", "no picture"),
-        (b"P5 0 2 255\n", "pixels"),
+        (b"P5 6000 6000 255\n", "make it coarser"),
+        (b"P5 2 2 255\n\0", "no picture"),
+        (b"\x89PNG", "no picture"),
+        (b"P5 0 2 255\n", "no picture"),
     ],
-)  # fmt: skip
+)
 def test_a_wrong_picture_is_one_sentence(tmp_path: Path, content: bytes, sentence: str) -> None:
     name = hall(tmp_path, room())
     (tmp_path / "hall.pgm").write_bytes(content)
@@ -230,20 +236,3 @@ def test_it_travels_with_jobs(tmp_path: Path) -> None:
         file.unlink()
     with unpacked(files):
         assert make_layout(name).key == before
-
-
-@pytest.mark.skipif(not REAL.exists(), reason="the real halls are not here")
-@pytest.mark.parametrize(
-    ("name", "counts", "floor"),
-    [
-        ("depot", (5947, 179481, 0), (315, 353, 604, 652)),
-        ("warehouse", (30951, 1422292, 230801), (1019, 1052, 1943, 1996)),
-    ],
-)
-def test_real_halls(name: str, counts: tuple[int, ...], floor: tuple[int, ...]) -> None:
-    path = REAL / f"{name}.yaml"
-    assert read_occupancy(path).counts == counts
-    sizes = [(cell, share) for cell in (1, 0.75) for share in (0, 0.05)]
-    found = [read_hall(f"{path}:begin=corner,cell={cell},share={share}").grid for cell, share in sizes]
-    assert tuple(int((~grid.occupied).sum()) for grid in found) == floor
-    assert len(found[1].free_cells) == (352 if name == "depot" else 1052)

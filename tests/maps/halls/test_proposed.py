@@ -5,21 +5,20 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import pytest
 
-from tests.maps.halls.test_map_server import REAL
 from warehouse_env.maps.halls.hall import Hall, read_hall
 from warehouse_env.maps.halls.map_server import Occupancy, write_occupancy
 from warehouse_env.maps.halls.proposed import propose
 
 
-def drawn(folder: Path, *blocks: tuple[float, float, float, float], read: str = "begin=corner") -> Hall:
+def drawn(folder: Path, *blocks: tuple[float, float, float, float]) -> Hall:
     """Read a hall of 9 x 12 m with pixels of 0.1 m: walls of 0.3 m, and blocks (top, left, down, right)."""
+    (folder / "hall.oneway").write_text(("." * 12 + "\n") * 9)  # with it cells begin at the corner
     values = np.zeros((90, 120), np.int8)
     for top, left, down, right in ((0, 0, 9, 0.3), (0, 0, 0.3, 12), (8.7, 0, 9, 12), (0, 11.7, 9, 12), *blocks):
         values[round(10 * top) : round(10 * down), round(10 * left) : round(10 * right)] = 100
     write_occupancy(Occupancy(values, 0.1), folder / "hall.yaml")
-    return read_hall(f"{folder / 'hall.yaml'}:{read}")
+    return read_hall(str(folder / "hall.yaml"))
 
 
 def picks(found: Hall) -> list[tuple[int, ...]]:
@@ -44,13 +43,6 @@ def test_racks_that_touch_a_wall_as_cells_only_have_faces(tmp_path: Path) -> Non
     assert picks(found) == above + [(row, column) for row in (5, 7) for column in range(5, 9)]
     joined = drawn(tmp_path, (0, 4, 2, 8), (6, 5, 6.9, 9))  # its pixels touch the wall's: it is one
     assert picks(joined) == picks(found)[4:]
-
-
-@pytest.mark.skipif(not REAL.exists(), reason="the public halls are not here")
-@pytest.mark.filterwarnings("ignore::warehouse_env.errors.MapWarning")
-def test_a_public_hall_has_faces_however_its_cells_lie() -> None:
-    for begin in ("corner", "best", "0.4+0.4"):
-        assert len(read_hall(f"{REAL / 'depot.yaml'}:begin={begin}").grid.picks) > 25
 
 
 def test_no_pick_face_is_in_the_only_way_to_a_room() -> None:

@@ -18,7 +18,7 @@ from train.reinforce import Reinforce
 from train.reporting.lock import held
 from warehouse_env.config import RobotSpec
 from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.maps.halls.picture import write_pgm
+from warehouse_env.maps.halls.map_server import write_pgm
 from warehouse_env.maps.movingai import write_map
 
 SMALL = (

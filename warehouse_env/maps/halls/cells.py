@@ -14,8 +14,7 @@ from warehouse_env.errors import MapError
 from warehouse_env.maps.discs import cells_near
 from warehouse_env.maps.endpoints import beside
 from warehouse_env.maps.generators import LARGEST
-from warehouse_env.maps.halls.map_server import UNKNOWN, Occupancy
-from warehouse_env.maps.halls.picture import MOST_PIXELS
+from warehouse_env.maps.halls.map_server import MOST_PIXELS, UNKNOWN, Occupancy
 from warehouse_env.maps.moves import beyond
 
 
@@ -90,11 +89,6 @@ class Sums:
         strips = at[1:] - at[:-1]
         return strips[:, 1:] - strips[:, :-1], np.outer(row[1:] - row[:-1], column[1:] - column[:-1])
 
-    def mean(self, raster: Raster) -> NDArray[np.float64]:
-        """Return float64[H, W], the mean weight of the pixels whose centres lie in each cell; 0 without any."""
-        total, count = self.over(raster)
-        return total / np.maximum(count, 1)
-
     def _edges(self, begin: float, cells: int, axis: int, cell: float) -> NDArray[np.int64]:
         """Return int64[cells + 1]: the first row or column of pixels with its centre in each cell or behind it."""
         edges = (begin + (np.arange(cells + 1) - 1e-9) * cell) / self._pixel - 0.5
@@ -103,8 +97,9 @@ class Sums:
 
 
 def spread(occupancy: Occupancy, weights: NDArray[Any], raster: Raster) -> NDArray[np.float64]:
-    """Return float64[H, W], the mean weight int[h, w] of the pixels whose centres lie in each cell."""
-    return Sums(occupancy, weights, raster.cell).mean(raster)
+    """Return float64[H, W], the mean weight int[h, w] of the pixels whose centres lie in each cell; 0 without any."""
+    total, count = Sums(occupancy, weights, raster.cell).over(raster)
+    return total / np.maximum(count, 1)
 
 
 def not_free(values: NDArray[np.int8], unknown_free: bool) -> NDArray[np.int64]:
@@ -129,8 +124,11 @@ def within(discs: NDArray[np.float64], occupancy: Occupancy) -> NDArray[np.bool_
 
 def room_of(occupancy: Occupancy, unknown_free: bool) -> NDArray[np.bool_]:
     """Return bool[h, w]: pixels in the middle of a free square as wide as a robot."""
+    from scipy import ndimage  # imported late: it takes long
+
     free = not_free(occupancy.values, unknown_free) == 0
-    return _square_fits(free, RobotSpec.width / occupancy.resolution)
+    side = max(1, math.ceil(RobotSpec.width / occupancy.resolution - 1e-6))
+    return np.asarray(ndimage.minimum_filter(free, side, mode="constant"))
 
 
 def closed(room: NDArray[np.bool_], floor: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -145,14 +143,3 @@ def closed(room: NDArray[np.bool_], floor: NDArray[np.bool_]) -> NDArray[np.bool
 def around(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return bool[H, W]: the cells of a mask and those beside them in any direction."""
     return np.asarray(mask | beyond(mask).any(axis=-1))
-
-
-def _square_fits(free: NDArray[np.bool_], side: float) -> NDArray[np.bool_]:
-    """Return bool[h, w]: the middles of free squares of that side [pixels], rounded up."""
-    k = max(1, math.ceil(side - 1e-6))
-    found = np.zeros(free.shape, np.bool_)
-    if k <= min(free.shape):
-        total = np.pad((~free).astype(np.int32), ((1, 0), (1, 0))).cumsum(axis=0).cumsum(axis=1)
-        taken = total[k:, k:] - total[:-k, k:] - total[k:, :-k] + total[:-k, :-k]
-        found[k // 2 : k // 2 + taken.shape[0], k // 2 : k // 2 + taken.shape[1]] = taken == 0
-    return found

@@ -26,16 +26,16 @@ from warehouse_env.maps.discs import covered, read_discs
 from warehouse_env.maps.endpoints import largest_region
 from warehouse_env.maps.going import DEAREST
 from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.maps.halls import lif, picture, places, route_graph, told
+from warehouse_env.maps.halls import lif, places, route_graph
 from warehouse_env.maps.halls.beginning import choose
 from warehouse_env.maps.halls.cells import Raster, Sums, around, exceeds, not_free, raster_of, spread, within
 from warehouse_env.maps.halls.lanes import Lanes, lay, prices
-from warehouse_env.maps.halls.map_server import YAMLS, Occupancy, beside, image_of, read_occupancy
+from warehouse_env.maps.halls.map_server import PICTURES, YAMLS, Occupancy, beside, image_of, read_occupancy
 from warehouse_env.maps.halls.proposed import propose, racks
 from warehouse_env.maps.halls.reading import Reading
-from warehouse_env.maps.halls.told import counted
+from warehouse_env.maps.halls.report import counted, report_of
 
-SUFFIXES = (*YAMLS, *picture.SUFFIXES)
+SUFFIXES = (*YAMLS, *PICTURES)
 EXAMPLE = "hall.yaml:cell=0.75"
 
 
@@ -96,6 +96,11 @@ def read_hall(name: str, edited: bool = True) -> Hall:
         raise MapError(text if text.startswith(str(path.parent)) else f"{path}: {text}") from None
 
 
+def _check_floor(floor: NDArray[np.bool_], who: str) -> None:
+    if not floor.any():
+        raise MapError(f"{who} no cell of floor")
+
+
 class _Reader:
     """A hall as it is read."""
 
@@ -103,8 +108,7 @@ class _Reader:
         self._path, self._how, self._edited = path, how, edited
         self._notes: list[str] = []
         self._occupancy = read_occupancy(path, how.resolution)
-        self._begin = self._beginning()
-        self._raster = raster_of(self._occupancy, how.cell, self._begin)
+        self._raster = raster_of(self._occupancy, how.cell, self._beginning())
         self._discs = self._round_ones()
         self._taken = not_free(self._occupancy.values, how.unknown == "floor")
         self._taken[within(self._discs, self._occupancy)] = 0
@@ -114,7 +118,7 @@ class _Reader:
         """Read the files beside the map, and put all together."""
         speed = self._speeds()
         barred = self._keepout()
-        self._check_floor(~(self._walls | barred), "keepout leaves")
+        _check_floor(~(self._walls | barred), "keepout leaves")
         lanes = self._lanes()
         on_cells = None if lanes is None else lay(lanes, ~(self._walls | barred), self._raster)
         arrows, price = self._one_way(), None
@@ -125,11 +129,11 @@ class _Reader:
             price = np.minimum(prices(on_cells, self._how.lanes_prefer), DEAREST)
             if self._how.lanes_only:
                 barred |= ~on_cells.used & ~self._walls
-                self._check_floor(~(self._walls | barred), "lanes_only leaves")
+                _check_floor(~(self._walls | barred), "lanes_only leaves")
         occupied = self._walls | barred
         discs = self._discs - (*self._raster.origin, 0.0)
         taken = occupied | covered(discs.astype(np.float32), occupied.shape, self._how.cell)
-        self._check_floor(~taken, "discs leave")
+        _check_floor(~taken, "discs leave")
         (picks, stations), named = self._places(lanes, taken)
         if lanes is not None:
             self._notes += lanes.noted()
@@ -138,18 +142,14 @@ class _Reader:
             np.where(taken, 0, arrows), self._raster.origin, discs, None, speed, price,  # type: ignore[arg-type]
         )  # fmt: skip
         self._note_regions(taken)
-        laid = told.Laid(self._occupancy, self._begin, self._raster, self._walls)
-        report = tuple(told.report(self._path, self._how, laid, grid, barred))
+        report = tuple(report_of(self._path, self._how, self._occupancy, self._raster, grid, barred))
         return Hall(grid, self._occupancy, self._raster, named, barred, tuple(self._notes), report)
 
     def _beginning(self) -> tuple[float, float]:
         """Return where cells begin [m]; arrows beside the map count cells from the corner."""
-        how = self._how
-        if (given := how.beginning) is not None:
-            return given
         if companion(self._path, one_way.SUFFIX).exists():
             return 0.0, 0.0
-        return choose(self._occupancy, how.cell, how.share, how.unknown == "floor")
+        return choose(self._occupancy, self._how.cell, self._how.share, self._how.unknown == "floor")
 
     def _round_ones(self) -> NDArray[np.float64]:
         """Return float64[K, 3], the discs (x, y, radius) [m] in the map's frame whose centres are on its cells."""
@@ -165,10 +165,6 @@ class _Reader:
                 f"{counted((~inside).sum(), 'disc')} with a centre off the floor are left out, one at ({x:g}, {y:g}) m"
             )
         return found[inside]
-
-    def _check_floor(self, floor: NDArray[np.bool_], who: str) -> None:
-        if not floor.any():
-            raise MapError(f"{who} no cell of floor")
 
     def _note_mask(self, name: str, mask: Occupancy, marked: NDArray[np.bool_], kept: NDArray[np.bool_]) -> None:
         """Note marks of a mask that cells lose; kept: bool[H, W], cells that keep its marks."""

@@ -134,9 +134,6 @@ class _Reading:
 
     def _for_us(self, entry: dict[str, Any], key: str) -> dict[str, Any] | None:
         """Return the first entry for our vehicle, or for any; None if the node or edge is closed to it."""
-        newer = next((name for name in entry if name.startswith("mobileRobotType")), None)  # in place of vehicleType
-        if newer is not None and entry.get(key) is None:
-            raise self._bad(f"it holds {shown(newer)[1:-1]}, a name of LIF 2, which is not read; versions 0 and 1 are")
         listed = [one for one in self._list(entry, key) if isinstance(one, dict)]
         return next((one for one in listed if self._vehicle in (None, one.get("vehicleTypeId"))), None)
 
@@ -206,22 +203,13 @@ class _Reading:
 def _nurbs(
     points: NDArray[np.float64], weights: NDArray[np.float64], knots: NDArray[np.float64], degree: int
 ) -> NDArray[np.float64]:
-    """Return points on a NURBS curve, float64[K, 2], by de Boor's rule (Piegl and Tiller, "The NURBS Book", 1997)."""
-    of = np.column_stack([points * weights[:, None], weights])
-    found = []
-    for u in np.linspace(knots[degree], knots[len(points)], 8 * len(points) + 1):
-        span = min(max(int(np.searchsorted(knots, u, side="right")) - 1, degree), len(points) - 1)
-        while span > degree and knots[span] == knots[span + 1]:
-            span -= 1
-        d = of[span - degree : span + 1].copy()
-        for r in range(1, degree + 1):
-            for j in range(degree, r - 1, -1):
-                low, high = knots[j + span - degree], knots[j + 1 + span - r]
-                share = (u - low) / (high - low) if high > low else 0.0
-                d[j] = (1 - share) * d[j - 1] + share * d[j]
-        with np.errstate(all="ignore"):
-            found.append(d[degree, :2] / d[degree, 2])
-    return np.array(found)
+    """Return points on a NURBS curve, float64[K, 2] (Piegl and Tiller, "The NURBS Book", 1997)."""
+    from scipy.interpolate import BSpline  # imported late: it takes long
+
+    at = np.linspace(knots[degree], knots[len(points)], 8 * len(points) + 1)
+    with np.errstate(all="ignore"):
+        curve = BSpline(knots, np.column_stack([points * weights[:, None], weights]), degree)(at)
+        return np.asarray(curve[:, :2] / curve[:, 2:])
 
 
 def write_lif(grid: GridMap, path: str | os.PathLike[str], when: datetime | None = None) -> None:

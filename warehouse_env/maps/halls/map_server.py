@@ -7,26 +7,29 @@ itself is the share in per cent, unknown above 100. Row 0 of a picture is the no
 
 from __future__ import annotations
 
+import io
 import math
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import yaml
 from numpy.typing import NDArray
 
 from warehouse_env.errors import MapError, shown
-from warehouse_env.files import as_number, write_text
-from warehouse_env.maps.halls.picture import SUFFIXES, Picture, read_picture, write_pgm
+from warehouse_env.files import as_number, complete_file, read_bytes, write_text
 from warehouse_env.maps.plain_yaml import read_yaml
 
 YAMLS = (".yaml", ".yml")
+PICTURES = (".pgm", ".png", ".bmp")
+MOST_PIXELS = 32_000_000
 MODES = ("trinary", "scale", "raw")
 UNKNOWN = -1
 FREE_GREY, OCCUPIED_GREY, UNKNOWN_GREY = 254, 0, 205  # as map_saver writes them
 FREE_THRESH, OCCUPIED_THRESH = 0.196, 0.65  # of plain pictures and what is written here: 205 is unknown
-_LARGEST_YAML = 64_000  # [bytes]
+_LARGEST_YAML, _LARGEST_PICTURE = 64_000, 256_000_000  # [bytes]
 _FARTHEST = 1e7  # [m] of an origin
 
 
@@ -45,6 +48,13 @@ class Occupancy:
     def counts(self) -> tuple[int, int, int]:
         """Pixels that are occupied, free, and unknown; those between count as neither."""
         return tuple(int((self.values == value).sum()) for value in (100, 0, UNKNOWN))  # type: ignore[return-value]
+
+
+class Picture(NamedTuple):
+    """Levels uint8[H, W] from 0 (black) to 255, and opaque bool[H, W], or None if all are."""
+
+    grey: NDArray[np.uint8]
+    opaque: NDArray[np.bool_] | None = None
 
 
 def read_occupancy(path: Path, resolution: float | None = None) -> Occupancy:
@@ -131,17 +141,55 @@ def _levels(mode: str, negate: bool, free: float, occupied: float) -> NDArray[np
 
 def write_occupancy(occupancy: Occupancy, path: Path) -> None:
     """Write a map as a YAML file and a PGM of the same name beside it: trinary, or raw where it holds shares."""
-    values, picture = occupancy.values, path.with_suffix(SUFFIXES[0])
+    values, picture = occupancy.values, path.with_suffix(PICTURES[0])
     shares = bool(((values > 0) & (values < 100)).any())
     known = np.where(values >= 100, OCCUPIED_GREY, np.where(values == UNKNOWN, UNKNOWN_GREY, FREE_GREY))
     write_pgm((np.where(values == UNKNOWN, 255, values) if shares else known).astype(np.uint8), picture)
-    lines = [
-        f"image: {_quoted(picture.name)}", f"mode: {'raw' if shares else 'trinary'}",
-        f"resolution: {occupancy.resolution!r}", f"origin: [{occupancy.origin[0]!r}, {occupancy.origin[1]!r}, 0.0]",
-        "negate: 0", f"occupied_thresh: {OCCUPIED_THRESH}", f"free_thresh: {FREE_THRESH}",
-    ]  # fmt: skip
-    write_text(path, "\n".join(lines) + "\n")
+    about = {
+        "image": picture.name, "mode": "raw" if shares else "trinary",
+        "resolution": occupancy.resolution, "origin": [*occupancy.origin, 0.0],
+        "negate": 0, "occupied_thresh": OCCUPIED_THRESH, "free_thresh": FREE_THRESH,
+    }  # fmt: skip
+    write_text(path, yaml.safe_dump(about, sort_keys=False, default_flow_style=None, width=10_000, allow_unicode=True))
 
 
-def _quoted(name: str) -> str:
-    return str(yaml.safe_dump(name, default_style='"', width=10_000, allow_unicode=True)).strip()
+def read_picture(path: Path) -> Picture:
+    """Return the picture in a file; MapError in one sentence if it is none or too large."""
+    from PIL import Image  # imported late: few commands read pictures
+
+    if path.suffix.lower() not in PICTURES:
+        raise MapError(f"{path} is no picture of a map; known are {', '.join(PICTURES)}")
+    content = read_bytes(path, "picture", _LARGEST_PICTURE)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # about large pictures, whose size is checked here
+            with Image.open(io.BytesIO(content), formats=("PNG", "BMP", "PPM")) as image:
+                columns, rows = image.size
+                if columns * rows > MOST_PIXELS:
+                    size = f"{columns:,} x {rows:,} pixels"
+                    raise MapError(f"{path} has {size}; make it coarser, to at most {MOST_PIXELS:,} in all")
+                return _grey(image)
+    except MapError:
+        raise
+    except Exception as error:  # whatever a damaged picture makes a decoder raise
+        raise MapError(f"{path} is no picture that can be read: {shown(str(error))[1:-1]}") from None
+
+
+def _grey(image: Any) -> Picture:
+    """Return the mean of the colours, as map_server does, and where a picture is opaque."""
+    if image.mode == "L":
+        return Picture(np.asarray(image))
+    if image.mode.startswith("I;16") or image.mode == "I":
+        wide = np.asarray(image).astype(np.int64)
+        return Picture((np.clip(wide, 0, 65535) // 257).astype(np.uint8))
+    bands = np.asarray(image.convert("RGBA"))
+    grey = np.rint(bands[..., :3].mean(axis=2)).astype(np.uint8)
+    opaque = bands[..., 3] == 255
+    return Picture(grey, None if opaque.all() else opaque)
+
+
+def write_pgm(grey: NDArray[np.uint8], path: Path) -> None:
+    """Write uint8[H, W] as a binary PGM (P5), completely or not at all."""
+    rows, columns = grey.shape
+    with complete_file(path) as part:
+        part.write_bytes(b"P5\n%d %d\n255\n" % (columns, rows) + np.ascontiguousarray(grey).tobytes())

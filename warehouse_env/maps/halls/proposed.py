@@ -59,32 +59,21 @@ def racks(
     Pixels, not cells, because racks close to a wall or to each other touch as cells. weights: int[h, w], how much of
     each pixel is not free [%].
     """
-    from warehouse_env.maps.distance import label_regions
+    from scipy import ndimage  # imported late: it takes long
 
-    label = label_regions(weights > _SOLID)
-    boxes = _boxes(label)
+    label, _ = ndimage.label(weights > _SOLID)
+    boxes = np.array([[(side.start, side.stop) for side in box] for box in ndimage.find_objects(label)])
+    boxes = boxes.reshape(-1, 2, 2)  # region, row and column, first and past the last
     size = occupancy.resolution
-    long = (boxes[:, 1] - boxes[:, 0] + 1).max(axis=1) * size >= RACK - 1e-6
+    long = (boxes[..., 1] - boxes[..., 0]).max(axis=1) * size >= RACK - 1e-6
     row, column = (np.flatnonzero(largest_region(~walls).any(axis=axis)) for axis in (1, 0))
     top = label.shape[0] * size + occupancy.origin[1] - raster.origin[1] - raster.rows * raster.cell
     left = raster.origin[0] - occupancy.origin[0]
     first = np.array([top + row[0] * raster.cell, left + column[0] * raster.cell])  # of the floor [m], from the corner
     last = np.array([top + (row[-1] + 1) * raster.cell, left + (column[-1] + 1) * raster.cell])
-    among = (boxes[:, 0] * size > first).all(axis=1) & ((boxes[:, 1] + 1) * size < last).all(axis=1)
+    among = (boxes[..., 0] * size > first).all(axis=1) & (boxes[..., 1] * size < last).all(axis=1)
     kept = np.concatenate([[False], long & among])[label]
     return np.asarray(walls & exceeds(spread(occupancy, 100 * kept.astype(np.int64), raster), share))
-
-
-def _boxes(label: NDArray[np.int32]) -> NDArray[np.int64]:
-    """Return int64[N, 2, 2]: first and last row and column of each region 1 to N."""
-    found = np.empty((int(label.max()), 2, 2), np.int64)
-    found[:, 0], found[:, 1] = max(label.shape), -1
-    rows, columns = np.nonzero(label)
-    which = label[rows, columns] - 1
-    for axis, at in enumerate((rows, columns)):
-        np.minimum.at(found[:, 0, axis], which, at)
-        np.maximum.at(found[:, 1, axis], which, at)
-    return found
 
 
 def _ends_blindly(floor: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -94,12 +83,12 @@ def _ends_blindly(floor: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 def _beside_straight(obstacles: NDArray[np.bool_], floor: NDArray[np.bool_], long: int) -> NDArray[np.bool_]:
     """Return bool[H, W]: floor in a row of at least `long` cells with obstacles on the same side."""
+    from scipy import ndimage
+
     found = np.zeros_like(floor)
     for turns in range(4):
         near, free = np.rot90(obstacles, turns), np.rot90(floor, turns)
         face = np.zeros_like(free)
         face[1:] = free[1:] & near[:-1]
-        runs = np.lib.stride_tricks.sliding_window_view(np.pad(face, ((0, 0), (long - 1, long - 1))), long, axis=1)
-        ends = np.lib.stride_tricks.sliding_window_view(runs.all(axis=-1), long, axis=1)
-        found |= np.rot90(ends.any(axis=-1), -turns)
+        found |= np.rot90(ndimage.binary_opening(face, np.ones((1, long))), -turns)
     return found

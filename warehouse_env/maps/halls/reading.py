@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from typing import Literal
 
 from warehouse_env.checked import Checked
 from warehouse_env.maps.going import DEAREST
-
-BEST, CORNER = "best", "corner"
-_BEGIN = re.compile(r"(\d{1,3}(?:\.\d{1,9})?)\+(\d{1,3}(?:\.\d{1,9})?)", re.ASCII)
 
 
 @dataclass(frozen=True)
@@ -18,7 +14,6 @@ class Reading(Checked):
     """How to read a hall; files are named relative to the map."""
 
     cell: float = 1.0  # [m], side of the cells
-    begin: str = "best"  # where cells begin: "best" keeps most, "corner" is the picture's corner, X+Y [m] from there
     share: float = 0.05  # of a floor cell that may be not free
     unknown: Literal["wall", "floor"] = "wall"  # what unknown pixels count as
     resolution: float | None = None  # [m/pixel] of a plain picture
@@ -38,16 +33,3 @@ class Reading(Checked):
         self._between(1.0, DEAREST, "lanes_prefer")
         self._require(not self.lanes_only or self.lanes is not None, "lanes_only", "false without lanes=FILE")
         self._require(self.vehicle is None or self.lanes is not None, "vehicle", "left out without lanes=FILE")
-        self._require(self.begin == BEST or self.beginning is not None, "begin", (
-            f"{BEST}, {CORNER}, or less than a cell [m] to the right and down from the corner, as 0.25+0.4"
-        ))  # fmt: skip
-
-    @property
-    def beginning(self) -> tuple[float, float] | None:
-        """Where cells begin [m], to the right of and below the picture's corner; None: to be chosen."""
-        if self.begin == CORNER:
-            return 0.0, 0.0
-        if not (found := _BEGIN.fullmatch(self.begin)):
-            return None
-        right, down = map(float, found.groups())
-        return (right, down) if max(right, down) < self.cell else None

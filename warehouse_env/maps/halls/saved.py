@@ -1,4 +1,4 @@
-"""Write a floor for map_server: map, keepout and speed masks, and the places and arrows beside them."""
+"""Write a floor for map_server: map and speed mask, and the places and arrows beside them."""
 
 from __future__ import annotations
 
@@ -14,37 +14,26 @@ from warehouse_env.maps import discs, one_way
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.halls import places
 from warehouse_env.maps.halls.cells import Raster
-from warehouse_env.maps.halls.map_server import YAMLS, Occupancy, write_occupancy
-from warehouse_env.maps.halls.picture import MOST_PIXELS
+from warehouse_env.maps.halls.map_server import MOST_PIXELS, YAMLS, Occupancy, write_occupancy
 
 
-def write_hall(
-    grid: GridMap,
-    path: Path,
-    resolution: float | None = None,
-    barred: NDArray[np.bool_] | None = None,
-) -> str:
+def write_hall(grid: GridMap, path: Path, resolution: float | None = None) -> str:
     """Write a floor as NAME.yaml with its files beside it; return the name that reads it back.
 
-    resolution: [m/pixel], a whole fraction of a cell; by default a pixel a cell. barred: bool[H, W], floor that a
-    keepout mask closes. Prices of lanes are lost.
+    resolution: [m/pixel], a whole fraction of a cell; by default a pixel a cell. Prices of lanes are lost.
     """
     if path.suffix.lower() not in YAMLS:
         raise MapError(f"{path} must end in {YAMLS[0]}")
     fine = 1 if resolution is None else round(grid.cell_size / resolution) if resolution > 0 else 0
     if fine < 1 or grid.occupied.size * fine**2 > MOST_PIXELS:
         raise MapError(f"resolution={resolution} must be a share of the cells' {grid.cell_size:g} m, and not too fine")
-    closed = np.zeros(grid.shape, np.bool_) if barred is None else barred
     parameters = [] if grid.cell_size == 1.0 else [f"cell={grid.cell_size:g}"]
 
     def write(values: NDArray[np.int64], name: Path) -> None:
         pixels = values.repeat(fine, axis=0).repeat(fine, axis=1).astype(np.int8)
         write_occupancy(Occupancy(pixels, grid.cell_size / fine, grid.origin), name)
 
-    write(np.where(grid.walls & ~closed, 100, 0), path)
-    if closed.any():
-        parameters.append(f"keepout={path.stem}_keepout.yaml")
-        write(np.where(closed, 100, 0), path.with_name(f"{path.stem}_keepout.yaml"))
+    write(np.where(grid.walls, 100, 0), path)
     if (speed := grid.speed) is not None:
         parameters.append(f"speed={path.stem}_speed.yaml")
         percent = np.where(np.isfinite(speed), np.clip(speed / RobotSpec.max_speed * 100, 1, 100), 0)
