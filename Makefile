@@ -7,7 +7,7 @@ EXTRAS ?= render,train,orca,ray,docs,dev
 CONSTRAINTS ?= constraints.txt
 TESTS ?= -n auto --maxprocesses 8 --dist loadgroup
 KILLS ?= 1000
-INPUTS ?= 10000000
+HOSTILE ?= 1000
 DECISIONS ?= 1000000
 EPISODES ?= 100
 NIGHT ?= results/night
@@ -44,14 +44,16 @@ night: $(STAMP) ## run the long tests that `test` leaves out: kills, long episod
 kills: $(STAMP) ## kill commands KILLS times at random moments, go on, and compare what they come to
 	$(RUN)/python -m tests.kills --kills $(KILLS)
 
-hostile: $(STAMP) ## try INPUTS hostile inputs on all readers and constructors
-	$(RUN)/python -m tests.hostile --inputs $(INPUTS)
+hostile: $(STAMP) ## try HOSTILE times as many hostile inputs as `test` does on all readers and constructors
+	HOSTILE=$(HOSTILE) $(RUN)/python -m pytest $(TESTS) tests/test_hostile.py
 
 long: $(STAMP) ## drive one world with everything on for DECISIONS decisions, twice; goes on where it stopped
 	$(RUN)/python -m tests.long --decisions $(DECISIONS) --keep $(NIGHT)/long
 
-bounds: $(STAMP) ## drive EPISODES random episodes and hostile inputs with all indices of all kernels checked
+bounds: $(STAMP) ## drive EPISODES random episodes, and hostile inputs, with all indices of all kernels checked
 	NUMBA_BOUNDSCHECK=1 NUMBA_CACHE_DIR=$(NIGHT)/bounds $(RUN)/python -m tests.bounds --episodes $(EPISODES)
+	NUMBA_BOUNDSCHECK=1 NUMBA_CACHE_DIR=$(NIGHT)/bounds $(RUN)/python -m pytest tests/test_hostile.py \
+	  -k "episodes or environments or actions"
 
 docs: $(STAMP) ## build the documentation in build/docs; a warning is an error
 	$(RUN)/python -m sphinx --quiet --fail-on-warning --keep-going --fresh-env docs build/docs

@@ -1,12 +1,11 @@
-"""Kill commands at random moments and go on with them, again and again: in the end the same files as without.
+"""Kill commands at random moments and continue them, again and again: in the end the same files as without.
 
     python -m tests.kills --kills 1000      # what `make kills` does
 
-A command runs in a fork of this process, which has loaded all that it needs, so that a kill meets its work and seldom
-its imports. It is killed with its process group by SIGKILL, at a time drawn evenly from all that it usually takes, and
-gone on with as its user would. Once it gets through its files are held against those of a run that nobody disturbed,
-and it begins anew. What says how long something took is left out, and so is TensorBoard's log, which has a file a
-start.
+A command runs in a fork of this process, which has loaded all that it needs, so a kill meets its work and seldom its
+imports. It is killed with its process group by SIGKILL, at a time drawn evenly from all that it usually takes, and
+continued as its user would. When it gets through, its files are compared with those of an undisturbed run. Times are
+left out, and so is TensorBoard's log, which has a file for each start.
 """
 
 from __future__ import annotations
@@ -21,8 +20,6 @@ import signal
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +30,6 @@ os.environ["MPLBACKEND"] = "Agg"
 import tyro  # noqa: E402
 
 from train.cli import main as warehouse  # noqa: E402
-from train.learning.progress import LINE_SECONDS, tell  # noqa: E402
 from train.reporting.report import make_progress  # noqa: E402
 from train.reporting.rows import read_rows  # noqa: E402
 
@@ -56,57 +52,57 @@ COMMANDS = {
 
 
 class Trial:
-    """A command in a folder of its own, and what it is to come to."""
+    """A command in a folder of its own, and the files that it must come to."""
 
     def __init__(self, name: str, folder: Path) -> None:
         self.name, self.kills, self.rounds = name, 0, 0
-        self._whole, self._folder, self._log = folder / "whole" / name, folder / name, folder / f"{name}.log"
-        for one in (self._whole, self._folder):
-            one.mkdir(parents=True)
-        if name != "train":  # whose threads a fork would miss
-            with _inside(self._whole, self._log):
-                warehouse(COMMANDS[name].split())
-            shutil.rmtree(self._whole)
-            self._whole.mkdir()
-        begin = time.monotonic()
-        self._run(self._whole, LONGEST)
-        self._usual = time.monotonic() - begin
-        self._wanted = content(self._whole)
+        self._folder, self._log = folder / name, folder / f"{name}.log"
+        self._begin()
+        for _ in range(2):  # the first run compiles
+            begun = time.monotonic()
+            self._run(LONGEST)
+            self._usual, self._wanted = time.monotonic() - begun, content(self._folder)
+            self._begin()
 
-    def disturb(self, rng: random.Random) -> bool:
-        """Run it and kill it, unless it gets through; return whether it was killed."""
-        if self._run(self._folder, rng.uniform(0.0, 1.1 * self._usual)):
+    def _begin(self) -> None:
+        shutil.rmtree(self._folder, ignore_errors=True)
+        self._folder.mkdir(parents=True)
+
+    def disturb(self, rng: random.Random) -> None:
+        """Run it and kill it, unless it gets through."""
+        if self._run(rng.uniform(0.0, 1.1 * self._usual)):
             self.kills += 1
-            return True
-        self._check()
-        return False
+        else:
+            self._check()
 
     def finish(self) -> None:
         """Run it to its end."""
-        if self._run(self._folder, LONGEST):
+        if self._run(LONGEST):
             sys.exit(f"{self.name} does not come to an end: {self._folder} is as it left it")
         self._check()
 
     def _check(self) -> None:
-        """Hold its files against those of the undisturbed run, and begin anew."""
+        """Compare its files with those of the undisturbed run, and begin anew."""
         found = content(self._folder)
         wrong = [file for file in sorted({*found, *self._wanted}) if found.get(file) != self._wanted.get(file)]
         if wrong:
             sys.exit(f"{self.name} came to other files after kills: {', '.join(wrong)}; see {self._folder}")
-        shutil.rmtree(self._folder)
-        self._folder.mkdir()
+        self._begin()
         self.rounds += 1
 
-    def _run(self, folder: Path, seconds: float) -> bool:
-        """Begin it, or go on with it, in a folder; kill it after some time; return whether it was killed."""
+    def _run(self, seconds: float) -> bool:
+        """Begin or continue it; kill it after some time; return whether it was killed."""
         words = COMMANDS[self.name].split()
-        if (folder / "run" / "checkpoint" / "state.json").exists():
+        if (self._folder / "run" / "checkpoint" / "state.json").exists():
             words = [*words[:2], "--resume", "run", "--no-progress"]
         process = os.fork()
         if not process:
             os.setsid()
-            with _inside(folder, self._log):
-                os._exit(warehouse(words))
+            os.chdir(self._folder)
+            log = os.open(self._log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+            os.dup2(log, 1)
+            os.dup2(log, 2)
+            os._exit(warehouse(words))
         deadline = time.monotonic() + seconds
         while not (status := os.waitpid(process, os.WNOHANG))[0] and time.monotonic() < deadline:
             time.sleep(0.001)
@@ -115,7 +111,7 @@ class Trial:
             status = os.waitpid(process, 0)
         code = os.waitstatus_to_exitcode(status[1])
         if code not in (0, -signal.SIGKILL):
-            sys.exit(f"{self.name} ended with {code} in {folder}: {self._log.read_text()}")
+            sys.exit(f"{self.name} ended with {code} in {self._folder}: {self._log.read_text()}")
         return code != 0
 
 
@@ -124,24 +120,6 @@ def _kill(process: int) -> None:
         os.killpg(process, signal.SIGKILL)
     except ProcessLookupError:  # it has no group of its own yet
         os.kill(process, signal.SIGKILL)
-
-
-@contextmanager
-def _inside(folder: Path, log: Path) -> Iterator[None]:
-    """Work in a folder, with all that is printed in a file."""
-    before, outputs = Path.cwd(), (os.dup(1), os.dup(2))
-    with log.open("w") as file:
-        os.chdir(folder)
-        for output in (1, 2):
-            os.dup2(file.fileno(), output)
-        try:
-            yield
-        finally:
-            sys.stdout.flush()
-            os.chdir(before)
-            for output, kept in zip((1, 2), outputs, strict=True):
-                os.dup2(kept, output)
-                os.close(kept)
 
 
 def content(folder: Path) -> dict[str, Any]:
@@ -172,7 +150,7 @@ def _timeless(value: Any) -> Any:
 
 
 def main(kills: int = 1000, seed: int = 0, only: tuple[str, ...] = tuple(COMMANDS)) -> None:
-    """Kill commands at random moments, and check what they come to.
+    """Kill commands at random moments, and check the files that they come to.
 
     Args:
         kills: how often, over all commands.
@@ -180,18 +158,13 @@ def main(kills: int = 1000, seed: int = 0, only: tuple[str, ...] = tuple(COMMAND
         only: commands to kill.
     """
     importlib.import_module("train.reinforce")
-    rng = random.Random(seed)
-    folder = Path(tempfile.mkdtemp(prefix="warehouse-kills-"))
+    rng, folder = random.Random(seed), Path(tempfile.mkdtemp(prefix="warehouse-kills-"))
     os.environ["WAREHOUSE_CACHE_DIR"] = str(folder / "cache")
     trials = [Trial(name, folder) for name in only]
-    told = time.monotonic()
     with make_progress() as progress:
         bar = progress.add_task("kills", total=kills)
         while (done := sum(trial.kills for trial in trials)) < kills:
             progress.update(bar, completed=done)
-            if progress.disable and time.monotonic() - told > LINE_SECONDS:
-                tell(f"{done} of {kills} kills")
-                told = time.monotonic()
             min(trials, key=lambda trial: trial.kills).disturb(rng)
     for trial in trials:
         trial.finish()

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.hostile.readers import LOG, READERS
+from tests.readers import LOG, READERS
 from tests.test_architecture import PACKAGES, ROOT, module_name
 
 UNKNOWN = ("h.png", "cafile.pem", "cert.pem")  # of which no small good one is made here

@@ -41,14 +41,8 @@ from warehouse_env.simulation.tasks.orders import read_orders
 
 SMALL: dict[str, Any] = {"num_agents": 2, "planner": "astar", "layout": "open", "max_steps": 6}
 MAP = b"type octile\nheight 4\nwidth 5\nmap\n.@...\n.....\n..@..\n.....\n"
-ORDERS = {
-    "o.csv": b"release_s,picks,drop,due_s,weight_kg\n0,1:1 1:4,9:1,600,120\n5,1:7,9:1,600,1\n",
-}
-FLEETS: tuple[list[Any], ...] = (
-    [{"share": 0.25, "robot": {"length": 1.4, "width": 0.8, "wheelbase": 0.9, "front_overhang": 0.25}}],
-    [{"share": 0.3, "robot": {"max_speed": 0.8}}, {"share": 0.7, "robot": {}}],
-    [{"count": 2, "robot": {"mass": 90.0}}],
-)
+ORDERS = b"release_s,picks,drop,due_s,weight_kg\n0,1:1 1:4,9:1,600,120\n5,1:7,9:1,600,1\n"
+FLEET = [{"share": 0.25, "robot": {"length": 1.4, "width": 0.8, "wheelbase": 0.9, "front_overhang": 0.25}}]
 ONE_WAY = b".....\n.>>>.\n.....\n..v..\n"
 CLMAPF = (
     b"agents:\n  - start: [5, 15, 0]\n    name: agent0\n    goal: [22, 15, 1.57]\nmap:\n  dimensions: [30, 40]\n"
@@ -204,8 +198,8 @@ READERS: dict[str, Reader] = {
     "h.yaml": of_text(with_picture, HALL["h.yaml"]),
     "h.pgm": Reader(read_picture, lambda: HALL["h.pgm"]),
     "h.png": Reader(read_picture, lambda: HALL["h.png"]),
-    "o.csv": of_text(read_orders, ORDERS["o.csv"], ConfigError),
-    "fleet.json": of_text(read_fleet, json.dumps(FLEETS[0]).encode(), ConfigError),
+    "o.csv": of_text(read_orders, ORDERS, ConfigError),
+    "fleet.json": of_text(read_fleet, json.dumps(FLEET).encode(), ConfigError),
     "e.npz": Reader(Episode.load, an_episode, WarehouseError),
     "driven.npz": Reader(load_episode, an_episode, WarehouseError),
     "config.json": of_text(lambda path: read_record(path.parent), json.dumps(RECORD).encode(), WeightsError),

@@ -1,1 +1,0 @@
-"""Hostile inputs over all readers and constructors: each works, or one sentence says what is wrong."""
