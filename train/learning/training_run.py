@@ -20,6 +20,7 @@ from train.learning import checkpoint
 from train.learning.card import write_card
 from train.learning.config import TrainingConfig
 from train.learning.evaluations import Drive, Evaluations
+from train.learning.plan_ahead import plan_ahead
 from train.learning.progress import ProgressLog
 from train.learning.stop import stop_signal
 from train.learning.trainer import Trainer
@@ -83,6 +84,7 @@ def run_training(config: ConfigT, algorithm: str, make: Callable[[ConfigT], Trai
         if saved is not None:
             _check_unchanged(config, Position.of(saved))
         tell(_beginning(config))
+        plan_ahead(config)
         lost = 0
         while True:
             try:

@@ -1,13 +1,14 @@
 """Routes: plans turned into way-points, cached in memory and on disk.
 
-A plan depends only on the map, the planner with its parameters, start, goal and seed, so it is made once: an ant colony
-takes milliseconds, a look-up microseconds.
+A plan depends only on the map, the planner with its parameters, start and goal, so it is made once: an ant colony takes
+milliseconds, a look-up microseconds.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from threading import Lock
 from typing import Any, NamedTuple
@@ -24,6 +25,7 @@ from warehouse_env.portable import Portable
 from warehouse_env.routes.goals import Pose, facing
 from warehouse_env.routes.lanes import drivable_line
 from warehouse_env.routes.plan_store import PlanStore, cache_directory
+from warehouse_env.routes.plan_table import read_table, write_table
 from warehouse_env.threads import get_num_threads
 
 WORTH_KEEPING = 0.002  # [s] a plan must have taken to be kept on disk
@@ -43,7 +45,7 @@ class Route(NamedTuple):
 class RouteBook(Portable):
     """Cache of the routes on one map by one planner. A copy knows only the plans on disk."""
 
-    bound = ("_solid", "_one_way", "_routes", "_fresh", "_store", "_usual", "_lock")
+    bound = ("_solid", "_one_way", "_routes", "_fresh", "_store", "_table", "_usual", "_lock")
 
     def __init__(
         self,
@@ -51,12 +53,11 @@ class RouteBook(Portable):
         planner: Planner,
         *,
         keep_right: float = EnvConfig.keep_right,
-        seed: int = 0,
         wider: float = 1.0,
     ) -> None:
         """wider: width of the bodies that drive the lines over the default width (RobotSpec.wider)."""
         self.grid, self.planner = grid, planner
-        self._keep_right, self._seed, self._wider = keep_right, seed, wider
+        self._keep_right, self._wider = keep_right, wider
         self._bind()
 
     def _bind(self) -> None:
@@ -65,6 +66,7 @@ class RouteBook(Portable):
         self._routes: dict[tuple[Cell, Cell, Cell | None, tuple[Pose, ...]], Route] = {}
         self._fresh: dict[tuple[Cell, Cell, Cell | None], NDArray[np.int64]] = {}  # plans without a route yet
         self._store = PlanStore(cache_directory())
+        self._table = read_table(self.grid, self.planner)
         self._usual = 1.0  # [s] recent mean duration of a plan
         self._lock = Lock()  # threads of a training share a cache
 
@@ -103,14 +105,33 @@ class RouteBook(Portable):
             for task, plan in zip(new, plans, strict=True):
                 self._keep(*task, None, plan)
 
+    @property
+    def has_table(self) -> bool:
+        """Whether the plans between the floor's endpoints are known (plan_table.py)."""
+        return self._table is not None
+
+    def plan_all(self, track: Callable[[list[Cell]], Iterable[Cell]] = iter) -> None:
+        """Make the plan table: plan between all endpoints, on as many threads as allowed, and keep that on disk.
+
+        track: yields the goals while they are planned to, for a progress bar.
+        """
+        places = self.grid.endpoints[2]
+        with ThreadPoolExecutor(get_num_threads()) as pool:
+            plans = (pool.map(self._plan, places, itertools.repeat(goal)) for goal in track(places))
+            cells = (plan.cells for plan in itertools.chain.from_iterable(plans))
+            write_table(self.grid, self.planner, cells, cache_directory())
+        self._table = read_table(self.grid, self.planner)
+
     def _key(self, start: Cell, goal: Cell, behind: Cell | None) -> str:
-        return f"{self.grid.key} {self.planner.key} {start} {goal} {behind} {self._seed}"
+        return f"{self.grid.key} {self.planner.key} {start} {goal} {behind} 0"
 
     def _stored(self, start: Cell, goal: Cell, behind: Cell | None = None) -> NDArray[np.int64] | None:
         """Return a stored plan; None if there is none or it is damaged."""
         known = self._fresh.get((start, goal, behind))
         if known is not None:
             return known if len(known) else None
+        if self._table is not None and behind is None and (known := self._table.cells(start, goal)) is not None:
+            return known
         if self._usual < WORTH_KEEPING:  # quick plans are not stored, and planning is as fast as looking up
             return None
         known = self._store.get(self._key(start, goal, behind))
@@ -121,7 +142,7 @@ class RouteBook(Portable):
         return known
 
     def _plan(self, start: Cell, goal: Cell, behind: Cell | None = None) -> Plan:
-        rng = np.random.default_rng([self._seed, *start, *goal])
+        rng = np.random.default_rng([0, *start, *goal])
         grid = opened(self.grid, goal)
         return self.planner.plan(grid if behind is None else grid.without(behind), start, goal, rng)
 
