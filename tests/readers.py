@@ -17,11 +17,11 @@ from agents.weights_folder import CONFIG, read_record, read_tensors
 from train.clmapf.instance import read_instance
 from train.clmapf.solution import read_solution
 from train.commands.kinds import read_fleet
+from train.fleet.broker import secure_context
 from train.fleet.check import check_log
 from train.fleet.driven import load_episode
 from train.fleet.factsheet import factsheet_of
 from train.fleet.listen import hear_log
-from train.fleet.secure import secure_context
 from train.learning import checkpoint
 from train.learning.curves import read_run
 from train.reporting.comparison import read_runs

@@ -11,16 +11,15 @@ import tyro
 from rich.progress import Progress
 
 from train.commands.layouts import BY_MAP
-from train.fleet.broker import Broker, broker_of, package
+from train.fleet.broker import Broker, broker_of, package, secure_context
 from train.fleet.build import episode_of
 from train.fleet.check import check_log
 from train.fleet.driven import FleetEpisode, load_simulated
 from train.fleet.listen import Heard, ListenLimits, hear_broker, hear_log
 from train.fleet.messages import LOG, Names
+from train.fleet.orders import Story, story_of
 from train.fleet.publisher import publish
-from train.fleet.row import fleet_table, row_of, row_of_simulated
-from train.fleet.secure import secure_context
-from train.fleet.story import Story, story_of
+from train.fleet.row import fleet_table, row_of
 from train.fleet.vehicle import serial_of
 from train.fleet.write import messages_of, write_floor, write_log
 from train.reporting.report import counted, make_progress, tell
@@ -70,8 +69,6 @@ class FleetCommand(Checked):
     code 3 if that fails."""
     interface: str = "uagv"
     """First part of the topics."""
-    manufacturer: str = "warehouse_env"
-    """Manufacturer in the messages."""
     user: str | None = None
     """User at the broker; the password comes from WAREHOUSE_MQTT_PASSWORD."""
     tls: bool = False
@@ -82,8 +79,6 @@ class FleetCommand(Checked):
     """Certificate for a broker that asks for one, in PEM format; needs --key."""
     key: Path | None = None
     """Private key of --cert, in PEM format, without a passphrase."""
-    seed: int | None = None
-    """Seed of the episode's world to write (the first)."""
     json: Path | None = None
     """Write a row about the result to this file as JSON lines."""
 
@@ -92,10 +87,8 @@ class FleetCommand(Checked):
         self._between(0.01, 1000.0, "speed")
         self._between(0.001, 3600.0, "every")
         self._between(0.1, 1e7, "seconds", "patience")
-        for name in ("interface", "manufacturer"):
-            text = getattr(self, name)
-            plain = text.isprintable() and 0 < len(text) <= 100 and not set(text) & set("/+#")
-            self._require(plain, name, "a part of a topic: some characters, none of / + #")
+        plain = self.interface.isprintable() and 0 < len(self.interface) <= 100 and not set(self.interface) & set("/+#")
+        self._require(plain, "interface", "a part of a topic: some characters, none of / + #")
         named = self.user is None or (self.user.isprintable() and 0 < len(self.user) <= 1000)
         self._require(named, "user", "a name of 1 to 1000 characters")
 
@@ -134,11 +127,10 @@ class FleetCommand(Checked):
         if folder is not None:
             check_writable(folder / LOG)
         begin, rows = _DAY if broker is None else datetime.now(UTC), RowFile(self.json)
-        names, episode = Names(self.manufacturer, self.interface, begin), load_simulated(path)
-        world = self._world(path, episode.seeds)
+        names, episode = Names("warehouse_env", self.interface, begin), load_simulated(path)
         with make_progress() as progress:
             bar = progress.add_task("episode", total=len(episode.pose))
-            story = story_of(episode, world, lambda: progress.advance(bar))
+            story = story_of(episode, lambda: progress.advance(bar))
             count = 0
             if folder is not None:
                 bar = progress.add_task("messages", total=len(episode.pose))
@@ -151,7 +143,7 @@ class FleetCommand(Checked):
             print(f"to check them: warehouse fleet --check {folder}; the floor for --listen: --map {floor}")
         rows.add([{
             "episode": path, "map": episode.grid.name, "robots": episode.config.num_agents, "messages": count,
-            "seed": episode.seeds[world], "begin": names.stamp(0.0), "out": folder, "mqtt": self.mqtt,
+            "seed": episode.seeds[0], "begin": names.stamp(0.0), "out": folder, "mqtt": self.mqtt,
         }])  # fmt: skip
 
     def _publish(self, broker: Broker, story: Story, names: Names, progress: Progress) -> int:
@@ -190,11 +182,10 @@ class FleetCommand(Checked):
         heard = self._hear(source, folder)
         episode = episode_of(heard.fleet, grid, config, self.every)
         episode.save(folder / EPISODE)
-        found = [row_of(episode, source)]
-        if beside is not None:
-            with make_progress() as progress:
-                bar = progress.add_task("beside", total=len(beside.pose))
-                found += [row_of_simulated(beside, str(self.beside), lambda: progress.advance(bar))]
+        shown = [(episode, source), *([] if beside is None else [(beside, str(self.beside))])]
+        with make_progress() as progress:
+            bar = progress.add_task("figures", total=sum(len(one.pose) for one, _ in shown))
+            found = [row_of(one, name, lambda: progress.advance(bar)) for one, name in shown]
         fleet_table(found, episode.notes).print()
         rows.add(found)
         self._say(episode, heard, folder)
@@ -237,15 +228,6 @@ class FleetCommand(Checked):
         if self.layout is None:
             raise ConfigError("name the fleet's floor with --layout NAME_OR_FILE")
         return EnvConfig(self.layout, planner="astar")
-
-    def _world(self, path: Path, seeds: tuple[int, ...]) -> int:
-        if self.seed is None:
-            return 0
-        if self.seed not in seeds:
-            raise ConfigError(
-                f"{path} has no world of seed {self.seed}; its seeds are {', '.join(map(str, seeds[:8]))}"
-            )
-        return seeds.index(self.seed)
 
 
 def _is_broker(source: str) -> bool:

@@ -1,4 +1,4 @@
-"""Check a log of messages against VDA 5050 2.1.0: official schemas and rules. Shares no code with the writer."""
+"""Check a log of messages against VDA 5050 by official schemas and rules, independent of what writes messages."""
 
 from __future__ import annotations
 
@@ -12,13 +12,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from train.fleet.log import Bad, LogEntry, log_path, moment_of, read_log, version_of
+from train.fleet.messages import MAJOR, TOPICS
 from train.fleet.order_rules import OrderBook
 from warehouse_env.errors import WarehouseError, shown
 from warehouse_env.format_version import major_of
 
 SCHEMAS = Path(__file__).with_name("schemas")
-NAMES = ("connection", "factsheet", "order", "state", "visualization")
-_READS = 2  # major version
 _VERSION = re.compile(r"\d+\.\d+\.\d+", re.ASCII)
 _LATEST = 30.0  # [s] after which a state is due
 _SHOWN = 100  # faults that are kept; the others are counted
@@ -66,7 +65,7 @@ def check_log(given: Path, moved: Callable[[], object] = lambda: None) -> LogChe
         moved()
     if not checker.messages:
         unread = " and ".join(map(shown, checker.unread.values()))
-        what = f"is of version {unread} of VDA 5050; --check reads {_READS}.x"
+        what = f"is of version {unread} of VDA 5050; --check reads {MAJOR}.x"
         raise WarehouseError(f"{log_path(given)} {what if unread else 'holds no message of VDA 5050'}")
     return checker.done()
 
@@ -129,13 +128,13 @@ class _Checker:
     def _taken(self, key: str, parts: list[str], entry: LogEntry) -> Iterator[tuple[str, str]]:
         """Yield the faults of a message, kind and sentence; each version that is not read is one fault."""
         version, major = version_of(entry)
-        if major is not None and major != _READS:
+        if major is not None and major != MAJOR:
             if major not in self.unread:
                 self.unread[major] = version
-                yield "version", f"{shown(version)} is not read; --check reads {_READS}.x and skips the others"
+                yield "version", f"{shown(version)} is not read; --check reads {MAJOR}.x and skips the others"
             return
         name = parts[-1]
-        if len(parts) != 5 or name not in (*NAMES, "instantActions"):
+        if len(parts) != 5 or name not in (*TOPICS, "instantActions"):
             yield "header", f"the topic {shown(entry.topic)} is not INTERFACE/VERSION/MANUFACTURER/SERIAL/TOPIC"
             return
         if name == "connection" and self._is_old(key, entry):

@@ -64,11 +64,6 @@ class FleetEpisode(Episode):
             shown.take(pose, moment)
             yield shown
 
-    def row(self) -> dict[str, float]:
-        """Return the metrics of the whole episode."""
-        *_, last = self.replay()
-        return dict(last.episode_metrics())
-
 
 class FleetPlayback:
     """The parts of a simulator that pages and pictures use, for a fleet that is not simulated."""

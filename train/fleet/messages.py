@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import Any, NamedTuple
 
-VERSION = "2.1.0"
-MAJOR = "v2"  # in topics
+VERSION = "2.1.0"  # of VDA 5050, which is written and checked
+MAJOR = int(VERSION.partition(".")[0])
 TOPICS = ("connection", "factsheet", "order", "state", "visualization")
 LOG = "messages.jsonl"
 """Name of the log in the folder that `warehouse fleet` writes."""
@@ -51,7 +51,7 @@ class Names:
 
     def topic(self, serial: str, name: str) -> str:
         """Return the full name of a vehicle's topic."""
-        return f"{self.interface}/{MAJOR}/{self.manufacturer}/{serial}/{name}"
+        return f"{self.interface}/v{MAJOR}/{self.manufacturer}/{serial}/{name}"
 
     def stamp(self, seconds: float) -> str:
         """Return a moment as a timestamp in UTC, to the millisecond."""

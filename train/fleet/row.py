@@ -1,4 +1,4 @@
-"""Rows of a real fleet's figures, like those of an evaluation, and the table beside a simulated episode."""
+"""Rows of a real fleet's figures, like those of an evaluation, and their table beside a simulated episode."""
 
 from __future__ import annotations
 
@@ -25,29 +25,24 @@ _NOTE = (
 )
 
 
-def row_of(episode: FleetEpisode, source: str) -> Row:
-    """Return the row of a fleet; reroutes are None, since no message tells them."""
-    told = episode.row() | {"reroutes": math.nan}
-    return _row(episode, told, "fleet", source) | {"notes": list(episode.notes), "vehicles": list(episode.vehicles)}
+def row_of(episode: Episode, source: str, moved: Callable[[], object] = lambda: None) -> Row:
+    """Return the row of a real fleet, or of a recorded episode by running it again; moved: called after each moment.
 
-
-def row_of_simulated(episode: Episode, source: str, moved: Callable[[], object]) -> Row:
-    """Return the row of a recorded episode by running it again; moved: called after each moment."""
-    metrics: dict[str, float] = {}
-    for step, simulator in enumerate(episode.replay()):
+    Reroutes of a fleet are None, since no message tells them.
+    """
+    for last in episode.replay():
         moved()
-        if step == len(episode.actions):
-            metrics = simulator.episode_metrics(0)
-    return _row(episode, metrics, episode.policy or "simulated", source)
-
-
-def _row(episode: Episode, metrics: dict[str, float], policy: str, source: str) -> Row:
+        simulator = last
     config = episode.config
-    about = {
-        "policy": policy, "layout": config.layout, "robots": config.num_agents,
-        "tasks": config.tasks, "planner": config.planner, "source": source, "seed": episode.seeds[0],
+    row = {
+        "policy": episode.policy or "simulated", "layout": config.layout,
+        "robots": config.num_agents, "tasks": config.tasks, "planner": config.planner, "source": source,
+        "seed": episode.seeds[0], **simulator.episode_metrics(0), "config": config.to_dict(), "version": __version__,
     }  # fmt: skip
-    return dict(plain({**about, **metrics, "config": config.to_dict(), "version": __version__}))
+    if isinstance(episode, FleetEpisode):
+        notes, vehicles = list(episode.notes), list(episode.vehicles)
+        row |= {"policy": "fleet", "reroutes": math.nan, "notes": notes, "vehicles": vehicles}
+    return dict(plain(row))
 
 
 def fleet_table(rows: Sequence[Row], notes: Sequence[str]) -> Table:

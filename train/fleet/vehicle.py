@@ -6,8 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-from train.fleet.story import Story
-from train.fleet.ways import OrderNode, RobotOrder, orders_of
+from train.fleet.orders import OrderNode, RobotOrder, Story, orders_of
 from warehouse_env.simulation.state import NOBODY
 
 Body = tuple[str, dict[str, Any]]
@@ -51,7 +50,7 @@ class VehicleWriter:
         self._aside = max(map(abs, config.lateral_offsets)) + config.arrival_radius  # [m] beside its route, at most
         flags = ("loaded", "touching", *_HITS)
         self._loaded, self._touching, *self._hits = (story.flag(name)[:, robot] for name in flags)
-        self._number, self._update, self._way = -1, 0, 0  # current order, its last update, the route within it
+        self._number, self._update, self._route = -1, 0, 0  # current order, its last update, the route within it
         self._base: list[OrderNode] = []  # of this order
         self._horizon: list[OrderNode] = []
         self._passed = 0  # nodes of the base
@@ -96,11 +95,11 @@ class VehicleWriter:
         if self._reached:
             self._action = order.work and ("RUNNING" if self._story.serving[frame, self._robot] else "FINISHED")
             return
-        way = order.ways[self._way]
-        if frame >= way.end:
+        route = order.routes[self._route]
+        if frame >= route.end:
             return
         self._farthest = max(self._farthest, float(self._story.replay.along[frame, self._robot]))
-        last = len(self._base) - (way.end == order.reached)  # the goal is reached, not passed
+        last = len(self._base) - (route.end == order.reached)  # the goal is reached, not passed
         while self._passed < last and self._base[self._passed].along <= self._farthest + _PASSED:
             self._passed += 1
 
@@ -108,20 +107,20 @@ class VehicleWriter:
         """Take the next order, which begins where the vehicle is."""
         self._number, self._update, self._base, self._passed = self._number + 1, 0, [order.start], 1
         self._reached, self._action = False, order.work and "WAITING"
-        self._take_way(0)
+        self._take_route(0)
 
-    def _take_way(self, number: int) -> None:
+    def _take_route(self, number: int) -> None:
         """Release the route up to where it is replaced; the rest is the horizon."""
-        way = self._orders[self._number].ways[number]
-        self._way, self._farthest = number, 0.0
-        self._base, self._horizon = [*self._base, *way.nodes[: way.sure]], list(way.nodes[way.sure :])
+        route = self._orders[self._number].routes[number]
+        self._route, self._farthest = number, 0.0
+        self._base, self._horizon = [*self._base, *route.nodes[: route.released]], list(route.nodes[route.released :])
 
     def _go_on(self, frame: int) -> Iterator[Body]:
         """Update the order if the route changes."""
         order, stitch = self._orders[self._number], len(self._base) - 1
-        if self._way + 1 < len(order.ways) and order.ways[self._way + 1].begin == frame:
+        if self._route + 1 < len(order.routes) and order.routes[self._route + 1].begin == frame:
             self._passed = len(self._base)
-            self._take_way(self._way + 1)
+            self._take_route(self._route + 1)
             self._update += 1
             yield "order", self._order(stitch)
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from train.fleet.factsheet import factsheet_of
 from train.fleet.messages import LOG, Message, Names, Sender
-from train.fleet.story import Story
+from train.fleet.orders import Story
 from train.fleet.vehicle import VehicleWriter
 from warehouse_env.errors import ConfigError
 from warehouse_env.files import complete_file

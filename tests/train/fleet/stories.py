@@ -12,7 +12,7 @@ import numpy as np
 
 from tests.render.episodes import driven
 from train.fleet.messages import Message, Names
-from train.fleet.story import Story, story_of
+from train.fleet.orders import Story, story_of
 from train.fleet.write import messages_of
 from warehouse_env.config import EnvConfig
 from warehouse_env.maps.grid_map import GridMap
@@ -22,10 +22,10 @@ NAMES = Names("ACME", "uagv", datetime(2026, 1, 1, tzinfo=UTC))
 ORIGIN = (100.0, -20.0)
 
 
-@lru_cache(maxsize=2)
-def episode_story(world: int = 0) -> Story:
+@lru_cache(maxsize=1)
+def episode_story() -> Story:
     """Seven robots in a tight hall, of whom some touch each other and shelves."""
-    return story_of(driven(), world)
+    return story_of(driven())
 
 
 def story() -> Story:

@@ -16,13 +16,12 @@ from tests.train.fleet.brokers import ANONYMOUS, Authority, Scripted, free_port,
 from tests.train.fleet.stories import NAMES, lines, story
 from train.cli import LOST, main
 from train.fleet import listen
-from train.fleet.broker import PASSWORD, Broker, broker_of
+from train.fleet.broker import PASSWORD, Broker, broker_of, secure_context
 from train.fleet.build import episode_of
 from train.fleet.check import check_log
 from train.fleet.listen import Heard, ListenLimits, hear_broker
 from train.fleet.messages import Message
 from train.fleet.publisher import publish
-from train.fleet.secure import secure_context
 from train.fleet.write import messages_of, write_floor
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, WarehouseError

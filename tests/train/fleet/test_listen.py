@@ -21,6 +21,7 @@ from train.fleet.figures import MOMENT, PRESENT, UNDER_WAY, FleetFigures
 from train.fleet.listen import hear_log
 from train.fleet.log import LogEntry, entry_of, moment_of
 from train.fleet.received import HeardFleet
+from train.fleet.row import row_of
 from train.fleet.write import messages_of, write_log
 from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.errors import WarehouseError
@@ -41,7 +42,7 @@ def test_our_own_episode_comes_back(tmp_path: Path) -> None:
     assert np.abs(np.remainder(apart[..., 2] + np.pi, 2 * np.pi) - np.pi).max() < 0.0002
     assert (back.config.robot, back.config.time_step) == (episode.config.robot, 0.2)
     *_, last = episode.replay()
-    row, simulated = back.row(), last.episode_metrics(0)
+    row, simulated = row_of(back, ""), last.episode_metrics(0)
     assert simulated["goals"] > 0
     for name in ("goals", "success_rate", "seconds", "collisions_robot", "collisions_person", "near_misses"):
         assert row[name] == pytest.approx(simulated[name]), name
@@ -111,7 +112,7 @@ def test_a_foreign_stream_of_bare_states(tmp_path: Path) -> None:
     assert made.moments["goals"][:, 0].tolist() == [0, 0, 0, 1, 2]  # p was done before anybody could see it
     assert made.moments["goal"][1, 0] == 14 * 20 + 10
     assert made.moments["bits"][:, 0].tolist() == [PRESENT, *[PRESENT | UNDER_WAY] * 2, PRESENT, PRESENT]
-    row = made.row()
+    row = row_of(made, "")
     assert (row["robot_km"], row["goals"], row["path_length_m"]) == (0.003, 2.0, 1.5)
     assert row["waiting_share"] == 0.5  # of two moments with an order it stood in one
 
@@ -208,8 +209,8 @@ def test_a_vehicle_that_comes_back_elsewhere_was_away(how: str, tmp_path: Path) 
     frames = sorted(one["headerId"] // 2 for one in AWAY[how] if one.get("agvPosition", {}).get("mapId") == "L1")
     seen = frames if how != "carried" else [0, 1, 4]  # from one moment to the next
     assert np.flatnonzero(present[:, 0]).tolist() == seen
-    assert made.row()["robot_km"] == pytest.approx(0.002 - 0.001 * (how == "carried"))
-    assert made.row()["longest_standing_s"] < 5
+    assert row_of(made, "")["robot_km"] == pytest.approx(0.002 - 0.001 * (how == "carried"))
+    assert row_of(made, "")["longest_standing_s"] < 5
     assert any("absent" in note for note in made.notes)
 
 
@@ -217,7 +218,7 @@ def test_a_vehicle_that_comes_back_elsewhere_was_away(how: str, tmp_path: Path) 
 def test_moments_that_miss_a_gap_do_not_bridge_it(every: float, tmp_path: Path) -> None:
     states = [foreign(1, 0), foreign(1, 7), link("OFFLINE", 7), foreign(15, 8), foreign(15, 20)]
     made = episode_of(heard(tmp_path, states), FLOOR, EnvConfig(), every=every)
-    assert made.row()["robot_km"] == 0
+    assert row_of(made, "")["robot_km"] == 0
     assert set(made.pose[:, 0, 0, 0].tolist()) == {1.0, 15.0}
 
 
@@ -334,4 +335,4 @@ def test_whatever_comes_is_taken_or_said(changes: dict[str, Any], topic: str, ju
     with contextlib.suppress(WarehouseError):
         made = episode_of(fleet, FLOOR, EnvConfig())
         assert np.isfinite(made.pose).all()
-        assert made.row()["robot_km"] >= 0
+        assert row_of(made, "")["robot_km"] >= 0

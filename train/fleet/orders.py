@@ -1,4 +1,4 @@
-"""A robot's orders as nodes: from goal to goal, along routes that may be replaced on the way.
+"""A recorded robot's orders as nodes: from goal to goal, along routes that may be replaced on the way.
 
 A new route updates the order: the base ends where the robot is then, and the new route begins there. The recording
 shows beforehand where that will be, so a base is never withdrawn.
@@ -6,15 +6,60 @@ shows beforehand where that will be, so a base is never withdrawn.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Callable, Iterator
+from types import SimpleNamespace
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from train.fleet.story import Story
+from warehouse_env.render.replay import FLAGS, Replay, replay_of
+from warehouse_env.simulation.record.recording import Episode
+from warehouse_env.simulation.tasks.duty import Doing
 
 SPACING = 2.0  # [m] between two nodes
 _NEAREST = 0.5  # [m] between two nodes, at least
 _STANDS = 0.05  # [m] up to which a robot has not moved
+
+
+class Story(NamedTuple):
+    """One world of N robots at F moments."""
+
+    replay: Replay
+    charge: NDArray[np.float64]  # [F, N], share of a full battery; 1 where none is simulated
+    charging: NDArray[np.bool_]  # [F, N]
+    serving: NDArray[np.bool_]  # [F, N], being loaded or unloaded
+
+    def flag(self, name: str) -> NDArray[np.bool_]:
+        """Return bool[F, N], one of the replay's FLAGS."""
+        return np.asarray((self.replay.flags >> FLAGS.index(name)) & 1, dtype=np.bool_)
+
+
+def story_of(episode: Episode, moved: Callable[[], object] = lambda: None) -> Story:
+    """Run the first world of an episode again; WarehouseError if its poses differ. moved: called after each moment."""
+    work: list[tuple[Any, Any, Any]] = []
+
+    def replay() -> Iterator[Any]:
+        for simulator in episode.replay():
+            work.append(_work_of(simulator.dispatcher.shifts, episode.config.num_agents))
+            yield simulator
+
+    watched = SimpleNamespace(
+        config=episode.config, grid=episode.grid, seeds=episode.seeds, pose=episode.pose, replay=replay
+    )
+    shown = replay_of(watched, "fleet", moved=moved)
+    charge, charging, serving = (np.array(column) for column in zip(*work, strict=True))
+    return Story(shown, charge.astype(np.float64), charging, serving)
+
+
+def _work_of(shifts: Any, count: int) -> tuple[NDArray[Any], NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return charge, charging and serving [N] of the first world, as Story has them."""
+    none = np.zeros(count, np.bool_)
+    if shifts is None:
+        return ~none, none, none
+    doing, batteries = [duty.doing for duty in shifts[0].duties], shifts[0].batteries
+    charging, serving = (np.array([one == what for one in doing]) for what in (Doing.CHARGES, Doing.SERVED))
+    return ~none if batteries is None else batteries.share.copy(), charging, serving
 
 
 class OrderNode(NamedTuple):
@@ -25,13 +70,13 @@ class OrderNode(NamedTuple):
     along: float  # [m] of its route
 
 
-class Way(NamedTuple):
+class OrderedRoute(NamedTuple):
     """A route as it is ordered, from moment `begin` until it is replaced or its goal is reached, before `end`."""
 
     begin: int
     end: int
     nodes: tuple[OrderNode, ...]  # after the one at its start
-    sure: int  # how many of these join the base
+    released: int  # how many of these join the base
 
 
 class RobotOrder(NamedTuple):
@@ -40,7 +85,7 @@ class RobotOrder(NamedTuple):
     begin: int  # moment
     reached: int | None  # moment at which it reaches its goal, if it does
     start: OrderNode
-    ways: tuple[Way, ...]
+    routes: tuple[OrderedRoute, ...]
     work: str | None  # at the goal: "pick", "drop" or nothing
     goal: str  # in words
 
@@ -77,11 +122,11 @@ def _order(story: Story, robot: int, begins: list[int], reached: int | None) -> 
     work, what = next(((w, n) for cells, w, n in kinds if (cells == goal).all(axis=1).any()), (None, "waiting place"))
     ends = [*begins[1:], last]
     x, y = grid.world(replay.pose[begin, robot, :2]).round(3).tolist()
-    ways = tuple(_way(story, robot, first, after, after == last) for first, after in zip(begins, ends, strict=True))
-    return RobotOrder(begin, reached, OrderNode(x, y, 0.0), ways, work, f"{what} in row {goal[0]}, column {goal[1]}")
+    routes = tuple(_route(story, robot, first, after, after == last) for first, after in zip(begins, ends, strict=True))
+    return RobotOrder(begin, reached, OrderNode(x, y, 0.0), routes, work, f"{what} in row {goal[0]}, column {goal[1]}")
 
 
-def _way(story: Story, robot: int, begin: int, end: int, lasts: bool) -> Way:
+def _route(story: Story, robot: int, begin: int, end: int, lasts: bool) -> OrderedRoute:
     """Return the route of the moments from `begin` up to `end`; lasts: it is the order's last."""
     replay = story.replay
     points = replay.grid.world(replay.routes[int(replay.route[begin, robot])])
@@ -97,5 +142,5 @@ def _way(story: Story, robot: int, begin: int, end: int, lasts: bool) -> Way:
             here = replay.grid.world(replay.pose[end, robot, :2])
         x, y = here.astype(float).round(3).tolist()
         nodes.append(OrderNode(x, y, mark))
-    sure = len(nodes) if stop is None else sum(node.along <= stop for node in nodes)
-    return Way(begin, end, tuple(nodes), sure)
+    released = len(nodes) if stop is None else sum(node.along <= stop for node in nodes)
+    return OrderedRoute(begin, end, tuple(nodes), released)
