@@ -60,7 +60,7 @@ def test_validate_names_the_fault(cells: object, says: str) -> None:
         ([(0, 0), (2, 0), (2, 2), (1, 3)], 0.5, None),
         ([(0, 0), (2, 0), (2, 2), (1, 3)], 0.51, "edge"),
         ([(0, 0), (0, 2), (1, 3)], 0.5, None),
-        ([(0, 0), (1.2, 2), (1, 3)], 0.0, r"comes -1\.000 cells near to the shelf at \(1, 1\)"),
+        ([(0, 0), (1.2, 2), (1, 3)], 0.0, r"passes through the shelf or edge at \(1, 1\)"),
         ([(0, 0), (0.5, 0.5), (0.5, 1.5), (1, 3)], 0.0, None),  # grazes the shelf
         ([(0, 0), (0.5, 0.5), (0.5, 1.5), (1, 3)], 0.1, r"comes 0\.000 cells"),
         ([(0, 0), (0, 1.5), (1, 3)], 0.42, r"from \(0\.0, 1\.5\) to \(1\.0, 3\.0\)"),  # 0.416 from its corner

@@ -48,7 +48,7 @@ def _to_square(x, y, low_x, low_y, side):
 
 
 @kernel
-def _crosses(ax, ay, bx, by, low_x, low_y, side):
+def crosses(ax, ay, bx, by, low_x, low_y, side):
     """Return whether the segment a-b has a point in the closed square (clipping by its four sides)."""
     first, last = 0.0, 1.0
     for start, step, low in ((ax, bx - ax, low_x), (ay, by - ay, low_y)):
@@ -64,7 +64,7 @@ def _crosses(ax, ay, bx, by, low_x, low_y, side):
 @kernel
 def _segment_to_square(ax, ay, bx, by, low_x, low_y, side):
     """Return the distance between the segment a-b and a closed square: of an end or of a corner, or 0."""
-    if _crosses(ax, ay, bx, by, low_x, low_y, side):
+    if crosses(ax, ay, bx, by, low_x, low_y, side):
         return 0.0
     best = math.inf
     for x, y in ((ax, ay), (bx, by)):

@@ -110,10 +110,8 @@ def read_discs(path: Path) -> NDArray[np.float64]:
     for k, row in enumerate(rows):
         numbers = [as_number(row.get(key)) for key in ("x", "y", "radius")] if isinstance(row, dict) else [math.nan]
         if not all(map(math.isfinite, numbers)) or not SMALLEST <= numbers[2] <= LARGEST:
-            raise MapError(
-                f"{path}: disc {k + 1} {shown(row)} must have numbers x, y and radius in metres, the radius from "
-                f"{SMALLEST} to {LARGEST:g}"
-            )
+            allowed = f"the radius from {SMALLEST} to {LARGEST:g}"
+            raise MapError(f"{path}: disc {k + 1} {shown(row)} must have numbers x, y and radius in metres, {allowed}")
         found[k] = numbers
     return found
 

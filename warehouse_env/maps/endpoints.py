@@ -47,7 +47,8 @@ def _rim_stations(region: NDArray[np.bool_]) -> NDArray[np.int64]:
     Cells with room around them are preferred; a floor with fewer than two of these takes any.
     """
     cells = np.argwhere(region)
-    for mask in (_roomy(region), region):
+    roomy = region & beyond(region).all(axis=-1)  # a robot can turn there
+    for mask in (roomy, region):
         stations = _thin_rims(mask)
         if len(stations) >= 2:
             break
@@ -71,18 +72,10 @@ def _thin_rims(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
                 continue
             column = int(marked[0] if west else marked[-1])
             near = column < band if west else column >= columns - band
-            if near and all(_apart(row, column, *other) >= STATION_SPACING for other in accepted):
+            apart = (max(abs(row - other[0]), abs(column - other[1])) for other in accepted)
+            if near and all(cells >= STATION_SPACING for cells in apart):
                 accepted.append((row, column))
     return accepted
-
-
-def _apart(row: int, column: int, other_row: int, other_column: int) -> int:
-    return max(abs(row - other_row), abs(column - other_column))
-
-
-def _roomy(region: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return bool[H, W]: cells whose eight neighbours are reachable as well, so that a robot can turn there."""
-    return np.asarray(region & beyond(region).all(axis=-1))
 
 
 def beside(occupied: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -90,11 +90,10 @@ def _search(legal, toll, start, goal, informed):
 
 
 @kernel
-def _search_turns(legal, toll, start, goal, hairpin):
+def _search_turns(legal, toll, start, goal):
     """A* on cell x arriving move with the cost (length + tolls, turns); return the state before each and the goal's.
 
-    State = 9 * cell + move, START at the start. legal, toll: as in `_search`; hairpin: millionths of a cell that a
-    turn of more than 90 degrees costs.
+    State = 9 * cell + move, START at the start. legal, toll: as in `_search`.
     """
     rows, cols = legal.shape[0], legal.shape[1]
     straight, diagonal, length, turned, before, closed, (keys, ties, items) = _labels(
@@ -119,8 +118,6 @@ def _search_turns(legal, toll, start, goal, hairpin):
             a = straight[state] + (1 - move % 2) * _STEP
             if toll is not None:
                 a += toll[row, col, move]
-            if is_hairpin(arrived, move):
-                a += hairpin
             b = diagonal[state] + move % 2
             new_turns = turned[state] + (1 if arrived != START and arrived != move else 0)
             new_length = a / MICRO + b * _SQRT2
@@ -133,11 +130,9 @@ def _search_turns(legal, toll, start, goal, hairpin):
     return before, -1
 
 
-def fewest_turns(
-    legal: NDArray[np.bool_], toll: NDArray[np.int64] | None, start: int, goal: int, hairpin: float = 0.0
-) -> list[int]:
-    """Flat cells of a path with the fewest turns among the cheapest, empty where none; hairpin: see AStarTurns."""
-    before, state = _search_turns(legal, toll, start, goal, round(hairpin * MICRO))
+def fewest_turns(legal: NDArray[np.bool_], toll: NDArray[np.int64] | None, start: int, goal: int) -> list[int]:
+    """Return the flat cells of a path with the fewest turns among the cheapest; empty where there is none."""
+    before, state = _search_turns(legal, toll, start, goal)
     path = []
     while state >= 0:
         path.append(int(state) // 9)
@@ -196,13 +191,11 @@ class AStar(_GraphSearch):
 class AStarTurns(_GraphSearch):
     """The fewest turns among the shortest paths: A* on cell x direction with the cost (length, turns)."""
 
-    hairpin: float = 0.0  # [cells] price of a turn of more than 90 degrees, which only pays with a cost map
-
     name: ClassVar[str] = "astar_turns"
 
     def search(self, legal: NDArray[np.bool_], toll: NDArray[np.int64] | None, start: int, goal: int) -> list[int]:
         """Return the flat cells of such a path."""
-        return fewest_turns(legal, toll, start, goal, self.hairpin)
+        return fewest_turns(legal, toll, start, goal)
 
 
 def min_turns(grid: GridMap, start: Cell, goal: Cell) -> int:

@@ -1,4 +1,4 @@
-"""Plan, the Planner protocol, measures of a path, and a validator that shares no code with the planners."""
+"""Plan, the Planner protocol, measures of a path, and validators of paths and lines."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from warehouse_env.errors import ConfigError, PlanError, shown
 from warehouse_env.kernel import kernel
+from warehouse_env.maps.clearance import crosses, segment_gap
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.maps.moves import beyond
 from warehouse_env.maps.tables import whole_cell
@@ -213,47 +214,22 @@ def validate_line(grid: GridMap, line: NDArray[np.float64], start: Cell, goal: C
     for what, point, wanted in (("starts", points[0], start), ("ends", points[-1], goal)):
         if tuple(point.tolist()) != tuple(wanted):
             raise PlanError(f"the line {what} at {tuple(point.tolist())}, not at {tuple(wanted)}")
-    edge = min((points + 0.5).min(), (np.array(grid.occupied.shape) - 0.5 - points).min())
-    if edge < clearance - _GRAZE:
-        raise PlanError(f"the line comes {edge:.3f} cells near to the map's edge; {clearance} are wanted")
+    solid = np.pad(grid.occupied, 1, constant_values=True).astype(np.uint8)
+    side = 1.0 - 2.0 * _GRAZE
     for a, b in itertools.pairwise(points):
-        low = np.floor(np.minimum(a, b) - clearance - 0.5).astype(int).clip(0)
-        high = np.ceil(np.maximum(a, b) + clearance + 0.5).astype(int) + 1
-        for row, column in np.argwhere(grid.one_way[low[0] : high[0], low[1] : high[1]]) + low:
-            through = _distance_to_square(a, b, float(row), float(column)) < 0.0
-            if through and _opposes(grid.one_way[row, column], *(b - a)):
-                raise PlanError(f"the line drives against the direction of {(int(row), int(column))}")
-        for row, column in np.argwhere(grid.occupied[low[0] : high[0], low[1] : high[1]]) + low:
-            gap = _distance_to_square(a, b, float(row), float(column))
-            if gap < clearance - _GRAZE:
-                where = f"{tuple(a.round(3).tolist())} to {tuple(b.round(3).tolist())}"
-                raise PlanError(
-                    f"the line from {where} comes {gap:.3f} cells near to the shelf at {(int(row), int(column))}; "
-                    f"{clearance} are wanted"
-                )
-
-
-def _distance_to_square(a: NDArray[np.float64], b: NDArray[np.float64], row: float, column: float) -> float:
-    """Distance of the segment a-b from the unit square around (row, column); -1 where it passes through it."""
-    centre, half = np.array([row, column]), 0.5 - _GRAZE
-    enters, leaves = 0.0, 1.0
-    for axis in range(2):
-        step = b[axis] - a[axis]
-        near, far = centre[axis] - half - a[axis], centre[axis] + half - a[axis]
-        if step == 0.0:
-            if near > 0.0 or far < 0.0:
-                leaves = -1.0
-            continue
-        first, last = sorted((near / step, far / step))
-        enters, leaves = max(enters, first), min(leaves, last)
-    if enters <= leaves:
-        return -1.0
-    outside = [np.hypot(*np.maximum(np.abs(point - centre) - 0.5, 0.0)) for point in (a, b)]
-    corners = centre + 0.5 * np.array([(-1, -1), (-1, 1), (1, -1), (1, 1)])
-    along = b - a
-    part = np.clip((corners - a) @ along / max(float(along @ along), 1e-300), 0.0, 1.0)
-    beside = np.hypot(*(corners - a - part[:, None] * along).T)
-    return float(min(*outside, beside.min()))
+        ends = (*(a[::-1] + 0.5), *(b[::-1] + 0.5))  # x and y, with cell corners on whole numbers
+        low, high = (np.clip(np.floor(end + 0.5), -1, grid.shape).astype(int) for end in np.sort([a, b], axis=0))
+        where = f"the line from {tuple(a.round(3).tolist())} to {tuple(b.round(3).tolist())}"
+        for row, column in itertools.product(*map(range, low.tolist(), (high + 1).tolist())):
+            if not crosses(*ends, column + _GRAZE, row + _GRAZE, side):  # type: ignore[call-arg]
+                continue
+            if solid[row + 1, column + 1]:
+                raise PlanError(f"{where} passes through the shelf or edge at {(row, column)}")
+            if _opposes(grid.one_way[row, column], *(b - a)):
+                raise PlanError(f"{where} drives against the direction of {(row, column)}")
+        gap = segment_gap(solid, *ends, 1.0, clearance)  # type: ignore[call-arg]
+        if gap < clearance - _GRAZE:
+            raise PlanError(f"{where} comes {gap:.3f} cells near to a shelf or the edge; {clearance} are wanted")
 
 
 def check_endpoints(grid: GridMap, start: Cell, goal: Cell) -> tuple[Cell, Cell]:

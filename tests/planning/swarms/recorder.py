@@ -17,7 +17,7 @@ class Recorder(Paths):
 
     def __init__(self) -> None:
         grid = GridMap(np.zeros((11, 11), dtype=bool))
-        super().__init__(grid, make_floor(grid, (10, 10)), 0, local_search=False)
+        super().__init__(grid, make_floor(grid, (10, 10)), 0)
         self.tried: list[Code] = []
 
     def cost(self, code: Code) -> NDArray[np.float64]:

@@ -20,9 +20,9 @@ def drawn(*lines: str) -> GridMap:
     return GridMap(np.array([[c == "#" for c in line] for line in lines]))
 
 
-def paths_of(grid: GridMap, start: Cell, goal: Cell, cost: np.ndarray | None = None, local: bool = False) -> Paths:
+def paths_of(grid: GridMap, start: Cell, goal: Cell, cost: np.ndarray | None = None) -> Paths:
     floor = make_floor(grid, goal, 0.0, cost)
-    return Paths(grid, floor, start[0] * floor.columns + start[1], local)
+    return Paths(grid, floor, start[0] * floor.columns + start[1])
 
 
 def decoded(grid: GridMap, start: Cell, goal: Cell, *points: tuple[float, float]) -> list[Cell]:

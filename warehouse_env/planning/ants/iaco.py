@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from dataclasses import dataclass
 from functools import partial
 from typing import ClassVar, Literal
@@ -84,14 +83,13 @@ class Iaco(AntSystem):
         """Add the smoothed line (eq. 13), unless it cuts into a one-way cell against its direction."""
         if not (self.smoothing and plan.found):
             return plan
-        begin = time.perf_counter()
         line = smooth(
             plan.cells, grid.occupied,
             deviation=self.deviation, length=self.tension, clearance=self.clearance,
             power=2 if self.norms == "squared" else 1,
         )  # fmt: skip
         kept = line if not grid.one_way.any() or _is_valid(grid, line, plan.cells) else None
-        return plan._replace(line=kept, seconds=plan.seconds + time.perf_counter() - begin)
+        return plan._replace(line=kept)
 
 
 def _is_valid(grid: GridMap, line: NDArray[np.float64], cells: NDArray[np.int64]) -> bool:

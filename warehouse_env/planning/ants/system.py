@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
@@ -12,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
-from warehouse_env.planning.ants.colony import Colony, Search, cells_of, run
+from warehouse_env.planning.ants.colony import Colony, cells_of, run
 from warehouse_env.planning.ants.floor import AntFloor, Table, make_floor
 from warehouse_env.planning.ants.local_search import improve, straight_runs
 from warehouse_env.planning.base import BasePlanner
-from warehouse_env.planning.plan import MICRO, CostMap, Plan, check_endpoints
+from warehouse_env.planning.plan import MICRO, CostMap, Plan
 
 STEP: NDArray[np.float64] = np.sqrt((MOVES**2).sum(axis=1))  # [8] length of each move: 1 or sqrt 2
 _WALKS = 100_000_000
@@ -53,19 +52,6 @@ class AntSystem(BasePlanner):
 
     def find(self, grid: GridMap, start: Cell, goal: Cell, rng: np.random.Generator, cost: CostMap) -> Plan:
         """Let the colony search."""
-        begin = time.perf_counter()
-        return self.planned(grid, *self.search(grid, start, goal, rng, cost), begin)
-
-    def search(
-        self,
-        grid: GridMap,
-        start: Cell,
-        goal: Cell,
-        rng: np.random.Generator,
-        cost: NDArray[np.float64] | None = None,
-    ) -> tuple[AntFloor, Search]:
-        """Run the colony and return its floor and what it found."""
-        start, goal = check_endpoints(grid, start, goal)
         floor = make_floor(grid, goal, self.gentleness, cost)
         first = start[0] * floor.columns + start[1]
         colony = self.colony(grid, floor, first)
@@ -77,12 +63,7 @@ class AntSystem(BasePlanner):
             floor, colony, first, self.ants, self.iterations, rng,
             patience=self.patience, backtrack=back, appraise=appraise,
         )  # fmt: skip
-        return floor, found
-
-    def planned(self, grid: GridMap, floor: AntFloor, search: Search, begin: float) -> Plan:
-        """Return the plan of a search that began at a time of time.perf_counter()."""
-        cells, seconds = cells_of(floor, search.best, 0), time.perf_counter() - begin
-        return self.finish(grid, Plan(cells, search.best_by_iteration, seconds))
+        return self.finish(grid, Plan(cells_of(floor, found.best, 0), found.best_by_iteration))
 
     def finish(self, grid: GridMap, plan: Plan) -> Plan:
         """Return the finished plan; a system that smooths adds its line here."""

@@ -9,7 +9,6 @@ code is a path, unless there is none.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -20,7 +19,6 @@ from warehouse_env.maps.distance import label_regions
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
 from warehouse_env.planning.ants.colony import cells_of
 from warehouse_env.planning.ants.floor import AntFloor, make_floor
-from warehouse_env.planning.ants.local_search import shorten, straight_runs
 from warehouse_env.planning.ants.walks import empty_walks, keep, measure
 from warehouse_env.planning.base import BasePlanner
 from warehouse_env.planning.plan import CostMap, Plan
@@ -39,13 +37,12 @@ class _Ground(NamedTuple):
 class Paths:
     """Turns codes into paths, measures them, and keeps the best."""
 
-    def __init__(self, grid: GridMap, floor: AntFloor, start: int, local_search: bool) -> None:
+    def __init__(self, grid: GridMap, floor: AntFloor, start: int) -> None:
         self.shape = grid.shape
         at = (start // floor.columns, start % floor.columns)
         self.reachable = bool(np.isfinite(grid.distance_to(divmod(floor.goal, floor.columns))[at]))
         nearest = _nearest(_between(grid, at, divmod(floor.goal, floor.columns)).ravel(), floor.columns)
         self._ground = _Ground(floor, nearest, start)
-        self._improve = partial(shorten, floor, straight_runs(floor), start) if local_search else None
         self.best, self._walks = empty_walks(start, 1, len(nearest)), empty_walks(start, 1, len(nearest))
         self.history: list[float] = []
 
@@ -59,15 +56,9 @@ class Paths:
             walks = self._walks = empty_walks(self._ground.start, len(code), len(self._ground.nearest))
         decode(self._ground, self._to_cells(code), walks)
         winner = measure(floor, walks, 0, len(code))
-        cost = walks.cost[: len(code)].copy()
-        if self._improve:
-            moves = self._improve(walks.moves[winner, : walks.steps[winner]])
-            walks.moves[winner, : len(moves)] = moves
-            walks.steps[winner] = len(moves)
-            measure(floor, walks, winner, winner + 1)
         if (walks.cost[winner], walks.turns[winner]) < (self.best.cost[0], self.best.turns[0]):
             keep(walks, winner, self.best)
-        return cost
+        return walks.cost[: len(code)].copy()
 
     def _to_cells(self, code: Code) -> NDArray[np.int64]:
         """Flat cells int64[m, K] that hold the points."""
@@ -83,15 +74,10 @@ class Paths:
 
 @dataclass(frozen=True)
 class WaypointSwarm(BasePlanner):
-    """Base of the swarms that search over way-points: each gives its `search`, and its constants as further fields.
-
-    local_search: the best path of each round of decoding is straightened (ants/local_search.py) before it counts as
-    the best, as for the ant systems; the code and its cost, which lead the swarm, stay as they are.
-    """
+    """Base of the swarms that search over way-points: each gives its `search`, and its constants as further fields."""
 
     iterations: int = 100
     waypoints: int = 6  # K
-    local_search: bool = False
     gentleness: float = 0.0  # [cells/m] detour that a metre of climbing is worth
 
     takes_cost: ClassVar[bool] = True
@@ -107,7 +93,7 @@ class WaypointSwarm(BasePlanner):
     def find(self, grid: GridMap, start: Cell, goal: Cell, rng: np.random.Generator, cost: CostMap) -> Plan:
         """Let the swarm search."""
         floor = make_floor(grid, goal, self.gentleness, cost)
-        paths = Paths(grid, floor, start[0] * floor.columns + start[1], self.local_search)
+        paths = Paths(grid, floor, start[0] * floor.columns + start[1])
         if paths.reachable:
             self.search(paths, first_codes(grid.shape, start, goal, self.agents(), self.waypoints, rng), rng)
         else:

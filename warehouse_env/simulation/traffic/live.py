@@ -173,7 +173,7 @@ class LiveRoutes(Portable):
         robot, size = config.widest_body, config.widest_body.longer / grid.cell_size  # of bodies, in cells
         spread = int(0.5 * (robot.length + robot.width) / grid.cell_size)
         self._prices = prices_for(size, spread)
-        self._hairpin = round(UNIT * (getattr(planner, "hairpin", 0.0) or HAIRPIN * size))
+        self._hairpin = round(UNIT * HAIRPIN * size)
         self._saving = round(UNIT * SAVING)
         self._passing = make_occupancy(len(persons), config.num_agents, grid.occupied.size, SLOTS, spread)
         self._laid = np.full((len(persons), config.num_agents), np.inf, np.float32)  # [m] of routes that are drivable
