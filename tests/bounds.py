@@ -71,7 +71,7 @@ CHOICES: dict[str, Callable[[Random], Any]] = {  # each field of EnvConfig -> ho
     "keep_right": _one(0.0, 0.5, 100.0),
     "people": _one(0, 0, 1, 4),
     "traffic": lambda rng: TrafficSpec(
-        shield=rng.choice([False, True, True, "lidar"]), margin=rng.choice([0.0, 0.02, 1.0]),
+        shield=rng.choice([False, True, True]), margin=rng.choice([0.0, 0.02, 1.0]),
         right_of_way=rng.random() < 0.5, right_of_way_after=rng.choice([0.0, 5.0]),
         routes=rng.choice([False, True, "barred"]),
     ),

@@ -77,7 +77,7 @@ def test_a_preset_is_kept_by_its_name_and_nothing_uncertain_as_none() -> None:
 
 
 @pytest.mark.parametrize(
-    "spec", [*TRAFFIC.values(), TrafficSpec(shield="lidar", margin=0.1), TrafficSpec(routes="barred")]
+    "spec", [*TRAFFIC.values(), TrafficSpec(shield=True, margin=0.1), TrafficSpec(routes="barred")]
 )
 def test_traffic_is_read_as_it_is_written(spec: TrafficSpec) -> None:
     assert read_traffic(written_traffic(spec)) == spec

@@ -204,14 +204,9 @@ class EnvConfig(Checked):
         """Keep a preset by its name, and refuse traffic that other options rule out (docs/traffic.md)."""
         object.__setattr__(self, "traffic", preset_or_spec(self.traffic_spec))
         object.__setattr__(self, "uncertainty", None if self.uncertainty == UncertaintySpec() else self.uncertainty)
-        spec, uncertain = self.traffic_spec, self.uncertainty_spec
+        spec = self.traffic_spec
         rule = "without right of way for raw actions, which follow no route"
         self._require(self.action_type != "raw" or not spec.right_of_way, "traffic", rule)
-        by_lidar = spec.shield == "lidar"
-        rule = "without the shield by lidar in a fleet of several kinds: no robot sees how hard another brakes"
-        self._require(not (by_lidar and self.fleet), "traffic", rule)
-        rule = "without the shield by lidar where a pose_error, heading_error or actuation_error is set or declared"
-        self._require(not (by_lidar and (uncertain.errs or uncertain.bounds.errs)), "traffic", rule)
 
     def _check_work(self) -> None:
         """Refuse work unless robots continue after an arrival, and stand there to be served."""

@@ -27,7 +27,8 @@ def by_todays_names(data: dict[str, Any]) -> dict[str, Any]:
     if data.get("map_file") is not None:
         given["layout"] = data["map_file"]
     field, routes = dict(_part(data, "field_spec")), dict(_part(data, "reroute_spec"))
-    scanners = {name: field.pop(name) for name in ("scanner_rays", "unseen_speed") if name in field}
+    for name in ("scanner_rays", "unseen_speed"):
+        field.pop(name, None)
     if any(_NEW.get(name) == "traffic" for name in data):
         traffic = {new: data[old] for old, new in _TRAFFIC.items() if old in data}
         if routes.pop("only_barred", False) is True and traffic.get("routes") is True:
@@ -35,10 +36,7 @@ def by_todays_names(data: dict[str, Any]) -> dict[str, Any]:
         if routes.get("planner") == data.get("planner"):
             routes.pop("planner", None)
         # what was off had no effect, whatever its numbers were
-        given["traffic"] = (
-            traffic | (routes if traffic.get("routes") else {})
-            | (scanners if traffic.get("shield") == "lidar" else {})
-        )  # fmt: skip
+        given["traffic"] = traffic | (routes if traffic.get("routes") else {})
     if any(_NEW.get(name) == "uncertainty" for name in data):
         real = {new: data[old] for old, new in _REAL.items() if old in data}
         same = all(real.get(name, 0.0) == field.get(name, 0.0) for name in _BOUNDS) and set(field) <= set(_BOUNDS)

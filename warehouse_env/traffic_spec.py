@@ -22,8 +22,7 @@ class TrafficSpec(CheckedPart):
         "crowd_within": 10.0, "turn": 1.0, "boxed_turn": 30.0,
     }  # fmt: skip
 
-    # robots brake before a possible contact with others, known by messages, or by lidar alone ("lidar")
-    shield: bool | Literal["lidar"] = False
+    shield: bool = False  # robots brake before a possible contact with others, known by messages
     margin: float = 0.02  # [m] that the shield keeps between robots
     right_of_way: bool = False  # rules give right of way early, and move robots aside; needs the shield
     right_of_way_after: float = 0.0  # [s] of standing in a wait cycle after which the rules act near it; 0: always
@@ -74,10 +73,9 @@ def written_traffic(spec: TrafficSpec) -> str:
 
 
 def driven_with(base: TrafficSpec, needed: TrafficSpec) -> TrafficSpec:
-    """Return a base's traffic with what a policy needs switched on as well; "lidar" and "barred" stay as they are."""
-    shields, rules = (base.shield, needed.shield), needed.right_of_way or base.right_of_way
+    """Return a base's traffic with what a policy needs switched on as well; "barred" stays as it is."""
     return replace(
-        base, shield="lidar" if "lidar" in shields else any(shields), right_of_way=rules,
+        base, shield=base.shield or needed.shield, right_of_way=needed.right_of_way or base.right_of_way,
         right_of_way_after=needed.right_of_way_after or base.right_of_way_after,
         routes=base.routes or bool(needed.routes),
     )  # fmt: skip

@@ -79,7 +79,6 @@ def test_policy_config_puts_in_what_the_policy_needs(folder: Path) -> None:
     [
         ("none", "rules"),
         (TrafficSpec(margin=0.1), TrafficSpec(shield=True, margin=0.1, right_of_way=True, routes=True)),
-        (TrafficSpec(shield="lidar"), TrafficSpec(shield="lidar", right_of_way=True, routes=True)),
         (TrafficSpec(routes="barred"), TrafficSpec(shield=True, right_of_way=True, routes="barred")),
     ],
 )

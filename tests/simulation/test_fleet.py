@@ -27,7 +27,7 @@ SMALL = RobotSpec(length=0.5, width=0.4, wheelbase=0.3, front_overhang=0.4, max_
 # what of the world's record is a robot's own, of which a fleet has others
 OWN = (
     "half_length", "half_width", "offset", "radius", "wheelbase", "min_speed", "max_speed", "max_acceleration",
-    "max_steer", "max_steer_rate", "stride", "blur", "swing", "far", "point_speed_ratio",
+    "max_steer", "max_steer_rate", "stride", "blur", "swing", "far",
 )  # fmt: skip
 OPTIONS: dict[str, dict[str, Any]] = {
     "all rules": {"traffic": "rules", "people": 2, "arrival": "pose"},
@@ -139,7 +139,7 @@ def test_the_config_goes_through_json_and_refuses_what_cannot_be() -> None:
     )
     assert EnvConfig(num_agents=3, fleet=parts(LONG)).bodies == (LONG,)
     for wrong, why in (
-        ({"num_agents": 5}, "at most 5 robots"), ({"traffic": TrafficSpec(shield="lidar")}, "no robot sees how hard"),
+        ({"num_agents": 5}, "at most 5 robots"),
         ({"fleet": [{"count": 1, "robot": {}}]}, "a list with a FleetPart"),
     ):  # fmt: skip
         with pytest.raises(ConfigError, match=why):

@@ -37,7 +37,7 @@ class Drive(Checked):
     traffic: str = OWN
     """How robots meet. own: as the policy needs; none; routes: replan around others; shield: also brake before a
     contact; assist: also right of way near robots that have stood for 12 s; rules: right of way everywhere. Switches of
-    TrafficSpec may follow, as in own:routes=false or rules:shield=lidar."""
+    TrafficSpec may follow, as in own:routes=false or rules:margin=0.1."""
     people: int | None = None
     """Number of people who walk among the robots (default: none)."""
     arrival: ArrivalMode | None = None

@@ -33,7 +33,7 @@ from warehouse_env.simulation.physics.zones import zones_of
 from warehouse_env.simulation.record import metrics
 from warehouse_env.simulation.senses.messages import Messages
 from warehouse_env.simulation.senses.rewards import REWARD_TERMS, weight_vector
-from warehouse_env.simulation.senses.scanners import RAYS, Scanners, unit_vectors
+from warehouse_env.simulation.senses.sensing import unit_vectors
 from warehouse_env.simulation.tasks.assignment import Assignment, check_assignments
 from warehouse_env.simulation.tasks.dispatch import ROUTE_BLOCK, Dispatcher
 from warehouse_env.simulation.tasks.orders import Order
@@ -42,7 +42,6 @@ from warehouse_env.simulation.tasks.tasks import Arrival
 from warehouse_env.simulation.traffic import deadlock_recovery, decision, recovery
 from warehouse_env.simulation.traffic.audit import raise_fault
 from warehouse_env.simulation.traffic.jams import Jams, jams_of
-from warehouse_env.simulation.traffic.lidar_shield import NOT_SEEN
 from warehouse_env.simulation.traffic.path_ahead import COLUMNS, POSES
 from warehouse_env.simulation.worlds import Equipment, Features, Pool, Scratch, Setup, Vehicles, Worlds, make_scratch
 from warehouse_env.threads import MOST_THREADS, get_num_threads, side_by_side
@@ -67,7 +66,7 @@ class Simulator(Portable):
     """
 
     bound = (
-        "state", "events", "_floor", "_rays", "_scanners", "_zones", "_compiled",
+        "state", "events", "_floor", "_rays", "_zones", "_compiled",
         "_worlds", "_setup", "_scratches", "_searches",
     )  # fmt: skip
 
@@ -99,7 +98,6 @@ class Simulator(Portable):
         given.check_stop(config, state.stop_samples(planned))
         self.layout = observation_layout(config)
         each = state.ROBOT.itemsize + 8 * ROUTE_BLOCK
-        each += 4 * config.num_agents if config.traffic_spec.shield == "lidar" else 0  # whom it sees
         cells = self.grid.occupied.size
         given.check_memory(num_worlds, config.num_agents, self.layout.size, each, config.people, cells)
         self._every_kind = state.every_kind(planned, self.grid.cell_size, config.kinds)
@@ -137,10 +135,9 @@ class Simulator(Portable):
         widest = float(p["widest"][0])
         self._stamps = np.zeros((b, n, state.most_near(n, self.config), 2), dtype=np.int32)
         rows, columns = self.grid.shape
-        size, by_sight = self.grid.cell_size, self.config.traffic_spec.shield == "lidar"
-        seen_from = widest * (2 if by_sight else 1)  # the farthest point of the body, or its centre
+        size = self.grid.cell_size
         look = max(
-            self.config.sensor.lidar_range + seen_from,
+            self.config.sensor.lidar_range + widest,
             2 * max(reach, float(p["field_range"][0]) if self.config.traffic_spec.shield else 0.0),
         )
         bucket_rows, bucket_columns, side = bucket_grid(n, columns * size, rows * size, look)
@@ -159,7 +156,6 @@ class Simulator(Portable):
         self._waiting = np.zeros(b, dtype=np.int32)
         self._faults = np.zeros((b, 3), dtype=np.int32)
         self._features = Features.of(self.config)
-        self._sights = np.full((b, n, n), NOT_SEEN) if by_sight else None
         most, least = max(_MOST // n, 1), math.ceil(_LEAST / n)
         self._blocks = _parts(b, most)
         self._parts = _parts(b, max(min(math.ceil(b / (_PARTS * MOST_THREADS)), most), least))
@@ -171,7 +167,6 @@ class Simulator(Portable):
         self._floor = floor_of(self.grid, self.config.sensor.lidar_range)
         self._zones = zones_of(self.grid, planned_config(self.config))
         self._rays = unit_vectors(self.config.sensor.rays)
-        self._scanners = None if self._sights is None else Scanners(unit_vectors(RAYS), self._floor.edges)
         self._compiled: dict[Callable[..., Any], Callable[..., Any]] = {}  # kernels, once a step asks for them
         self._scratches = Pool(self._make_scratch)
         self._searches = Pool(lambda: make_search_scratch(self.num_agents, self.config.people, POSES))
@@ -185,13 +180,13 @@ class Simulator(Portable):
             table = np.stack([actions.commands_of(robot) for robot in kinds]) if len(kinds) > 1 else actions.table[None]
         self._worlds = Worlds(
             self._planned, self.routes, self.arcs, self._commands, people.persons, people.ways,
-            None if shifts is None else shifts.limits, self._sights, deviation.bodies, deviation.errors, self._stamps,
+            None if shifts is None else shifts.limits, deviation.bodies, deviation.errors, self._stamps,
             self.steps, self.truncated, self.terminated, self._waiting, self._faults, self._paths, self._choices,
             self.observation, self.reward_terms, self.reward,
         )  # fmt: skip
         self._setup = Setup(
             self._features,
-            Equipment(self.layout.starts, self._rays, table, self._weights, self._scanners, self._zones),
+            Equipment(self.layout.starts, self._rays, table, self._weights, self._zones),
             Vehicles(*self._limits), Vehicles(self._true_params, self._true_kinds), self._floor,
         )  # fmt: skip
 
@@ -281,8 +276,6 @@ class Simulator(Portable):
         self._stamps[world] = self._faults[world] = self._commands[:, world] = self.steps[world] = 0
         self.arrivals = [arrival for arrival in self.arrivals if arrival.world != world]
         self.truncated[world] = self.terminated[world] = False
-        if self._sights is not None:
-            self._sights[world] = NOT_SEEN
         robots["task"]["alive"] = 1
         robots["events"]["gap"] = robots["totals"]["min_gap"] = state.GAP_HORIZON
         robots["shield"]["vetoed_by"] = robots["traffic"]["yields_to"] = state.NOBODY

@@ -66,7 +66,6 @@ ROBOT = _record(
     ("shield", _record(
         ("vetoed", I), ("vetoed_by", I), ("vetoed_time", F),  # in the last env step; by whom; [s] without a break
         ("silent", B),  # its messages of this env step are lost (senses/messages.py)
-        ("occluded_speed_bound", F),  # [m/s], of robots that it cannot see (traffic/lidar_shield.py)
         ("off_plan", B),  # it is not where it has planned to be (physics/deviation.py)
     )),
     ("manoeuvre", _record(  # driver/driving.py
@@ -119,7 +118,6 @@ PARAMETERS = np.dtype(
         ("most_pairs", I), ("bucket", F), ("bucket_rows", I), ("bucket_columns", I),  # [m]; set by the Simulator
         ("right_of_way", B), ("right_of_way_after", F),  # [s]
         ("field", B), ("field_margin", F), ("stop_samples", I), ("swing", F), ("far", F), ("field_range", F),
-        ("point_speed_ratio", F),  # fastest point by speed, at most
         ("action_type", I), ("one_shot", B), ("collision_ends", B), ("max_steps", np.int64),
     ],
     align=True,
@@ -169,8 +167,6 @@ def _parameters_of_one(config: EnvConfig, robot: RobotSpec, cell: float) -> NDAr
     stride = fastest * wide * config.time_step  # of the centre, at most, in one physics step
     far = robot.farthest
     dt = config.time_step / config.substeps
-    sharpest = math.tan(robot.max_steering) / robot.wheelbase  # [1/m]
-    reel = math.hypot(1 + sharpest * robot.width / 2, sharpest * max(robot.rear_reach, robot.front_overhang))
     blur = robot.max_acceleration * dt**2 / 8  # of a body from where it would be in a substep at even speed, at most
     stop = 0.5 * (fastest**2 / robot.max_acceleration + robot.max_acceleration * config.time_step**2)
     values = {
@@ -191,7 +187,6 @@ def _parameters_of_one(config: EnvConfig, robot: RobotSpec, cell: float) -> NDAr
         "predictions": sensor.predictions,
         "right_of_way": traffic.right_of_way, "right_of_way_after": traffic.right_of_way_after,
         "field": traffic.shield is not False, "field_margin": traffic.margin,
-        "point_speed_ratio": reel,
         "stop_samples": _stop_samples(config, robot), "swing": wide,
         "far": far,
         "field_range": 2 * (radius + stride + wide * stop) + traffic.margin,

@@ -21,7 +21,7 @@ from warehouse_env.simulation.physics.trigonometry import ONE, ZERO
 from warehouse_env.simulation.senses import prediction, sensing
 from warehouse_env.simulation.senses.rewards import write_terms
 from warehouse_env.simulation.state import GAP_HORIZON, NOBODY
-from warehouse_env.simulation.traffic import audit, lidar_shield, right_of_way, shield, waits
+from warehouse_env.simulation.traffic import audit, right_of_way, shield, waits
 
 ADVANCE, OBSERVE, OBSERVE_WAITING = 1, 2, 4
 _HORIZON = np.float32(GAP_HORIZON)
@@ -160,13 +160,11 @@ def _command(at, worlds, command, limits, followed, stopping, p, floor):
 
 
 @inline
-def _guard(worlds, b, scratch, guarded, walking, scanners, vehicles, floor):
-    """Let the protective field of world b replace motions from which robots could not stop clear of others."""
-    (p, kinds), robots, persons = vehicles, worlds.robots[b], worlds.persons[b]
-    if scanners is not None:
-        lidar_shield.guard(robots, persons, worlds.sights[b], scratch, walking, p, floor, scanners)
-    elif guarded is not None:
-        shield.guard(robots, persons, scratch, walking, p, kinds, floor)
+def _guard(worlds, b, scratch, guarded, walking, vehicles, floor):
+    """Let the shield of world b replace motions from which robots could not stop clear of others."""
+    if guarded is not None:
+        p, kinds = vehicles
+        shield.guard(worlds.robots[b], worlds.persons[b], scratch, walking, p, kinds, floor)
 
 
 @inline
@@ -186,8 +184,7 @@ def _choose(worlds, b, commands, setup, scratch):
         )
         first = zones.keep_under(r, first, most, masks, own)
         contact.load(robots, i, first, second, own, floor, motion)
-    scanners = setup.equipment.scanners
-    _guard(worlds, b, scratch, features.guarded, features.walking, scanners, (p, kinds), floor)
+    _guard(worlds, b, scratch, features.guarded, features.walking, (p, kinds), floor)
 
 
 @inline

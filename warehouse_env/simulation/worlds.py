@@ -18,8 +18,7 @@ from warehouse_env.simulation.physics import buckets, contact, deviation
 from warehouse_env.simulation.physics.floor import Floor
 from warehouse_env.simulation.physics.zones import Zones
 from warehouse_env.simulation.senses import prediction, sensing
-from warehouse_env.simulation.senses.scanners import Scanners
-from warehouse_env.simulation.traffic import audit, lidar_shield, reservations, shield, waits
+from warehouse_env.simulation.traffic import audit, reservations, shield, waits
 
 Floats = NDArray[np.float32]
 
@@ -54,7 +53,6 @@ class Worlds(NamedTuple):
     persons: NDArray[np.void]  # PERSON[B, M]
     ways: Floats  # [B, M, H, W], see people.People
     limits: NDArray[np.void] | None  # PARAMETERS[B, N], of robots under loads (tasks/shifts.py)
-    sights: Floats | None  # [B, N, N], see lidar_shield.py
     actual: NDArray[np.void]  # BODY[B, N], where erring bodies are, and
     errors: NDArray[Any]  # what they err by (deviation.py)
     stamps: NDArray[np.int32]  # [B, N, K, 2], see contact_episodes.judge_pairs
@@ -84,7 +82,6 @@ class Equipment(NamedTuple):
     rays: Floats  # [2, R], unit vectors in the robot's frame
     table: Floats | None  # [K, A, 2], the commands of each kind of robots, for predictions
     weights: Floats  # [T], of the reward's terms
-    scanners: Scanners | None
     zones: Zones | None
 
 
@@ -105,7 +102,6 @@ class Scratch(NamedTuple):
     motions: Any  # contact.scratch
     near: NDArray[np.int64]  # [1], how many pairs of robots may meet
     guards: Any  # shield.scratch
-    looks: Any  # lidar_shield.scratch, or None
     own: Floats  # the motions of the bodies, where these err (deviation.py); else those of `motions`
     sights: tuple[Floats, Floats, Floats]  # sensing.scan_shelves' and prediction.write_predictions': turned, legs, path
     order: NDArray[np.int32]  # [N], robots by their right
@@ -123,7 +119,6 @@ def make_scratch(setup: Setup, count: int, decides: bool) -> Scratch:
     )
     return Scratch(
         buckets.scratch(count, p), motions, np.empty(1, np.int64), shield.scratch(count, setup.planned.shared[0]),
-        lidar_shield.scratch(count, setup.equipment.scanners),
         np.empty_like(motions[1]) if setup.features.erring else motions[1], sights, np.empty(count, np.int32),
         waits.scratch(count), reservations.scratch(count if decides else 0),
     )  # fmt: skip

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from warehouse_env.kernel import inline, part
 from warehouse_env.maps.discs import cells_near
-from warehouse_env.simulation.physics.geometry import Rectangle, half_box, square_at, squared_distance_to
+from warehouse_env.simulation.physics.geometry import Rectangle, half_box, squared_distance_to
 from warehouse_env.simulation.physics.sweep import (
     AT_END,
     BETWEEN,
@@ -160,15 +160,6 @@ def touches_obstacle(body, way, between, p, floor):
     if at_shelf == AT_END:
         return AT_END
     return max(at_shelf, _touches_disc(body, way, between, p, floor, floor.discs))
-
-
-@inline
-def is_taken(x, y, floor):
-    """Whether a point [m] on or east and north of the floor's corner lies in a shelf, off the floor, or in a disc."""
-    solid, row, column = floor.solid, int(y / floor.cell) + 1, int(x / floor.cell) + 1
-    if row >= solid.shape[0] or column >= solid.shape[1] or solid[row, column] != 0:
-        return True
-    return meets_disc(square_at(x, y, ZERO), floor, floor.discs)
 
 
 @part

@@ -7,6 +7,7 @@ the compiler turns into vector instructions.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from warehouse_env.kernel import inline
 from warehouse_env.observation import NEIGHBOUR
@@ -22,6 +23,12 @@ _FIVE = np.float32(5.0)
 _SEAM = np.float32(2e-6)  # of the range, by which edges are longer at both ends: no ray slips through where two meet
 RAY_X, RAY_Y, PER_X, PER_Y = 0, 1, 2, 3  # rows of `turned`
 TURNED = 4
+
+
+def unit_vectors(rays: int) -> NDArray[np.float32]:
+    """Return float32[2, rays]: the directions of rays, evenly all round, in the robot's frame."""
+    angles = 2 * np.pi * np.arange(rays) / rays
+    return np.stack([np.cos(angles), np.sin(angles)]).astype(np.float32)
 
 
 @inline
