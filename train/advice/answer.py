@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
 
 from train.advice.aim import FELL, GOALS, Aim
 from train.advice.candidates import Candidate, Kind, storage_lost
 from train.advice.capacity import SURE, Capacity, RobotsNeeded
 from train.advice.changes import KINDS, PAIRS, Effect
 from train.advice.course import Advice
-from train.advice.curve import STUCK, LoadPoint, peak
+from train.advice.curve import STUCK, peak
 from train.advice.trials import AdvicePlan
 from train.kinds import described
 from train.reporting.report import counted, difference, number, with_interval
-from train.reporting.rows import apart, is_told
 from warehouse_env.config import RobotSpec
 from warehouse_env.maps.grid_map import GridMap
 
@@ -27,30 +25,30 @@ def answer(advice: Advice) -> list[str]:
     """Return the paragraphs of the answer, with Markdown's bold and italics."""
     plan, capacity = advice.plan, advice.capacity
     parts = [asked_text(advice.asked, capacity, plan.aim)] if advice.asked else []
-    parts += [" ".join(_most(advice)), _knee(capacity, plan.aim), " ".join(_jam(advice)), " ".join(_policy(advice))]
-    parts += [" ".join(_bottlenecks(advice)), *(_changes(advice, kind) for kind in KINDS)]
+    parts += [_most(advice), _knee(capacity, plan.aim), _jam(advice), _policy(advice), _bottlenecks(advice)]
+    parts += [_change(advice, kind) for kind in KINDS]
     if plan.narrow:
-        parts.append(f"**Not all of the floor is for these robots**: {'; '.join(plan.narrow)}.")
+        parts.append(f"**These robots cannot use the whole floor**: {'; '.join(plan.narrow)}.")
     return [part for part in (*parts, _basis(plan)) if part]
 
 
 def asked_text(asked: RobotsNeeded, capacity: Capacity, aim: Aim = GOALS) -> str:
-    """Say how many robots make the goals, or the share of orders in time, that were asked for."""
+    """Say how many robots reach the goals, or the share of orders in time, that were asked for."""
     if aim.share is None:
-        wanted, verb, factor, unit = f"{asked.wanted:,.0f} goals an hour", "make", 1.0, ""
+        wanted, verb, factor, unit = f"{asked.wanted:,.0f} goals an hour", "reach", 1.0, ""
     else:
         wanted, verb = f"{100 * asked.wanted:g}% of the orders in time", "drop"
         factor, unit = aim.share.factor, "%"
     made = _commas(with_interval(asked.goals, factor)) + unit
     if asked.robots is not None:
         return (
-            f"**{wanted} take {counted(asked.robots, 'robot')}**: they {verb} {made}, in {asked.goals.samples} new "
+            f"**{wanted} take {counted(asked.robots, 'robot')}**: they {verb} {made} in {asked.goals.samples} new "
             f"episodes [{100 * SURE:.0f}% interval]."
         )
     most = f"the most is {made}, with {counted(capacity.crew.robots, 'robot')}"
     if asked.possible:
-        return f"**Whether this floor {verb}s {wanted} is not certain**: {most}."
-    return f"**This floor does not {verb} {wanted}**: {most}."
+        return f"**It is not certain that this floor allows {wanted}**: {most}."
+    return f"**This floor does not allow {wanted}**: {most}."
 
 
 def _commas(text: str) -> str:
@@ -58,83 +56,74 @@ def _commas(text: str) -> str:
     return re.sub(r"\d{4,}", lambda found: f"{int(found[0]):,}", text)
 
 
-def _most(advice: Advice) -> Iterator[str]:
-    """Say how many goals, or orders, the floor makes at most, and with how many robots."""
+def _most(advice: Advice) -> str:
+    """Say how many goals, or orders, the floor allows at most, and with how many robots."""
     found, aim, plan = advice.capacity, advice.plan.aim, advice.plan
-    goals, made = found.goals, _commas(with_interval(found.goals.goals))
-    open_ = found.crew.robots == found.loads[-1].robots > 1
-    orders = plan.work.get("orders")
-    come = f" of {orders.per_hour:,.0f} that come" if orders is not None and orders.file is None else ""
-    yield (
-        f"**{plan.grid.name} makes {'at least this' if open_ else 'the most'} with "
-        f"{counted(found.crew.robots, 'robot')}: {made} {aim.noun} an hour**{come}, in {goals.episodes} new episodes."
-    )
+    made, robots = _commas(with_interval(found.goals.goals)), counted(found.crew.robots, "robot")
+    is_last, orders = found.crew.robots == found.loads[-1].robots > 1, plan.work.get("orders")
+    most = f"reaches {'at least this' if is_last else 'the most'} with {robots}: {made} {aim.noun} an hour"
+    given = f" of {orders.per_hour:,.0f} given" if orders is not None and orders.file is None else ""
+    text = f"**{plan.grid.name} {most}**{given}, in {found.goals.episodes} new episodes."
     if found.stopped:
-        yield f"The time was over before {', '.join(found.stopped)}."
-    elif open_:
-        yield "More were not tried: `--most`, or the starts and goals on this floor, allow no more."
+        text += f" The time was over before {', '.join(found.stopped)}."
+    elif is_last:
+        text += " More were not tried: `--most`, or the starts and goals on this floor, allow no more."
     if found.alone.mean > 0 and aim.share is None:
-        share, waiting = number(100 * goals.each.mean / found.alone.mean, 2), with_interval(goals.waiting, 100, 2)
-        yield f"Each makes {share}% of the goals of one alone, and waits {waiting}% of its time."
+        share, waiting = number(100 * found.goals.each.mean / found.alone.mean, 2), found.goals.waiting
+        text += f" Each robot reaches {share}% of the goals of one alone and waits {with_interval(waiting, 100, 2)}% of"
+        text += " its time."
+    return text
 
 
 def _knee(found: Capacity, aim: Aim) -> str:
-    """Say from how many robots on a further one is worth less than half of the first."""
+    """Say from how many robots on a further one adds less than half of the first."""
     each = f"{with_interval(found.alone)} {aim.noun} an hour"
     if found.knee is None:
-        return f"Up to {counted(found.loads[-1].robots, 'robot')}, a further one adds over half of the first ({each})."
+        return f"Up to {counted(found.loads[-1].robots, 'robot')}, each adds over half of the first ({each})."
     high = f"{found.knee.high:.0f}" if math.isfinite(found.knee.high) else "more than were tried"
     count = f"{found.knee.mean:.0f} [{found.knee.low:.0f}, {high}]"
     return f"**From about {count} robots on, a further one adds less than half of the first** ({each})."
 
 
-def _jam(advice: Advice) -> Iterator[str]:
+def _jam(advice: Advice) -> str:
+    """Say with how many robots the floor jams, and how that shows."""
     found, jam = advice.capacity, advice.capacity.jam
     if jam is None:
-        yield f"No jam was seen with up to {counted(found.loads[-1].robots, 'robot')}."
-        return
-    yield f"**With {counted(jam.robots, 'robot')} it jams**: {_jam_text(advice, jam)}."
+        return f"No jam was seen with up to {counted(found.loads[-1].robots, 'robot')}."
     below = [load for load in found.loads if load.robots < jam.robots]
-    if below and not below[-1].jammed:
-        yield f"{counted(below[-1].robots, 'robot')} still drive."
-
-
-def _jam_text(advice: Advice, jam: LoadPoint) -> str:
-    """Say what jams."""
     if jam.stuck.mean >= STUCK:
-        share = with_interval(jam.stuck, 100)
-        return f"{share}% of the robots are stuck after {advice.plan.seconds / 60:g} minutes ({jam.episodes} episodes)"
-    most = peak([load for load in advice.capacity.loads if load.robots < jam.robots])
-    fall = apart(jam.goals, most.goals)
-    chance = "" if is_told(fall) else "; with so few episodes, this may be chance"
-    return (
-        f"all together make {_commas(with_interval(jam.goals))} {advice.plan.aim.noun} an hour, less than "
-        f"{100 * FELL:g}% of what {most.robots} did (difference {_commas(difference(fall))}{chance})"
-    )
+        how = f"{with_interval(jam.stuck, 100)}% of the robots are stuck after {advice.plan.seconds / 60:g} minutes"
+    else:
+        made = f"all robots together reach {_commas(with_interval(jam.goals))} {advice.plan.aim.noun} an hour"
+        how = f"{made}, less than {100 * FELL:g}% of what {peak(below).robots} reach"
+    text = f"**With {counted(jam.robots, 'robot')} it jams**: {how} ({counted(jam.episodes, 'episode')})."
+    if below and not below[-1].jammed:
+        text += f" With {below[-1].robots} it does not."
+    return text
 
 
-def _policy(advice: Advice) -> Iterator[str]:
-    """Say which policy drives, and whether it avoids contact."""
+def _policy(advice: Advice) -> str:
+    """Say which policy drives, and whether robots touch something."""
     found, policies = advice.capacity, len(advice.plan.policies)
     raced = f", the best of {policies} policies" if found.raced else ""
-    yield f"They drive under `{found.crew.policy}`{raced}."
+    text = f"The policy is `{found.crew.policy}`{raced}."
     if found.contacts.mean > 0:
-        yield f"**Its robots touch something**: {with_interval(found.contacts)} contacts a kilometre."
+        text += f" **Its robots touch something**: {with_interval(found.contacts)} contacts per kilometre."
+    return text
 
 
-def _bottlenecks(advice: Advice) -> Iterator[str]:
+def _bottlenecks(advice: Advice) -> str:
     if not advice.bottlenecks:
-        yield "No robot waited, so there is no bottleneck."
-        return
+        return "No robot waited, so there is no bottleneck."
     places = [
         f"**{k}** (x {place.x:g} m, y {place.y:g} m; {100 * place.share:.0f}% of all waiting, "
         f"{100 * place.trips:.0f}% of all trips)"
         for k, place in enumerate(advice.bottlenecks[:NAMED], start=1)
     ]
-    yield f"{counted(advice.crew.robots, 'robot')} wait most at {', '.join(places)}."
+    return f"{counted(advice.crew.robots, 'robot')} wait most at {', '.join(places)}."
 
 
-def _changes(advice: Advice, kind: Kind) -> str:
+def _change(advice: Advice, kind: Kind) -> str:
     """Say what the best change of a kind gains."""
     effect = next((one for one in advice.effects if one.candidate.kind == kind), None)
     head = f"**{_HEADS[kind]}**"
@@ -161,15 +150,15 @@ def effect_text(effect: Effect, aim: Aim = GOALS) -> str:
     text = f"{_commas(difference(effect.gain))} {aim.gained} an hour{share} in {effect.gain.samples} pairs of episodes"
     if effect.told:
         return f"it {'gains' if effect.gain.mean > 0 else 'loses'} {text}"
-    why = "too few pairs to tell" if effect.gain.samples < PAIRS else "not told apart from none"
-    return f"its gain is {why}, {text}"
+    why = "there are too few pairs to tell" if effect.gain.samples < PAIRS else "the difference may be chance"
+    return f"{why}, {text}"
 
 
 def _basis(plan: AdvicePlan) -> str:
-    whole = ", of orders in time all" if plan.aim is not GOALS else ""
+    whole = "; orders in time are counted over the whole episode" if plan.aim is not GOALS else ""
     return (
         f"Simulated: {_worked(plan)}, {robots_text(plan)}, episodes of {plan.seconds:g} s of which the second half "
-        f"is counted{whole}. Brackets are 95% intervals over episodes; those of all changes together hold with 95%. "
+        f"counts{whole}. Brackets are 95% intervals over episodes; those of all changes together hold with 95%. "
         "A change is chosen in some episodes and measured in others, with new seeds, in pairs with the floor as it is."
     )
 
@@ -182,7 +171,7 @@ def robots_text(plan: AdvicePlan) -> str:
 def _worked(plan: AdvicePlan) -> str:
     """Describe the robots' work."""
     orders, service, battery = (plan.work.get(name) for name in ("orders", "service", "battery"))
-    texts = ["lifelong trips between pick faces and stations drawn at random"]
+    texts = ["lifelong trips between random pick faces and stations"]
     if orders is not None:
         come = f"those of {orders.file}" if orders.file else f"{orders.per_hour:g} an hour on average"
         texts = [f"orders ({come}), assigned by the rule {orders.allocation}"]

@@ -1,4 +1,4 @@
-"""`warehouse advise`: how many robots a floor bears, where they wait, and what would help, as a page."""
+"""`warehouse advise`: how many robots a floor bears, where they wait, and which change helps, as a page."""
 
 from __future__ import annotations
 
@@ -45,44 +45,44 @@ SECONDS, ORDERED = 300.0, 1800.0  # [s] of an episode, and of one with orders, t
 
 @dataclass(frozen=True)
 class Advise(Fleet, Work, WorkerOptions):
-    """Say how many robots make the most of a floor, where a further one is hardly worth it, and what would help.
+    """Find how many robots a floor bears, where they wait, and which change of the floor would help.
 
-    Robots drive between pick faces and stations: more and more of them, then around the best number, under the policy
-    that drives best there. The choice is measured again on new seeds. Then aisles are opened at the worst bottlenecks
-    and made one way, in pairs of episodes with the floor as it is. Robots that carry out orders are judged by those.
+    The command drives more and more robots between pick faces and stations, then numbers around the best, under the
+    policy that is best there. It measures the choice again on new seeds. Then it opens aisles at the worst bottlenecks
+    or makes them one way, in pairs of episodes with the floor as it is. Robots with orders are judged by orders.
     Example: warehouse advise --map hall.map --minutes 10 --goals 4000
     """
 
     layout: Annotated[str | None, BY_MAP] = None
-    """The floor: a name of `warehouse layouts`, a file NAME.map, or NAME.yaml of map_server, as in hall.yaml:cell=0.75,
+    """Floor: a name of `warehouse layouts`, a file NAME.map, or NAME.yaml of map_server, as in hall.yaml:cell=0.75,
     with one-way cells beside it in NAME.oneway if there are any, or your own, FILE.py:FUNCTION."""
     goals: float | None = None
-    """Also say how many robots make this many goals an hour, all together."""
+    """Also find how many robots reach this many goals an hour, all together."""
     in_time: float = 0.95
-    """With orders, share of them to be dropped in time; the answer says how many robots that takes."""
+    """With orders, the share to be dropped in time; the answer says how many robots that takes."""
     fleet: Path | None = None
-    """Ask for other kinds of robots: a JSON file, as [{"share": 1, "robot": {"length": 1.4, "max_speed": 0.8}}]; with a
-    smaller share, the others are the default robots."""
+    """Other kinds of robots: a JSON file, as [{"share": 1, "robot": {"length": 1.4, "max_speed": 0.8}}]; if shares add
+    up to less than 1, the others are default robots."""
     policy: tuple[str, ...] = ()
     """Policies to choose from, names or folders (the shipped ones that rule out contact)."""
     minutes: float = 5.0
-    """Time to take [min], besides compilation at first use; more minutes give more episodes and narrower intervals."""
+    """Time to spend [min], without compilation at first use; more minutes give more episodes and narrower intervals."""
     episodes: int | None = None
-    """Number of episodes of everything instead of a time: the same advice on every machine, however long it takes."""
+    """Episodes of everything instead of a time: the same advice on every machine, however long it takes."""
     seconds: float | None = None
     """Simulated time of an episode [s] (300, with orders 1,800)."""
     most: int = MOST
     """Most robots to try."""
     planner: str = "astar_turns"
-    """Planner of the routes; the exact one, since on large floors ant colonies plan longer than robots drive."""
+    """Planner of the routes; the default is exact, since ant colonies plan longer than robots drive on large floors."""
     seed: int = 0
-    """The first seed; the others count on."""
+    """First seed; the others count up from it."""
     resume: bool = False
     """Keep the rows in the file, and drive only the missing episodes."""
     overwrite: bool = False
     """Replace the rows in the file."""
     json: Path | None = None
-    """File for the rows, one an episode, as JSON lines (OUT/rows.jsonl)."""
+    """File for the rows, one per episode, as JSON lines (OUT/rows.jsonl)."""
     out: Path = Path("results/advice")
     """Folder for the rows and the page."""
 

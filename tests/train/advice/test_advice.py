@@ -123,28 +123,27 @@ def told(**changes: Any) -> str:
 def test_the_answer_says_what_was_found() -> None:
     text = "\n".join(answer(advice(RobotsNeeded(900.0, 12, interval(950.0, 40.0)))))
     for says in (
-        "**900 goals an hour take 12 robots**: they make 950 [910, 990]",
-        "**hall makes the most with 16 robots: 990 [940, 1,040] goals an hour**",
-        "**From about 12 [10, 14] robots on",
-        "**With 32 robots it jams**: 50.0 [40.0, 60.0]% of the robots are stuck",
+        "900 goals an hour take 12 robots", "950 [910, 990]",
+        "the most with 16 robots: 990 [940, 1,040] goals an hour",
+        "about 12 [10, 14] robots on",
+        "With 32 robots it jams", "50.0 [40.0, 60.0]% of the robots are stuck",
         "`threaded_ppo`, the best of 2 policies",
         "wait most at **1** (x 3.5 m, y 3.5 m; 75% of all waiting",
         "the best of 4 tried is a gap through the shelves",
         "it gains +50.0 [40.0, 60.0] goals an hour (+5.0%) in 8 pairs of episodes; it costs",
-        "its gain is not told apart from none, +5.0",
-    ):
+        "may be chance, +5.0",
+    ):  # fmt: skip
         assert says in text
 
 
 def test_the_answer_if_less_was_found() -> None:
     text = told(jam=None, knee=None, loads=[SIXTEEN], raced=False, stopped=["32 robots were tried", "all"])
-    assert "No jam was seen with up to 16 robots." in text
-    assert "Up to 16 robots, a further one adds over half of the first" in text
-    assert "hall makes at least this with 16 robots" in text
-    assert "The time was over before 32 robots were tried, all." in text
-    assert "They drive under `threaded_ppo`." in text
+    for says in ("No jam was seen with up to 16", "Up to 16 robots, each adds over half", "at least this with 16",
+                 "The time was over before 32 robots were tried, all.", "The policy is `threaded_ppo`."):  # fmt: skip
+        assert says in text
     assert "[10, more than were tried] robots on" in told(knee=Interval(12.0, 10.0, math.inf, 8))
-    assert "**Its robots touch something**: 0.500 [0.400, 0.600] contacts" in told(contacts=interval(0.5, 0.1))
+    assert "0.500 [0.400, 0.600] contacts" in told(contacts=interval(0.5, 0.1))
+    assert "less than 90% of what 24 reach" in told(jam=JAM._replace(stuck=interval(0.0)))
     assert "**One more aisle**: there was no time to try any." in answer(advice(effects=[], sought=False))
     assert "No robot waited, so there is no bottleneck." in answer(advice(bottlenecks=[], effects=[]))
 
@@ -167,7 +166,7 @@ def test_the_command_drives_answers_and_writes_a_page(
     assert f"wrote {len(rows)} rows to {tmp_path / 'rows.jsonl'} and the page to {tmp_path / 'index.html'}" in printed
     assert {row["robots"] for row in rows if row["floor"] == "as it is"} >= {1, 2, 4}
     assert "1 goals an hour" in printed
-    assert "<b>hall makes " in page
+    assert "<b>hall reaches " in page
     assert "<h2>What a change would bring</h2>" in page
     changed = [row for row in rows if row["floor"] != "as it is"]
     assert len(changed) in (2, 4)  # two episodes of one change of each kind that is possible, without a race
