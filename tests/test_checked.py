@@ -64,7 +64,7 @@ def test_numbers_become_plain_python() -> None:
 def test_errors_of_from_dict_name_what_is_wrong() -> None:
     for data, sentence in (
         ([1], r"EnvConfig parameters must be an object of names and values, not \[1\]"),
-        ({"robot": None}, "RobotSpec parameters must be an object of names and values, not None"),
+        ({"robot": None}, "robot=None must be a RobotSpec"),
         ({"robot": {"width": "x"}}, "width='x'"),
         ({"robot": {"widht": 1}}, "did you mean width"),
         ({1: 2}, "unknown EnvConfig parameter 1"),

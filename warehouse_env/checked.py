@@ -93,38 +93,22 @@ def from_plain(cls: type[T], data: Any) -> T:
         data = cls.upgraded(data)
     data = _without_retired(cls, data)
     check_names(f"{cls.__name__} parameter", data, cls)
-    kinds = _kinds_of(cls)
-    inner: dict[str, Any] = {name: part for name, kind in kinds.items() if (part := _dataclass_of(kind)) is not None}
     for field in dataclasses.fields(cls):  # type: ignore[arg-type]
         missing = field.default is field.default_factory is dataclasses.MISSING
         if missing and field.name not in data:
             raise ConfigError(f"{cls.__name__} lacks the entry {field.name!r}")
-    given = {
-        name: _built(inner[name], kinds[name], value) if name in inner and not _fits(value, kinds[name]) else value
-        for name, value in data.items()
-    }
-    return cls(**given)
+    kinds = _kinds_of(cls)
+    return cls(**{name: _built(value, kinds[name]) for name, value in data.items()})
 
 
-def _built(part: Any, kind: Any, value: Any) -> Any:
-    """Build a dataclass from JSON types, or a tuple of them from a list."""
-    if get_origin(kind) is not tuple:
-        return from_plain(part, value) if kind is part or isinstance(value, dict) else value
-    return tuple(from_plain(part, one) for one in value) if isinstance(value, (list, tuple)) else value
-
-
-def _dataclass_of(kind: Any) -> Any:
-    """Return the dataclass in an annotation such as `Part | None`; None if there is none."""
-    return next((one for one in (kind, *get_args(kind)) if dataclasses.is_dataclass(one)), None)
-
-
-def _fits(value: Any, kind: Any) -> bool:
-    """Whether a value fits an annotation already."""
-    try:
-        _fitted(value, kind)
-    except _WrongError:
-        return False
-    return True
+def _built(value: Any, kind: Any) -> Any:
+    """Return JSON types with the dataclasses of an annotation, such as `Part | None`, built from objects."""
+    part = next((one for one in (kind, *get_args(kind)) if dataclasses.is_dataclass(one)), None)
+    if part is None:
+        return value
+    if isinstance(value, (list, tuple)):
+        return [_built(one, part) for one in value]
+    return from_plain(part, value) if isinstance(value, dict) else value  # type: ignore[arg-type]
 
 
 def _without_retired(cls: type, data: Any) -> Any:
