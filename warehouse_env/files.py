@@ -224,27 +224,20 @@ def _what(mode: int) -> str:
     return kinds.get(stat.S_IFMT(mode), "socket")
 
 
-class _Guard:
-    """The files that a command reads, and those that it fills row by row."""
-
-    def __init__(self, inputs: Iterable[Path], is_on: bool = True) -> None:
-        self.is_on = is_on
-        self.inputs = {identity for path in inputs if (identity := _identity(path))}
-        self.rows: set[Path] = set()
-
-
-_guard = _Guard((), is_on=False)
+_inputs: set[tuple[int, int]] = set()  # the files that a command reads
+_rows: set[Path] | None = None  # those that it fills row by row; None outside a command
 
 
 @contextlib.contextmanager
 def guarded(inputs: Iterable[Path]) -> Iterator[None]:
     """Inside this context, refuse to overwrite any of these files, under any name, or a file of rows."""
-    global _guard
-    before, _guard = _guard, _Guard(inputs)
+    global _inputs, _rows
+    before = _inputs, _rows
+    _inputs, _rows = {identity for path in inputs if (identity := _identity(path))}, set()
     try:
         yield
     finally:
-        _guard = before
+        _inputs, _rows = before
 
 
 def check_writable(given: object, rows: bool = False) -> Path:
@@ -256,12 +249,12 @@ def check_writable(given: object, rows: bool = False) -> Path:
     target = _followed(path)
     if target.is_dir():
         raise WarehouseError(f"{path} is a folder; name a file")
-    if target.is_file() and _identity(target) in _guard.inputs:
+    if target.is_file() and _identity(target) in _inputs:
         raise WarehouseError(f"cannot write {path}: this command reads it; name another file for the output")
-    if target in _guard.rows and not rows:
+    if not rows and target in (_rows or ()):
         raise WarehouseError(f"cannot write {path}: the rows go there; name another file for one of the two")
-    if rows and _guard.is_on and not is_special(target):
-        _guard.rows.add(target)
+    if rows and _rows is not None and not is_special(target):
+        _rows.add(target)
     there = next(place for place in (target, *target.parents) if place.exists())
     writable = os.access(there, os.W_OK)
     if there == target and not (writable and there.stat().st_mode & 0o222):  # root may write to any

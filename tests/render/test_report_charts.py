@@ -10,7 +10,7 @@ import pytest
 
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.render.heat_maps import Panel, heat_maps
-from warehouse_env.render.report_charts import Bar, FloorLoad, Pair, detours, differences, over_robots, throughput
+from warehouse_env.render.report_charts import Bar, FloorLoad, Pair, differences, over_robots, throughput
 
 pytest.importorskip("matplotlib")
 
@@ -42,8 +42,7 @@ def test_drawings_are_the_same_every_time() -> None:
     assert {"a", "b", "c", "goals"} <= set(read(drawings[0]))
 
 
-def test_detours_and_throughput() -> None:
-    assert "greedy" in read(detours({"greedy": np.array([1.0, 1.1, 1.2])}, "label"))
+def test_throughput() -> None:
     loads = [FloorLoad(8, 800.0, 700.0, 900.0, False), FloorLoad(16, 900.0, math.nan, math.nan, True)]
     drawn = read(throughput(loads, 100.0, loads[0], (6.0, 5.0, math.inf), "label"))
     assert {"drives", "jams", "most goals, 8 robots", "a further one brings half, from 6"} <= set(drawn)

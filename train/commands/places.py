@@ -47,7 +47,7 @@ class PlacesCommand(Checked):
         hall = read_hall(self.map, edited=there)
         if not there:
             places.write_places(hall.places, file)
-        from warehouse_env.render.places import draw_places
+        from warehouse_env.render.charts import draw_places
 
         picture = self.png or path.with_suffix(".places.png")
         picks, stations = ([place.name for place in hall.places[kind]] for kind in places.KINDS)

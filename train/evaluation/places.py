@@ -31,14 +31,10 @@ class PlaceNotes:
             self._waited = np.zeros((worlds, rows * columns))
             self._stood = np.zeros(simulator.robots.shape, dtype=np.int64)
             self._contacts: list[list[tuple[float, float, str]]] = [[] for _ in range(worlds)]
-            self._ratios: list[list[float]] = [[] for _ in range(worlds)]
             self._seconds = [0.0] * worlds
         else:
             self._note_waiting(simulator)
             self._note_contacts(simulator)
-            for arrival in simulator.arrivals:
-                if arrival.planned > 0:
-                    self._ratios[arrival.world].append(arrival.driven / arrival.planned)
             for world in np.flatnonzero((simulator.robots["task"]["acting"] > 0).any(axis=1)).tolist():
                 self._seconds[world] = simulator.seconds(world)
 
@@ -72,7 +68,6 @@ class PlaceNotes:
                 **about, "seed": seed, "seconds": self._seconds[world], "shape": self._shape, "cell_size": self._cell,
                 "waited": [[int(k), round(waited[k], 2)] for k in np.flatnonzero(waited)],
                 "contacts": [[round(x, 2), round(y, 2), kind] for x, y, kind in self._contacts[world]],
-                "ratios": np.round(self._ratios[world], 4),
             }))
             for world, (seed, waited) in enumerate(zip(one.seeds, self._waited, strict=True))
         ]  # fmt: skip
@@ -83,7 +78,6 @@ class FloorNotes(NamedTuple):
 
     waiting: NDArray[np.float64]  # [H, W], seconds per hour that a robot stood there
     contacts: NDArray[np.float64]  # [K, 2] [m]
-    ratios: NDArray[np.float64]  # driven / planned length of each trip
     hours: float  # simulated
 
 
@@ -96,8 +90,7 @@ def floor_of_notes(notes: Sequence[Row]) -> FloorNotes:
             waiting[cell] += seconds
     hours = sum(note["seconds"] for note in notes) / 3600.0
     contacts = np.array([place[:2] for note in notes for place in note["contacts"]]).reshape(-1, 2)
-    ratios = np.array([ratio for note in notes for ratio in note["ratios"]])
-    return FloorNotes(waiting.reshape(rows, columns) / max(hours, 1e-9), contacts, ratios, hours)
+    return FloorNotes(waiting.reshape(rows, columns) / max(hours, 1e-9), contacts, hours)
 
 
 def peaks(heat: NDArray[np.float64], count: int, radius: int) -> list[tuple[int, int, float]]:

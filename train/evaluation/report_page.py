@@ -14,7 +14,7 @@ from train.reporting.report import counted, evaluation_table, grouped, make_prog
 from train.reporting.rows import Row, select, values_of, write_rows
 from warehouse_env.maps.loading import load_floor
 from warehouse_env.render.heat_maps import Panel, heat_maps
-from warehouse_env.render.report_charts import detours, over_robots
+from warehouse_env.render.report_charts import over_robots
 
 ROWS = "rows.jsonl"
 WORST = 5  # episodes shown as replays
@@ -40,7 +40,6 @@ def write_report(
         PagePart("Table", tables=[evaluation_table(rows)]),
         PagePart("Over the number of robots", pictures=_over_robots(rows, short)),
         _where(experiments, rows, floors, short),
-        PagePart("Detours", pictures=_detours(rows, floors, short)),
         PagePart("Worst episodes", _WORST, links=links),
         PagePart("What was run", facts=_facts(rows, notes)),
     ]
@@ -125,22 +124,6 @@ def _where(
             pictures.append(Shown(heat_maps(panels, "standing [s per hour]", label), caption))
     missing = "" if pictures else "No places were noted: the rows were kept from a run without a report."
     return PagePart("Where robots wait and collide", missing, pictures)
-
-
-def _detours(rows: Sequence[Row], floors: Mapping[str, FloorNotes], short: Mapping[str, str]) -> list[Shown]:
-    """Return a chart a floor of driven over planned length."""
-    pictures = []
-    for _, there, own in _on_floors(rows, floors, short):
-        ratios = {name: floor.ratios for name, floor in own.items() if len(floor.ratios)}
-        if ratios:
-            label = f"Driven over planned length of trips {there}"
-            trips = ", ".join(f"`{name}` {len(values):,}" for name, values in ratios.items())
-            caption = (
-                f"{label}: the share of trips up to this ratio of driven length to the first planned route; left of 1 "
-                f"a robot cut corners or arrived within the goal's radius. Trips: {trips}."
-            )
-            pictures.append(Shown(detours(ratios, label), caption))
-    return pictures
 
 
 def _facts(rows: Sequence[Row], notes: Sequence[Row]) -> dict[str, str]:

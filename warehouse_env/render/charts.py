@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _FLOOR_PIXELS = 1400  # of the floor's longer side in a chart
+_LEGIBLE = 1500  # names of places; more would be a grey patch
+_LONGEST = 12  # characters of a name of a place
 
 
 def draw_floor(ax: Axes, grid: GridMap) -> None:
@@ -168,3 +170,18 @@ def floor_figure(grid: GridMap, title: str) -> tuple[Figure, Axes]:
     draw_floor(ax, grid)
     ax.set_title(title)
     return figure, ax
+
+
+def draw_places(grid: GridMap, picks: Sequence[str], stations: Sequence[str], path: str | os.PathLike[str]) -> None:
+    """Write a picture of a floor with the names of its picks and stations, these in boxes."""
+    with style():
+        figure, ax = floor_figure(grid, f"{grid.name}: {len(grid.picks)} picks, {len(grid.stations)} stations")
+        size = max(2.5, min(6.5, 260.0 / max(grid.shape)))
+        boxed = {"boxstyle": "round,pad=0.15", "fc": "white", "lw": 0.5}
+        for cells, names, box in ((grid.picks, picks, None), (grid.stations, stations, boxed)):
+            if len(cells) > _LEGIBLE:
+                continue
+            for name, (x, y) in zip(names, grid.centre(cells).tolist(), strict=True):
+                text = name[:_LONGEST].replace("$", r"\$")
+                ax.text(x, y, text, size=size, color=INK, ha="center", va="center", bbox=box, zorder=5)
+        save(figure, path)

@@ -1,4 +1,4 @@
-"""Charts of evaluations and reports: measures over robots, detours, differences, throughput."""
+"""Charts of evaluations and reports: measures over robots, differences, throughput."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from warehouse_env.render.chart_style import FAINT, INK, empty_figure, hexed, log_scale, save, style, svg
 from warehouse_env.render.colours import BLUE, CONTACT, GREEN, GREY, RGB, name_colours
@@ -101,27 +100,6 @@ def _dots(ax: Axes, bars: Sequence[Bar]) -> None:
     ax.set_xticks(range(len(counts)), [str(count) for count in counts])
     ax.set_xlim(-0.5, len(counts) - 0.5)
     ax.grid(axis="y")
-
-
-def detours(ratios: Mapping[str, NDArray[np.float64]], label: str) -> str:
-    """Draw for each policy the share of its trips by how many times longer than planned they were at most."""
-    with style():
-        figure = empty_figure(7.0, 3.4)
-        ax = figure.add_subplot()
-        colours = name_colours(ratios)
-        nearest, farthest = 0.97, 1.1
-        for name, values in ratios.items():
-            ranked = np.sort(values)
-            nearest = min(nearest, float(np.quantile(ranked, 0.01)))
-            farthest = max(farthest, float(np.quantile(ranked, 0.98)))
-            at = np.quantile(ranked, np.linspace(0, 1, 201), method="inverted_cdf")
-            ax.step(at, np.linspace(0, 100, 201), where="post", color=hexed(colours[name]), lw=2, label=name)
-        ax.axvline(1.0, color=FAINT, lw=1, ls=(0, (4, 3)))
-        ax.set(xlim=(nearest, farthest), ylim=(0, 102))
-        ax.set(xlabel="driven / planned length of a trip", ylabel="trips up to there [%]")
-        ax.grid(axis="y")
-        figure.legend(loc="outside upper left", ncols=6)
-        return svg(figure, label)
 
 
 def differences(panels: Mapping[str, Sequence[Pair]], label: str, unit: str = "") -> str:

@@ -40,7 +40,7 @@ def driver(
         return {
             "robots": trial.robots, "seed": trial.seed, "seconds": trial.seconds, "shape": list(trial.grid.shape),
             "late_goals_per_robot_hour": late, "goals_per_robot_hour": whole, "waiting_share": 0.1,
-            "stuck": stuck(trial.robots), "waited": [], "contacts": [], "ratios": [1.0], "path_length_m": 20.0,
+            "stuck": stuck(trial.robots), "waited": [], "contacts": [], "path_length_m": 20.0,
             "collisions_per_km": 0.0, "took_s": seconds(trial.robots),
         }  # fmt: skip
 

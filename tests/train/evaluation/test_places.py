@@ -26,17 +26,15 @@ def test_notes_agree_with_the_rows() -> None:
         assert sum(kind == "shelf" for *_, kind in note["contacts"]) == row["collisions_shelf"]
         # Contacts of three robots in one step may share a middle.
         assert 0 <= row["collisions_robot"] - sum(kind == "robot" for *_, kind in note["contacts"]) <= 1
-        assert len(note["ratios"]) == row["goals"]
 
 
 def test_the_floor_of_two_notes_by_hand() -> None:
     one = {"shape": [2, 3], "seconds": 1800.0, "waited": [[0, 10.0], [5, 2.0]], "contacts": [[1.0, 2.0, "robot"]]}
     two = {"shape": [2, 3], "seconds": 1800.0, "waited": [[5, 4.0]], "contacts": []}
-    floor = floor_of_notes([{**one, "ratios": [1.1]}, {**two, "ratios": [1.0, 1.3]}])
+    floor = floor_of_notes([one, two])
     assert floor.hours == 1.0
     assert floor.waiting.tolist() == [[10.0, 0.0, 0.0], [0.0, 0.0, 6.0]]
     assert floor.contacts.tolist() == [[1.0, 2.0]]
-    assert floor.ratios.tolist() == [1.1, 1.0, 1.3]
 
 
 def test_peaks_are_the_hottest_squares_apart() -> None:

@@ -53,7 +53,7 @@ def test_a_report_is_a_page_with_replays_beside_it(
     assert len(links) == 5
     assert "http://" not in page.replace("http://www.w3.org/", "")
     assert "<script" not in page
-    assert page.count("<svg role=") == 3  # over robots, where, detours
+    assert page.count("<svg role=") == 2  # over robots, where
     for text in (
         "<td>brake</td>",
         "collisions/km",
