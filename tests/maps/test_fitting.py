@@ -14,7 +14,7 @@ from agents import make_policy, policy_config
 from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.errors import MapWarning
 from warehouse_env.maps.endpoints import largest_region
-from warehouse_env.maps.fitting import ROOM, _near, fitted, headings_on
+from warehouse_env.maps.fitting import ROOM, fitted, headings_on
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import LAYOUTS, make_layout
 from warehouse_env.maps.loading import load_floor
@@ -165,15 +165,3 @@ def test_faces_of_large_bodies_are_free() -> None:
     assert [round(x, 6) for x, _, _ in along] == [5.5, 3.5]  # 1 m ahead of the middle, either way round
     assert face(floor, (1, 1), LARGE).poses == ((1.5, 2.5, math.pi),)
     assert headings_on(floor, (1, 1), LARGE) == [math.pi]
-
-
-@given(st.integers(0, 2**20 - 1), st.floats(0.05, 6.0), st.booleans())
-def test_cells_near_marked_ones_are_those_of_brute_force(marks: int, reach: float, beyond: bool) -> None:
-    mask = np.array([marks >> k & 1 for k in range(20)], dtype=np.bool_).reshape(4, 5)
-    around = np.pad(mask, 8, constant_values=beyond)
-    marked = np.argwhere(around) - 8
-    for cell in np.ndindex(mask.shape):
-        off = np.maximum(np.abs(marked - cell) - 0.5, 0.0)
-        nearest = np.hypot(off[:, 0], off[:, 1]).min(initial=np.inf)
-        if abs(nearest - reach) > 1e-6:
-            assert _near(mask, reach, beyond)[cell] == (nearest < reach)

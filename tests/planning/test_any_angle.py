@@ -89,9 +89,3 @@ def test_lines_on_random_maps_lie_between_the_shortest_line_and_the_lattice() ->
         saved.append(lattice / shortest - 1)
     assert len(excess) > 30
     assert np.mean(excess) < 0.5 * np.mean(saved)  # most of what a line at any angle can save
-
-
-def distance(point: np.ndarray, p: np.ndarray, q: np.ndarray) -> float:
-    """Of a point from a segment."""
-    part = np.clip((point - p) @ (q - p) / ((q - p) @ (q - p)), 0, 1)
-    return float(np.linalg.norm(point - p - part * (q - p)))

@@ -1,15 +1,13 @@
-"""Exact costs to go on: against another algorithm, in boxes, with tolls, and kept within bounds."""
+"""Exact costs to go on: against another algorithm, in boxes, and with tolls."""
 
 from __future__ import annotations
 
 import hypothesis.strategies as st
 import numpy as np
-import pytest
 from hypothesis import given, settings
 
 from warehouse_env.maps.grid_map import MOVES, GridMap
 from warehouse_env.maps.layouts import make_layout
-from warehouse_env.planning import cost_to_go
 from warehouse_env.planning.cost_to_go import UNIT, UNREACHABLE, Box, CostToGo, cost_field
 
 
@@ -63,17 +61,3 @@ def test_around_a_cell_is_the_whole_floor_where_its_way_leads_out_of_the_box() -
     field, box = floor.around((10, 100), (10, 110))
     assert box == floor.whole()
     assert field[10, 100] < UNREACHABLE
-
-
-def test_the_oldest_fields_are_forgotten_when_there_is_no_room(monkeypatch: pytest.MonkeyPatch) -> None:
-    floor = CostToGo(make_layout("paper46"))
-    goals = [tuple(goal) for goal in floor.grid.stations[:4].tolist()]
-    size = floor.field(goals[0], floor.whole()).nbytes
-    monkeypatch.setattr(cost_to_go, "_KEPT", 2 * size)
-    kept = floor.field(goals[1], floor.whole())
-    floor.field(goals[0], floor.whole())  # used again: now the other is the oldest
-    floor.field(goals[2], floor.whole())
-    assert len(floor._fields) == 2
-    again = floor.field(goals[1], floor.whole())
-    assert again is not kept
-    np.testing.assert_array_equal(again, kept)

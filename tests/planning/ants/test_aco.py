@@ -11,6 +11,9 @@ from tests.planning.ants.colonies import EAST, SOUTH, SOUTH_EAST, WEST, search, 
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning.ants.aco import Aco
 from warehouse_env.planning.ants.floor import make_floor
+from warehouse_env.planning.ants.fusion_aco import FusionAco
+from warehouse_env.planning.ants.iaco import Iaco
+from warehouse_env.planning.ants.system import AntSystem
 
 
 def test_distance_heuristic_of_the_traditional_colony() -> None:
@@ -25,17 +28,23 @@ def test_distance_heuristic_of_the_traditional_colony() -> None:
     assert next_cell[0, [EAST, SOUTH_EAST]] == pytest.approx([1, 1 / 2])  # (1/d)^2
 
 
-def test_update_of_the_traditional_colony_by_hand() -> None:
+@pytest.mark.parametrize(
+    ("system", "kept", "strength"),
+    [(Aco(), 0.9, 1.0), (FusionAco(), 0.5, 1.0), (Iaco(), 1 - 0.5 * math.exp(-3 / 400), 100.0)],
+)
+def test_trails_evaporate_and_all_ants_deposit(system: AntSystem, kept: float, strength: float) -> None:
+    """Eq. 3 of paper 004, eqs. 7 to 9 of paper 002."""
     grid = GridMap(np.zeros((2, 3), dtype=bool))
     floor = make_floor(grid, (1, 2))
-    colony = Aco().colony(grid, floor, 0)
+    colony = system.colony(grid, floor, 0)
     pheromone = colony.pheromone.copy()
+    assert (pheromone == 1).all()
     colony.update(0, pheromone, walked(floor, [EAST, SOUTH_EAST], [EAST, EAST, SOUTH]), walked(floor))
-    diagonal = 1 / (1 + math.sqrt(2))
-    assert pheromone[0, EAST] == pytest.approx(0.9 + diagonal + 1 / 3)
-    assert pheromone[1, SOUTH_EAST] == pytest.approx(0.9 + diagonal)
-    assert pheromone[1, EAST] == pytest.approx(0.9 + 1 / 3)
-    assert pheromone[1, WEST] == pytest.approx(0.9)
+    diagonal, straight = strength / (1 + math.sqrt(2)), strength / 3
+    assert pheromone[0, EAST] == pytest.approx(kept + diagonal + straight)
+    assert pheromone[1, SOUTH_EAST] == pytest.approx(kept + diagonal)
+    assert pheromone[1, EAST] == pytest.approx(kept + straight)
+    assert pheromone[4, WEST] == pytest.approx(kept)
 
 
 def test_ants_that_die_may_find_nothing_and_say_so() -> None:

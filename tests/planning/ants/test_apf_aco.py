@@ -9,9 +9,6 @@ import pytest
 
 from tests.planning.ants.colonies import EAST, SOUTH, SOUTH_EAST, WEST, walked
 from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.maps.layouts import NAMED_TASKS, make_layout
-from warehouse_env.planning import path_length, validate
-from warehouse_env.planning.ants.aco import Aco
 from warehouse_env.planning.ants.apf_aco import ApfAco
 from warehouse_env.planning.ants.floor import make_floor
 
@@ -50,19 +47,3 @@ def test_update_eqs_15_and_17_by_hand() -> None:
     assert pheromone[1, EAST] == pytest.approx(0.6 + b - 1 * (a - b))
     assert pheromone[0, EAST] == pytest.approx(0.6 + 2 * a + b + 2 * (a - b) - (a - b))
     assert pheromone[4, WEST] == pytest.approx(0.6)
-
-
-@pytest.mark.parametrize("task", NAMED_TASKS["paper46"])
-def test_shorter_and_earlier_than_the_traditional_colony(task: str) -> None:
-    grid = make_layout("paper46")
-    start, goal, optimum = NAMED_TASKS["paper46"][task]
-    plans = [
-        [planner.plan(grid, start, goal, np.random.default_rng(seed)) for seed in range(4)]
-        for planner in (ApfAco(), Aco())
-    ]
-    for plan in plans[0]:
-        validate(grid, plan.cells, start, goal)
-    ours, traditional = ([path_length(plan.cells) for plan in group] for group in plans)
-    assert np.mean(ours) <= 1.01 * optimum
-    assert np.mean(ours) <= np.mean(traditional) + 1e-9
-    assert np.mean([p.converged_at for p in plans[0]]) < np.mean([p.converged_at for p in plans[1]])

@@ -7,10 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from tests.planning.ants.colonies import EAST, SOUTH, SOUTH_EAST, WEST, walked
+from tests.planning.ants.colonies import EAST, SOUTH_EAST, WEST
 from warehouse_env.maps.grid_map import MOVES, GridMap
-from warehouse_env.maps.layouts import NAMED_TASKS, make_layout
-from warehouse_env.planning import path_length, validate
 from warehouse_env.planning.ants.floor import make_floor
 from warehouse_env.planning.ants.fusion_aco import FusionAco
 
@@ -40,16 +38,6 @@ def test_force_eqs_12_and_17_to_20_by_hand() -> None:
     assert force[1, 4] == pytest.approx((0, 0))
 
 
-def test_update_eqs_7_to_9_by_hand() -> None:
-    floor = make_floor(GridMap(np.zeros((2, 3), dtype=bool)), (1, 2))
-    pheromone = np.ones((6, 8))
-    walks = walked(floor, [EAST, SOUTH_EAST], [EAST, EAST, SOUTH])
-    FusionAco()._update(floor, 0, pheromone, walks, walks)
-    assert pheromone[0, EAST] == pytest.approx(0.5 + 1 / (1 + math.sqrt(2)) + 1 / 3)
-    assert pheromone[1, EAST] == pytest.approx(0.5 + 1 / 3)
-    assert pheromone[4, WEST] == pytest.approx(0.5)
-
-
 def wall() -> GridMap:
     occupied = np.zeros((6, 9), dtype=bool)
     occupied[2, 2:7] = True
@@ -68,15 +56,3 @@ def test_the_intermediate_point_turns_the_force_round_the_wall() -> None:
     np.testing.assert_array_equal(led[0], bare[0])
     cosine_to_the_side = MOVES[EAST if side > 0 else WEST] @ led[3, 4] / math.sqrt(10)
     assert cosine_to_the_side == pytest.approx(3 / math.sqrt(10))
-
-
-@pytest.mark.parametrize("intermediate_point", [False, True])
-@pytest.mark.parametrize("task", NAMED_TASKS["paper46"])
-def test_close_to_the_optimum_on_the_named_tasks(task: str, intermediate_point: bool) -> None:
-    grid = make_layout("paper46")
-    start, goal, optimum = NAMED_TASKS["paper46"][task]
-    planner = FusionAco(intermediate_point=intermediate_point)
-    plans = [planner.plan(grid, start, goal, np.random.default_rng(seed)) for seed in range(2)]
-    for plan in plans:
-        validate(grid, plan.cells, start, goal)
-    assert np.mean([path_length(plan.cells) for plan in plans]) <= 1.02 * optimum

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from tests.planning.ants.colonies import EAST, SOUTH, SOUTH_EAST, WEST, search, walked
+from tests.planning.ants.colonies import SOUTH_EAST, search
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import make_layout
 from warehouse_env.planning import path_length
@@ -24,7 +24,6 @@ def test_attraction_of_equation_7() -> None:
     assert turning is straight
     assert turning[0, SOUTH_EAST] == pytest.approx((10 / math.sqrt(13)) ** 7)
     assert turning[13, SOUTH_EAST] == pytest.approx(100.0**7)  # into the goal, whose distance counts as 0.1
-    assert (colony.pheromone == 1).all()
 
 
 def test_greed_of_equation_14() -> None:
@@ -38,18 +37,6 @@ def test_evaporation_of_equation_9() -> None:
     assert scaled.evaporated(9) == pytest.approx(0.5 * math.exp(-0.75))
     assert scaled.evaporated(19) == pytest.approx(0.5 * math.exp(-3))
     assert [printed.evaporated(k) for k in range(3)] == pytest.approx([1.0, 5 * math.exp(-4), 5 * math.exp(-9)])
-
-
-def test_update_by_hand() -> None:
-    floor = make_floor(GridMap(np.zeros((2, 3), dtype=bool)), (1, 2))
-    colony = Iaco().colony(GridMap(np.zeros((2, 3), dtype=bool)), floor, 0)
-    pheromone, kept = colony.pheromone.copy(), 1 - 0.5 * math.exp(-3 / 400)
-    colony.update(0, pheromone, walked(floor, [EAST, SOUTH_EAST], [EAST, EAST, SOUTH]), walked(floor))
-    diagonal = 100 / (1 + math.sqrt(2))
-    assert pheromone[0, EAST] == pytest.approx(kept + diagonal + 100 / 3)
-    assert pheromone[1, SOUTH_EAST] == pytest.approx(kept + diagonal)
-    assert pheromone[1, EAST] == pytest.approx(kept + 100 / 3)
-    assert pheromone[1, WEST] == pytest.approx(kept)
 
 
 @pytest.mark.parametrize("norms", ["squared", "printed"])

@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 
 from tests.planning.swarms.recorder import TARGET, Recorder
-from warehouse_env.maps.layouts import NAMED_TASKS, make_layout
-from warehouse_env.planning.plan import path_length, validate
 from warehouse_env.planning.swarms.fish_swarm import FishSwarm
 
 
@@ -38,14 +36,3 @@ def test_a_fish_swarms_to_the_middle_where_that_is_better() -> None:
         assert way[0] * all_the_way[1] == pytest.approx(way[1] * all_the_way[0])
         assert 0 < np.linalg.norm(way) <= np.linalg.norm(all_the_way)
         assert cost[k] == np.abs(new[k] - TARGET).sum() < 4.0
-
-
-@pytest.mark.parametrize("task", NAMED_TASKS["paper46"])
-def test_it_finds_the_shortest_paths_of_the_warehouse(task: str) -> None:
-    grid = make_layout("paper46")
-    start, goal, optimum = NAMED_TASKS["paper46"][task]
-    plan = FishSwarm().plan(grid, start, goal, np.random.default_rng(0))
-    validate(grid, plan.cells, start, goal)
-    assert path_length(plan.cells) <= 1.03 * optimum
-    assert len(plan.best_by_iteration) == 50
-    assert (np.diff(plan.best_by_iteration) <= 0).all()

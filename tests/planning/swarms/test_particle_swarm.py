@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 
 from tests.planning.swarms.recorder import TARGET, Recorder
-from warehouse_env.maps.layouts import NAMED_TASKS, make_layout
-from warehouse_env.planning.plan import path_length, validate
 from warehouse_env.planning.swarms.particle_swarm import ParticleSwarm
 
 
@@ -27,14 +25,3 @@ def test_velocity_and_place_by_hand() -> None:
     pulls = rng.random((2, 2, 1, 2))
     velocity = 0.65 * (second[1] - first[1]) + pulls[0, 1] * (own - second[1]) + 2.0 * pulls[1, 1] * (leads - second[1])
     assert third[1] == pytest.approx(np.clip(second[1] + np.clip(velocity, -5.5, 5.5), 0, 10))
-
-
-@pytest.mark.parametrize("task", NAMED_TASKS["paper46"])
-def test_it_finds_the_shortest_paths_of_the_warehouse(task: str) -> None:
-    grid = make_layout("paper46")
-    start, goal, optimum = NAMED_TASKS["paper46"][task]
-    plan = ParticleSwarm().plan(grid, start, goal, np.random.default_rng(0))
-    validate(grid, plan.cells, start, goal)
-    assert path_length(plan.cells) <= 1.03 * optimum
-    assert len(plan.best_by_iteration) == 100
-    assert (np.diff(plan.best_by_iteration) <= 0).all()
