@@ -116,7 +116,7 @@ ONLY_IN: dict[str, tuple[str, ...]] = {
         "agents.sb3_model",
         "train.ppo",
     ),
-    "ray": ("train.evaluation.cluster", "train.learning.actors"),
+    "ray": ("train.evaluation.cluster",),
     "pygame": ("warehouse_env.render", "train.reporting.report"),
     "matplotlib": ("warehouse_env.render", "train.reporting.report"),
     "imageio": ("warehouse_env.render", "train.reporting.report"),

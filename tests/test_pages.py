@@ -140,7 +140,7 @@ def test_every_command_is_understood(line: str, capsys: pytest.CaptureFixture[st
 
 def test_the_important_commands_are_named() -> None:
     lines = set().union(*map(command_lines, PAGES.values()))
-    needed = {"make demo", "make test", "make docs", "warehouse plan", "python -m train.reinforce"}
+    needed = {"make demo", "make test", "make docs", "warehouse plan"}
     assert needed <= lines
     on_a_map = ("warehouse layouts --check", "warehouse plan --layout", "warehouse evaluate --layout")
     for start in (*on_a_map, "pip install -c"):

@@ -5,8 +5,8 @@ from __future__ import annotations
 from statistics import fmean
 
 from train.evaluation.rollout import make_experiment, run
-from train.learning.board import FIGURES
 from train.learning.config import TrainingConfig
+from train.learning.progress import FIGURES
 
 SEED = 900_000_000  # far above those of trainings and those that `warehouse evaluate` begins with
 _EPISODES = 3  # on the first floors of the training, in turn

@@ -3,8 +3,6 @@
 The library learns; this module adds our worlds, schedules, clock and files. The library's files hold pickles, so ours
 are used instead: a policy folder, and checkpoints of plain arrays. Resuming restores the networks and the optimizer;
 the worlds start again.
-
-    python -m train.ppo --minutes 10
 """
 
 from __future__ import annotations
@@ -12,11 +10,9 @@ from __future__ import annotations
 import math
 import warnings
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import Logger
@@ -25,10 +21,8 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepR
 
 from agents.networks import first_actor_critic, tensors_of
 from train.held_out import held_out
-from train.learning import checkpoint
 from train.learning.config import PPOConfig
-from train.learning.timing import Split, set_threads
-from train.learning.trainer import network_of
+from train.learning.trainer import Split, Tensors, Trainer, network_of, set_threads
 from train.learning.training_run import run_training
 from train.learning.worlds import TrainingSimulator, TrainingTally
 from warehouse_env.envs.vector import WarehouseVecEnv
@@ -60,17 +54,15 @@ class _Nothing(BaseCallback):
         return True
 
 
-class Ppo:
+class Ppo(Trainer):
     """The trainer: one `update` is one rollout and some epochs over its rows."""
 
-    algorithm = "ppo"
-
     def __init__(self, config: PPOConfig) -> None:
-        self.config, self.split, self.rollout = config, Split(), config.rollout
+        self.config, self._split, self.rollout = config, Split(), config.rollout
         set_threads(config.threads)
         mixes = config.worlds(config.rows)
         self.env = mixes[0][0]
-        with self.split.measure("simulator_s"):
+        with self._split.measure("simulator_s"):
             self._simulators = [TrainingSimulator(*one, config.jam_seconds, config.shared) for one in mixes]
             self._tally = TrainingTally(self._simulators)
             worlds = WarehouseVecEnv(self._simulators)
@@ -78,9 +70,15 @@ class Ppo:
         self.rows = worlds.num_envs
         self.network = network_of(self._simulators[0], config.hidden)
         self._step_size = config.learning_rate
-        self._worlds = MeasuredVecEnv(worlds, config.reward_scale, self.split, self._tally)
+        self._worlds = MeasuredVecEnv(worlds, config.reward_scale, self._split, self._tally)
         self.model = self._make_model()
+        self.optimizer = self.model.policy.optimizer
         _, self._callback = self.model._setup_learn(1, _Nothing())
+
+    @property
+    def split(self) -> Split:
+        """Where the time went so far."""
+        return self._split
 
     def _make_model(self) -> PPO:
         config, widths, samples = self.config, list(self.config.hidden), self.config.rollout * self.rows
@@ -105,11 +103,11 @@ class Ppo:
         self._step_size, model.ent_coef = self.config.step_size(spent), self.config.entropy(spent)
         for simulator in self._simulators:
             simulator.reward_weights = weights
-        simulated = self.split.seconds["simulator_s"]
-        with self.split.measure("policy_s"):
+        simulated = self._split.seconds["simulator_s"]
+        with self._split.measure("policy_s"):
             model.collect_rollouts(self._worlds, self._callback, model.rollout_buffer, model.n_steps)
-        self.split.seconds["policy_s"] -= self.split.seconds["simulator_s"] - simulated
-        with self.split.measure("update_s"):
+        self._split.seconds["policy_s"] -= self._split.seconds["simulator_s"] - simulated
+        with self._split.measure("update_s"):
             model.train()
         values = model.logger.name_to_value
         names = {"policy_gradient_loss": "actor_loss", "value_loss": "critic_loss", "clip_fraction": "clip_fraction"}
@@ -121,22 +119,15 @@ class Ppo:
         """Return what happened since the last call (see `Trainer.take_figures`)."""
         return self._tally.take().figures(self.env.time_step * self.env.action_repeat)
 
-    def arrays(self) -> dict[str, NDArray[Any]]:
-        """Return networks and optimizer (see `Trainer.arrays`)."""
-        network = {f"network.{name}": array for name, array in self.policy_tensors().items()}
-        return {**network, **checkpoint.optimizer_arrays(self.model.policy.optimizer)}
-
-    def load(self, arrays: dict[str, NDArray[Any]]) -> None:
-        """Put back what `arrays` returned; worlds and sampling start again."""
-        ours = checkpoint.part_of(arrays, "network.")
-        state = {theirs: torch.from_numpy(ours[name].copy()) for name, theirs in self._names().items()}
-        self.model.policy.load_state_dict(state)
-        checkpoint.load_optimizer(self.model.policy.optimizer, arrays)
-
-    def policy_tensors(self) -> dict[str, NDArray[np.float32]]:
+    def policy_tensors(self) -> Tensors:
         """Return the library's network under our names (see `Trainer.policy_tensors`)."""
         state = self.model.policy.state_dict()
         return {name: state[theirs].detach().numpy().copy() for name, theirs in self._names().items()}
+
+    def load_policy(self, tensors: Tensors) -> None:
+        """Put the network back (see `Trainer.load_policy`); worlds and sampling start again."""
+        state = {theirs: torch.from_numpy(tensors[ours].copy()) for ours, theirs in self._names().items()}
+        self.model.policy.load_state_dict(state)
 
     def close(self) -> None:
         """End the worlds (see `Trainer.close`)."""
@@ -155,12 +146,4 @@ class Ppo:
 
 def train(config: PPOConfig) -> Path:
     """Train by `config`; return the run's folder, a policy folder (errors: `run_training`)."""
-    return run_training(config, Ppo.algorithm, Ppo, held_out)
-
-
-if __name__ == "__main__":
-    import sys
-
-    from train.cli import main
-
-    sys.exit(main(["train", "ppo", *sys.argv[1:]]))
+    return run_training(config, Ppo, held_out)

@@ -2,13 +2,10 @@
 
 Williams 1992, "Simple statistical gradient-following algorithms": ascend E[A grad log pi(a | o)]. Every row is used
 once, so the data are on-policy except for the few gradient steps within an update: no ratio, no clip.
-
-    python -m train.reinforce --minutes 10
 """
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 
 import torch
@@ -16,7 +13,6 @@ from torch import Tensor
 
 from train.held_out import held_out
 from train.learning.config import ReinforceConfig
-from train.learning.crew import CrewMaker, Threads
 from train.learning.threaded import ThreadedTrainer
 from train.learning.training_run import run_training
 
@@ -24,10 +20,8 @@ from train.learning.training_run import run_training
 class Reinforce(ThreadedTrainer):
     """The trainer: one pass over the rows of each rollout."""
 
-    algorithm = "reinforce"
-
-    def __init__(self, config: ReinforceConfig, crew: CrewMaker = Threads) -> None:
-        super().__init__(config, actor_loss, crew)
+    def __init__(self, config: ReinforceConfig) -> None:
+        super().__init__(config, actor_loss)
 
 
 def actor_loss(log_probability: Tensor, old: Tensor, advantage: Tensor) -> tuple[Tensor, Tensor]:
@@ -40,14 +34,6 @@ def policy_loss(log_probability: Tensor, advantage: Tensor) -> Tensor:
     return -(advantage * log_probability).mean()
 
 
-def train(config: ReinforceConfig, crew: CrewMaker = Threads) -> Path:
+def train(config: ReinforceConfig) -> Path:
     """Train by `config`; return the run's folder, a policy folder (errors: `run_training`)."""
-    return run_training(config, Reinforce.algorithm, partial(Reinforce, crew=crew), held_out)
-
-
-if __name__ == "__main__":
-    import sys
-
-    from train.cli import main
-
-    sys.exit(main(["train", "reinforce", *sys.argv[1:]]))
+    return run_training(config, Reinforce, held_out)

@@ -3,8 +3,6 @@
 Schulman et al. 2017, "Proximal policy optimization algorithms", eq. 7: ascend E[min(r A, clip(r, 1 - e, 1 + e) A)] with
 the ratio r = pi(a | o) / pi_old(a | o), in some passes over each rollout. Unlike `train ppo` (stable-baselines3) it
 plays worlds on all threads at once, computes the critic's values in one pass, and resumes to the same bits.
-
-    python -m train.threaded_ppo --minutes 10
 """
 
 from __future__ import annotations
@@ -17,7 +15,6 @@ from torch import Tensor
 
 from train.held_out import held_out
 from train.learning.config import ThreadedPPOConfig
-from train.learning.crew import CrewMaker, Threads
 from train.learning.threaded import ThreadedTrainer
 from train.learning.training_run import run_training
 
@@ -25,10 +22,8 @@ from train.learning.training_run import run_training
 class ThreadedPpo(ThreadedTrainer):
     """The trainer: some passes over the rows of each rollout, with the ratio clipped."""
 
-    algorithm = "threaded_ppo"
-
-    def __init__(self, config: ThreadedPPOConfig, crew: CrewMaker = Threads) -> None:
-        super().__init__(config, partial(actor_loss, clip=config.clip), crew)
+    def __init__(self, config: ThreadedPPOConfig) -> None:
+        super().__init__(config, partial(actor_loss, clip=config.clip))
         self.epochs = config.epochs
 
 
@@ -45,14 +40,6 @@ def clipped_loss(log_ratio: Tensor, advantage: Tensor, clip: float) -> tuple[Ten
     return loss, ((ratio - 1.0).abs() > clip).float().mean()
 
 
-def train(config: ThreadedPPOConfig, crew: CrewMaker = Threads) -> Path:
+def train(config: ThreadedPPOConfig) -> Path:
     """Train by `config`; return the run's folder, a policy folder (errors: `run_training`)."""
-    return run_training(config, ThreadedPpo.algorithm, partial(ThreadedPpo, crew=crew), held_out)
-
-
-if __name__ == "__main__":
-    import sys
-
-    from train.cli import main
-
-    sys.exit(main(["train", "threaded_ppo", *sys.argv[1:]]))
+    return run_training(config, ThreadedPpo, held_out)

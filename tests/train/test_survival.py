@@ -22,6 +22,7 @@ from warehouse_env.config import EnvConfig
 from warehouse_env.errors import WarehouseError
 
 ROOT = Path(__file__).parents[2]
+REINFORCE = (sys.executable, "-m", "train.cli", "train", "reinforce")
 KILLS = int(os.environ.get("WAREHOUSE_TEST_KILLS", "3"))
 SMALL: dict[str, Any] = {
     "layouts": ("open",), "robots": (2, 4), "rows": 8, "planner": "astar", "rollout": 6, "hidden": (24,),
@@ -35,7 +36,17 @@ def weights(folder: Path) -> dict[str, np.ndarray[Any, Any]]:
 
 def arguments(config: ReinforceConfig) -> list[str]:
     """Return a command line that begins the training `config`."""
-    words = [sys.executable, "-m", "train.reinforce", "--out", str(config.out), "--steps", str(config.steps)]
+    words = [
+        sys.executable,
+        "-m",
+        "train.cli",
+        "train",
+        "reinforce",
+        "--out",
+        str(config.out),
+        "--steps",
+        str(config.steps),
+    ]
     for name, value in SMALL.items():
         if name != "progress":
             words += [f"--{name.replace('_', '-')}", *map(str, value if isinstance(value, tuple) else (value,))]
@@ -54,7 +65,7 @@ def test_killed_again_and_again_it_comes_to_the_same_bits(tmp_path: Path) -> Non
     folder, rng, begun = config.directory, np.random.default_rng(0), arguments(config)
     for _ in range(KILLS):
         state = folder / "checkpoint" / "state.json"
-        again = [sys.executable, "-m", "train.reinforce", "--resume", str(folder), "--no-progress"]
+        again = [*REINFORCE, "--resume", str(folder), "--no-progress"]
         before = state.stat().st_mtime_ns if state.is_file() else None
         process = subprocess.Popen(again if before else begun, cwd=ROOT, stderr=subprocess.PIPE)
         deadline = time.monotonic() + 120.0  # until it has saved, so that every round gets on

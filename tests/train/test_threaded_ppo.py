@@ -12,7 +12,6 @@ import torch
 from agents.networks import ActorCritic
 from agents.weights_folder import Network
 from train.learning.config import ThreadedPPOConfig
-from train.learning.crew import Worker
 from train.learning.threaded import joint_scale
 from train.threaded_ppo import ThreadedPpo, clipped_loss
 
@@ -70,13 +69,13 @@ def test_it_learns_a_bandit_in_several_passes_over_each_batch() -> None:
 
 def test_every_pass_takes_every_row_once(config: ThreadedPPOConfig, monkeypatch: pytest.MonkeyPatch) -> None:
     trainer, taken = ThreadedPpo(replace(config, epochs=3)), []
-    gradient = Worker.gradient
+    gradient = trainer.gradient
 
-    def counted(worker, rows, *rest):  # type: ignore[no-untyped-def]
-        taken.append((id(worker), rows.tolist()))
-        return gradient(worker, rows, *rest)
+    def counted(rollout, rows, *rest):  # type: ignore[no-untyped-def]
+        taken.append((id(rollout), rows.tolist()))
+        return gradient(rollout, rows, *rest)
 
-    monkeypatch.setattr(Worker, "gradient", counted)
+    monkeypatch.setattr(trainer, "gradient", counted)
     losses = trainer.update(0, 0.0)
     for worker in {name for name, _ in taken}:
         rows = sorted(row for name, part in taken if name == worker for row in part)

@@ -161,7 +161,7 @@ def training(budget: Budget) -> Iterator[Row]:
         config, rates = trainer.config, [turn["steps_per_second"] for turn in turns]
         split = {part: sum(turn[part] for turn in turns) for part in ("simulator_s", "policy_s", "update_s")}
         yield {
-            "what": f"train_{trainer.algorithm}", "trainer": trainer.algorithm, "threads": config.threads,
+            "what": f"train_{config.algorithm}", "trainer": config.algorithm, "threads": config.threads,
             "envs": sum(count for _, count in config.worlds(config.rows)), "agents": "/".join(map(str, config.robots)),
             "hidden": list(config.hidden), "agent_steps_per_s": statistics.median(rates), "low": min(rates),
             "high": max(rates),

@@ -8,8 +8,8 @@ from collections.abc import Callable, Sequence
 from agents.weights_folder import read_record
 from train.held_out import held_out
 from train.learning import checkpoint
-from train.learning.board import FIGURES
 from train.learning.config import TrainingConfig
+from train.learning.progress import FIGURES
 from train.learning.training_run import CHECKPOINT, is_done
 from train.reporting.report import Table, make_progress, number, tell, with_interval
 from train.reporting.rows import mean_interval

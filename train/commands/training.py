@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import importlib
-import os
 import shlex
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, make_dataclass
-from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self, get_type_hints
 
@@ -17,8 +14,7 @@ import tyro
 
 from agents.weights_folder import read_record
 from train.commands.kinds import read_fleet
-from train.evaluation.cluster import check_address
-from train.learning.config import PPOConfig, ReinforceConfig, ThreadedConfig, ThreadedPPOConfig, TrainingConfig
+from train.learning.config import PPOConfig, ReinforceConfig, ThreadedPPOConfig, TrainingConfig
 from train.learning.curves import read_run
 from train.learning.progress import ROWS
 from train.learning.recipes import Recipe, ThreadedPPORecipe, by_recipe
@@ -52,10 +48,6 @@ class _Train:
     """Train under this many seeds from --seed on, one after the other, each in a folder NAME-SEED, and show a table. A
     stopped training goes on; a finished one is kept."""
 
-    ray: str | None = None
-    """Run each of the --threads of reinforce or threaded_ppo on a core of a Ray cluster: auto (the one this machine
-    belongs to), HOST:PORT, or local (this machine). On equal processors it learns the same to the bit."""
-
     @classmethod
     def defaults_for(cls, arguments: Sequence[str]) -> Self:
         """Return the options of the recipe that a command line names."""
@@ -73,30 +65,12 @@ class _Train:
             config = dataclasses.replace(self.config, fleet=read_fleet(self.fleet))
             dataclasses.replace(self, fleet=None, config=config).run()
             return
-        if self.ray is not None:
-            check_address(self.ray)
-            if not isinstance(self.config, ThreadedConfig):
-                raise ConfigError("--ray must be left out: only reinforce and threaded_ppo train on several machines")
         file = RowFile(self.json)
-        with self._trainer() as train:
-            if self.seeds > 1:
-                self._train_seeds(train, file)
-            else:
-                self._train(train, file)
-
-    @contextlib.contextmanager
-    def _trainer(self) -> Iterator[Callable[[TrainingConfig], object]]:
-        """Yield the function that trains, on the cluster if there is one."""
         train = importlib.import_module(self.module).train
-        if self.ray is None:
-            yield train
-            return
-        from train.evaluation.cluster import joined
-        from train.evaluation.kernels import compile_missing
-        from train.learning.actors import Actors
-
-        with joined(self.ray, compile_missing, max(self.config.threads, os.cpu_count() or 1)):
-            yield partial(train, crew=Actors)
+        if self.seeds > 1:
+            self._train_seeds(train, file)
+        else:
+            self._train(train, file)
 
     def _train(self, train: Callable[[TrainingConfig], object], file: RowFile) -> None:
         directory = self.config.directory

@@ -60,7 +60,9 @@ class Cluster:
     def width(self) -> int:
         """Cores of all nodes that are there now, at least 1."""
         if self._ray is None:
-            self._ray = self._opened.enter_context(joined(self.address, self._prepare))
+            self._ray = self._opened.enter_context(connected(self.address))
+            nodes, cores = _prepare_nodes(self._ray, self._prepare), self._ray.cluster_resources().get("CPU", 0)
+            tell(f"{counted(nodes, 'node')} with {counted(int(cores), 'core')}")
         return max(1, int(self._ray.cluster_resources().get("CPU", 0)))
 
     def each(self, jobs: Sequence[Numbered], moved: Progress) -> Iterator[tuple[int, Result]]:
@@ -107,21 +109,7 @@ def check_address(ray: str) -> None:
 
 
 @contextlib.contextmanager
-def joined(address: str, prepare: Callable[[], None] | None = None, cores: int | None = None) -> Iterator[Any]:
-    """Connect to a cluster as `connected` does, check and prepare all its nodes; yield the library.
-
-    prepare: called once on each node. cores: of LOCAL; all if left out. WarehouseError names a node with other code.
-    """
-    with connected(address, cores) as ray:
-        nodes = _prepare_nodes(ray, prepare)
-        if not nodes:
-            raise WarehouseError("the cluster has no node with a free core: add one by `ray start --address HOST:PORT`")
-        tell(f"{counted(nodes, 'node')} with {counted(int(ray.cluster_resources()['CPU']), 'core')}")
-        yield ray
-
-
-@contextlib.contextmanager
-def connected(address: str, cores: int | None = None) -> Iterator[Any]:
+def connected(address: str) -> Iterator[Any]:
     """Connect this process to a cluster; yields the library. Raises WarehouseError in one sentence if it cannot.
 
     A cluster of this machine alone ends with the context; its token and its files stay out of the user's home. Where
@@ -142,7 +130,7 @@ def connected(address: str, cores: int | None = None) -> Iterator[Any]:
         if address == LOCAL:
             if "RAY_AUTH_MODE" not in os.environ:  # for good: Ray reads the token once in a process
                 os.environ.update(RAY_AUTH_MODE="token", RAY_AUTH_TOKEN=secrets.token_hex(32))
-            options = {"address": LOCAL, "num_cpus": cores, "include_dashboard": False, "_temp_dir": folder}
+            options = {"address": LOCAL, "include_dashboard": False, "_temp_dir": folder}
         import ray
 
         before = signal.getsignal(signal.SIGTERM)
@@ -177,7 +165,7 @@ def _first_line(error: Exception) -> str:
 
 
 def _prepare_nodes(ray: Any, prepare: Callable[[], None] | None) -> int:
-    """Check and prepare all nodes; return their number. WarehouseError names a node that cannot work."""
+    """Check and prepare all nodes; return their number. WarehouseError if there is none, or one has other code."""
     from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
     sent = {}
@@ -196,6 +184,8 @@ def _prepare_nodes(ray: Any, prepare: Callable[[], None] | None) -> int:
                 raise WarehouseError(
                     f"node {node} cannot do the jobs: {_first_line(error.cause)}; install the same version there"
                 ) from None
+    if not ready:
+        raise WarehouseError("the cluster has no node with a free core: add one by `ray start --address HOST:PORT`")
     return ready
 
 

@@ -10,7 +10,7 @@ import dataclasses
 import os
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, ClassVar, Literal, TypeVar
 
 import tyro
 
@@ -36,6 +36,8 @@ def _cores() -> int:
 @dataclass(frozen=True)
 class TrainingConfig(Checked):
     """Options of all trainers: worlds, budget, reward schedule, network and folders."""
+
+    algorithm: ClassVar[str]
 
     name: str = "policy"
     """Name of the run; its folder is OUT/NAME."""
@@ -279,7 +281,8 @@ class ClippedConfig(TrainingConfig):
 class ReinforceConfig(ThreadedConfig):
     """Train our policy gradient: REINFORCE over the next action command, with a learned value as baseline."""
 
-    name: str = "reinforce"
+    algorithm = "reinforce"
+    name: str = algorithm
     minibatch: int = 2048
 
 
@@ -287,7 +290,8 @@ class ReinforceConfig(ThreadedConfig):
 class ThreadedPPOConfig(ThreadedConfig, ClippedConfig):
     """Train our own proximal policy optimisation, in threads."""
 
-    name: str = "threaded_ppo"
+    algorithm = "threaded_ppo"
+    name: str = algorithm
     layouts: _Floors = ("paper46", "narrow", "single_lane", *DRAWN)
     robots: tuple[int, ...] = (64,)
     rows: int = 1216
@@ -303,5 +307,6 @@ class ThreadedPPOConfig(ThreadedConfig, ClippedConfig):
 class PPOConfig(ClippedConfig):
     """Train proximal policy optimisation, by stable-baselines3."""
 
-    name: str = "ppo"
+    algorithm = "ppo"
+    name: str = algorithm
     learning_rate: float = 2e-4

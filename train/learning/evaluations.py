@@ -11,7 +11,7 @@ from train.learning.progress import ProgressLog
 SHARE = 0.03  # of the processor time, at most, from one to the next
 
 Drive = Callable[[TrainingConfig], dict[str, float]]
-"""Drives the policy in the folder of a training; returns FIGURES of board.py."""
+"""Drives the policy in the folder of a training; returns FIGURES of progress.py."""
 
 
 class Evaluations:

@@ -1,4 +1,4 @@
-"""Rollouts of our own trainer: a worker plays its worlds with the present policy and judges every action."""
+"""Rollouts of our own trainers: a worker plays its worlds with the current policy and judges every action."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from torch import Tensor
 
 from agents.networks import ActorCritic
 from train.learning.config import TrainingConfig
-from train.learning.timing import Split
+from train.learning.trainer import Split
 from train.learning.worlds import TrainingWorlds
 from warehouse_env.config import EnvConfig, RewardWeights
 
@@ -56,18 +56,16 @@ def advantages(
 class RolloutWorker:
     """Worlds and buffers of one thread."""
 
-    def __init__(
-        self, config: TrainingConfig, length: int, mixes: Sequence[tuple[EnvConfig, int]], number: int
-    ) -> None:
+    def __init__(self, config: TrainingConfig, mixes: Sequence[tuple[EnvConfig, int]], number: int) -> None:
         """Make the worlds.
 
         Args:
-            config: of the training.
-            length: decisions in a rollout, T.
+            config: of the training; its `rollout` is T.
             mixes: environments with the number of worlds of each.
             number: of this worker; the worlds' seeds follow from it.
         """
-        self._config, self._length, self.split = config, length, Split()
+        length = config.rollout
+        self._config, self.split = config, Split()
         with self.split.measure("simulator_s"):
             self.worlds = TrainingWorlds(mixes, [config.seed, number], config.jam_seconds, config.shared)
         self.rows = self.worlds.rows
@@ -93,7 +91,7 @@ class RolloutWorker:
         rng, worlds = np.random.default_rng(seed), self.worlds
         worlds.set_reward(weights)
         self._ended[:] = False
-        for t in range(self._length):
+        for t in range(self._config.rollout):
             self._observation[t] = worlds.observation
             with self.split.measure("policy_s"):
                 self._action[t], self._log_probability[t] = net.draw(torch.from_numpy(self._observation[t]), rng)

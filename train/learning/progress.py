@@ -1,4 +1,4 @@
-"""The progress of a training: a bar or a line every minute, rows in progress.jsonl, and TensorBoard (board.py)."""
+"""The progress of a training: a bar or a line every minute, rows in progress.jsonl, and TensorBoard's log."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from typing import Any, Self
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
-from train.learning.board import Board
 from train.reporting.report import tell
 from train.reporting.rows import Row, RowFile, whole_rows, write_rows
 
 ROWS = "progress.jsonl"
 LOG_SECONDS = 5.0  # between two rows
 LINE_SECONDS = 60.0  # between two lines where no bar is shown
+FIGURES = ("goals_per_robot_hour", "collisions_per_km", "stuck")  # of an evaluation on held-out seeds
 
 
 def _steps(row: Row) -> float:
@@ -52,8 +52,8 @@ class ProgressLog:
         columns = (BarColumn(), TaskProgressColumn(), TimeElapsedColumn(), TextColumn("{task.fields[text]}"))
         self._bar = Progress(*columns, console=self._console, disable=self._bare)
         self._task = self._bar.add_task("training", total=1.0, text="first rollout")
-        self._board = Board(directory / "tensorboard", settings, steps)
-        if not self._board.is_open:
+        self._board = open_board(directory / "tensorboard", settings, steps)
+        if self._board is None:
             tell('no TensorBoard log: for one, pip install "warehouse-env[train]"', self._console)
         self._since, self._steps, self._losses = time.monotonic(), steps, []  # type: tuple[float, int, list[dict[str, float]]]
         self._told = self._since
@@ -66,7 +66,8 @@ class ProgressLog:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._bar.stop()
-        self._board.close()
+        if self._board is not None:
+            self._board.close()
 
     def update(
         self,
@@ -94,7 +95,7 @@ class ProgressLog:
         means = {key: sum(one[key] for one in self._losses) / len(self._losses) for key in losses}
         self.last = {"steps_per_second": rate, **figures(), **means}
         self._rows.add([{"steps": steps, "seconds": seconds, "spent": spent, **self.last}])
-        self._board.add("train", self.last, steps)
+        self._add("train", self.last, steps)
         self._since, self._steps, self._losses = now, steps, []
         text = f"{steps / 1e6:.2f} M, {rate:,.0f} steps/s, {_in_words(self.last)}"
         ended = self.last["worlds_ended"]
@@ -107,10 +108,29 @@ class ProgressLog:
     def evaluated(self, figures: Mapping[str, float], steps: int, seconds: float) -> None:
         """Log how the policy drove on held-out seeds after `steps` agent-steps; seconds: the time that this took."""
         self._since += seconds  # of which none are the training's
-        self._board.add("held_out", figures, steps)
+        self._add("held_out", figures, steps)
         tell(f"held-out seeds after {steps / 1e6:.2f} M, in {seconds:.1f} s: {_in_words(figures)}", self._console)
+
+    def _add(self, group: str, figures: Mapping[str, float], steps: int) -> None:
+        """Write figures to TensorBoard's log, if there is one."""
+        for name, value in figures.items() if self._board is not None else ():
+            self._board.add_scalar(f"{group}/{name}", value, steps)
+
+
+def open_board(directory: Path, settings: Mapping[str, Any], steps: int) -> Any:
+    """Open TensorBoard's log and write the settings of the training as a text; None if it is not installed.
+
+    steps: agent-steps done before; what a broken run wrote of later ones is hidden.
+    """
+    try:
+        from torch.utils.tensorboard import SummaryWriter
+    except ImportError:
+        return None
+    writer = SummaryWriter(str(directory), purge_step=steps + 1 if steps else None)
+    writer.add_text("settings", "".join(f"- {name}: {value}\n" for name, value in settings.items()))
+    return writer
 
 
 def _in_words(figures: Mapping[str, float]) -> str:
-    goals, contacts, stuck = (figures[name] for name in ("goals_per_robot_hour", "collisions_per_km", "stuck"))
+    goals, contacts, stuck = (figures[name] for name in FIGURES)
     return f"{goals:.0f} goals/robot-h, {contacts:.2f} collisions/km, {100 * stuck:.1f}% stuck"

@@ -1,7 +1,7 @@
 """The policy-gradient trainer behind REINFORCE and our PPO, which differ in their loss.
 
-Each worker, on its own thread or machine, plays its own rollout and computes the gradient of its own rows. Workers meet
-only to add the gradients, in order. That is faster than threads within each small operation, also on a busy machine.
+Each thread plays its own worlds and computes the gradient of its own rows. Threads meet only to add the gradients, in
+order. That is faster than threads within each small operation, also on a busy machine.
 
 The critic's value continues the return after each rollout. The advantage A is the generalised one (Schulman et al.
 2016); with gae_lambda = 1 it is exactly the truncated return minus the baseline.
@@ -9,7 +9,9 @@ The critic's value continues the return after each rollout. The advantage A is t
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, TypeVar
 
 import numpy as np
 import torch
@@ -19,27 +21,34 @@ from torch import Tensor
 from agents.networks import first_actor_critic, tensors_of
 from train.learning import checkpoint
 from train.learning.config import ThreadedConfig
-from train.learning.crew import ActorLoss, CrewMaker, Judged, Worker
-from train.learning.timing import Split, set_threads
+from train.learning.experience import Rollout, RolloutWorker
+from train.learning.trainer import Split, Tensors, Trainer, network_of, set_threads
 from train.learning.worlds import Counts
 
+T = TypeVar("T")
 FIGURES = ("actor_loss", "critic_loss", "entropy", "clip_fraction", "gradient_norm")
 
+ActorLoss = Callable[[Tensor, Tensor, Tensor], tuple[Tensor, Tensor]]
+"""Returns the loss whose gradient drives the actor, and the share of rows that it holds back.
 
-class ThreadedTrainer:
+Its arguments are float32[M]: log pi(a | o) as the policy stands and as it was when the action was drawn, and the
+advantage scaled to mean 0 and deviation 1.
+"""
+
+
+class ThreadedTrainer(Trainer):
     """Workers, network and optimizer. One `update` is one rollout and `epochs` passes over its rows."""
 
-    algorithm: str
     epochs = 1
 
-    def __init__(self, config: ThreadedConfig, actor_loss: ActorLoss, crew: CrewMaker) -> None:
-        self.config, self.rollout = config, config.rollout
+    def __init__(self, config: ThreadedConfig, actor_loss: ActorLoss) -> None:
+        self.config, self.rollout, self._actor_loss = config, config.rollout, actor_loss
         set_threads(1)
-        self._crew = crew(config, actor_loss)
-        self._nothing: list[tuple[()]] = [()] * config.threads
-        facts = self._crew.each(Worker.facts, self._nothing)
-        self.rows = sum(one.rows for one in facts)
-        _, self.env, self.network = facts[0]
+        self._workers = [RolloutWorker(config, mixes, number) for number, mixes in enumerate(config.shares())]
+        self._pool = ThreadPoolExecutor(config.threads, initializer=set_threads, initargs=(1,))
+        self.rows = sum(worker.rows for worker in self._workers)
+        first = self._workers[0].worlds.simulators[0]
+        self.env, self.network = first.config, network_of(first, config.hidden)
         torch.manual_seed(config.seed)
         self.net = first_actor_critic(self.network, self.env, config.cruise_bias)
         self._sizes = [parameter.numel() for parameter in self.net.parameters()]
@@ -50,76 +59,95 @@ class ThreadedTrainer:
     @property
     def split(self) -> Split:
         """Where the time went: the workers' mean for the rollouts, which they play side by side."""
-        return self._own.with_mean_of(self._crew.each(Worker.split, self._nothing))
+        return self._own.with_mean_of([worker.split for worker in self._workers])
+
+    def _each(self, work: Callable[..., T], *arguments: Iterable[Any]) -> list[T]:
+        """Return what a function returns for each thread's arguments, called side by side."""
+        return list(self._pool.map(work, *arguments))
 
     def update(self, number: int, spent: float) -> dict[str, float]:
         """Collect one rollout and take the passes of gradient steps over it (see `Trainer.update`)."""
         config = self.config
         set_threads(1)  # one for each worker, and the workers are what runs side by side
         weights = config.reward(spent)
-        self._crew.share(self.net)
         seeds = [[config.seed, k, number] for k in range(config.threads)]
-        rollouts = self._crew.each(Worker.collect, [(weights, seed) for seed in seeds])
+        rollouts = self._each(lambda one, seed: one.collect(self.net, weights, seed), self._workers, seeds)
         with self._own.measure("update_s"):
             step_size = config.step_size(spent)
             for group, factor in zip(self.optimizer.param_groups, (1.0, config.critic_factor), strict=True):
                 group["lr"] = factor * step_size
             return self._learn(rollouts, [config.seed, len(rollouts), number], config.entropy(spent))
 
-    def _learn(self, rollouts: list[Judged], seed: list[int], entropy_weight: float) -> dict[str, float]:
-        scale = joint_scale([torch.tensor(rollout.advantage) for rollout in rollouts])
+    def _learn(self, rollouts: list[Rollout], seed: list[int], entropy_weight: float) -> dict[str, float]:
+        mean, spread = joint_scale([rollout.advantage for rollout in rollouts])
+        rollouts = [one._replace(advantage=(one.advantage - mean) / spread) for one in rollouts]
         pieces = max(1, round(self.rows * self.rollout / self.config.minibatch))
         rng = np.random.default_rng(seed)
         totals = torch.zeros(len(FIGURES))
         for _ in range(self.epochs):
             orders = [np.array_split(rng.permutation(len(one.target)), pieces) for one in rollouts]
-            for piece in range(pieces):
-                totals += self._descend([(order[piece], scale, entropy_weight) for order in orders])
-        target = torch.cat([torch.tensor(rollout.target) for rollout in rollouts])
+            for chosen in zip(*orders, strict=True):
+                totals += self._descend(rollouts, chosen, entropy_weight)
+        target = torch.cat([rollout.target for rollout in rollouts])
         figures = dict(zip(FIGURES, (totals / (self.epochs * pieces)).tolist(), strict=True))
         return {**figures, "explained_variance": 1.0 - 2.0 * figures["critic_loss"] / target.var().item()}
 
-    def _descend(self, chosen: list[tuple[NDArray[np.int64], tuple[float, float], float]]) -> Tensor:
-        """Take one gradient step by what each worker is given for `Worker.gradient`; return FIGURES."""
-        self._crew.share(self.net)
-        parts = self._crew.each(Worker.gradient, chosen)
-        slopes = torch.split(torch.from_numpy(np.stack([part.slopes for part in parts])), self._sizes, dim=1)
+    def _descend(self, rollouts: list[Rollout], chosen: Iterable[NDArray[np.int64]], entropy_weight: float) -> Tensor:
+        """Take one gradient step by the chosen rows of each rollout; return FIGURES."""
+        parts = self._each(lambda one, rows: self.gradient(one, rows, entropy_weight), rollouts, chosen)
+        slopes = torch.split(torch.stack([slope for slope, _ in parts]), self._sizes, dim=1)
         for parameter, own in zip(self.net.parameters(), slopes, strict=True):
             parameter.grad = own.contiguous().mean(0).view_as(parameter)
         norm, _ = [torch.nn.utils.clip_grad_norm_(group, self.config.gradient_clip) for group in self._groups]
         self.optimizer.step()
-        return torch.cat([torch.from_numpy(np.stack([part.figures for part in parts])).mean(0), norm[None]])
+        return torch.cat([torch.stack([figures for _, figures in parts]).mean(0), norm[None]])
+
+    def gradient(self, rollout: Rollout, rows: NDArray[np.int64], entropy_weight: float) -> tuple[Tensor, Tensor]:
+        """Return means over some rows of a rollout: slopes float32[P] of all parameters, and all FIGURES but the norm.
+
+        The rollout's advantages are scaled already.
+        """
+        chosen = torch.from_numpy(rows)
+        observation = rollout.observation[chosen]
+        log_probability, entropy = self.net.log_probability(observation, rollout.action[chosen])
+        actor_loss, held = self._actor_loss(log_probability, rollout.log_probability[chosen], rollout.advantage[chosen])
+        critic_loss = 0.5 * (self.net.value(observation) - rollout.target[chosen]).square().mean()
+        mean_entropy = entropy.mean()
+        loss = actor_loss - entropy_weight * mean_entropy + critic_loss
+        slopes = torch.cat([slope.flatten() for slope in torch.autograd.grad(loss, list(self.net.parameters()))])
+        return slopes, torch.stack([actor_loss, critic_loss, mean_entropy, held]).detach()
 
     def take_figures(self) -> dict[str, float]:
         """Return what happened since the last call (see `Trainer.take_figures`)."""
-        counts = sum(self._crew.each(Worker.take_counts, self._nothing), Counts())
+        counts = sum((worker.worlds.tally.take() for worker in self._workers), Counts())
         return counts.figures(self.env.time_step * self.env.action_repeat)
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """Return network, optimizer and the worlds' histories (see `Trainer.arrays`)."""
-        network = {f"network.{name}": array for name, array in self.policy_tensors().items()}
         worlds = {
             f"worlds.{number}.{name}": array
-            for number, history in enumerate(self._crew.each(Worker.history, self._nothing))
-            for name, array in history.items()
+            for number, worker in enumerate(self._workers)
+            for name, array in worker.worlds.history().items()
         }
-        return {**network, **checkpoint.optimizer_arrays(self.optimizer), **worlds}
+        return {**super().arrays(), **worlds}
 
     def load(self, arrays: dict[str, NDArray[Any]]) -> None:
         """Put back what `arrays` returned; the worlds replay their last actions."""
-        network = checkpoint.part_of(arrays, "network.")
-        self.net.load_state_dict({name: torch.from_numpy(array.copy()) for name, array in network.items()})
-        checkpoint.load_optimizer(self.optimizer, arrays)
-        histories = [checkpoint.part_of(arrays, f"worlds.{number}.") for number in range(self.config.threads)]
-        self._crew.each(Worker.replay, [(history,) for history in histories])
+        super().load(arrays)
+        histories = [checkpoint.part_of(arrays, f"worlds.{number}.") for number in range(len(self._workers))]
+        self._each(lambda worker, history: worker.worlds.replay(history), self._workers, histories)
 
-    def policy_tensors(self) -> dict[str, NDArray[np.float32]]:
+    def policy_tensors(self) -> Tensors:
         """Return the network's tensors (see `Trainer.policy_tensors`)."""
         return tensors_of(self.net)
 
+    def load_policy(self, tensors: Tensors) -> None:
+        """Put the network's tensors back (see `Trainer.load_policy`)."""
+        self.net.load_state_dict({name: torch.from_numpy(array.copy()) for name, array in tensors.items()})
+
     def close(self) -> None:
-        """End the workers (see `Trainer.close`)."""
-        self._crew.close()
+        """End the threads (see `Trainer.close`)."""
+        self._pool.shutdown()
 
 
 def joint_scale(advantage: list[Tensor]) -> tuple[float, float]:

@@ -1,69 +1,114 @@
-"""What `run_training` and the benchmarks need to know of a training algorithm."""
+"""What `run_training` and the benchmarks need to know of a training algorithm, and what all trainers share."""
 
 from __future__ import annotations
 
 import time
-from typing import Any, Protocol
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
 
 import gymnasium
 import numpy as np
+import torch
 from numpy.typing import NDArray
 
 from agents.weights_folder import Network
-from train.learning.timing import Split
+from train.learning import checkpoint
 from warehouse_env.config import EnvConfig
 from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.threads import MOST_THREADS, set_num_threads
+
+PARTS = ("simulator_s", "policy_s", "update_s")
+
+Tensors = dict[str, NDArray[np.float32]]
+"""The tensors of a policy by their names in a weights folder."""
 
 
-class Trainer(Protocol):
+class Split:
+    """Seconds spent in each part: "simulator_s", "policy_s" (forward passes of the rollouts) and "update_s"."""
+
+    def __init__(self) -> None:
+        self.seconds = dict.fromkeys(PARTS, 0.0)
+
+    @contextmanager
+    def measure(self, part: str) -> Iterator[None]:
+        """Add the time of the block to `part`."""
+        begun = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.seconds[part] += time.perf_counter() - begun
+
+    def with_mean_of(self, others: Sequence[Split]) -> Split:
+        """Return these seconds plus the mean of others that ran side by side."""
+        joined = Split()
+        for part in PARTS:
+            joined.seconds[part] = self.seconds[part] + sum(one.seconds[part] for one in others) / len(others)
+        return joined
+
+
+def set_threads(threads: int) -> None:
+    """Use this many threads in torch and in the simulator, as far as the machine allows, from the calling thread."""
+    torch.set_num_threads(threads)
+    set_num_threads(min(threads, MOST_THREADS))
+
+
+class Trainer(ABC):
     """One algorithm: all that `run_training` needs to know of it."""
 
-    algorithm: str
     env: EnvConfig  # what the policy needs of an environment
     network: Network
     rows: int  # robots stepped at a time
     rollout: int  # decisions of each between two updates
+    optimizer: torch.optim.Optimizer
 
     @property
+    @abstractmethod
     def split(self) -> Split:
         """Where the time went so far."""
-        ...
 
+    @abstractmethod
     def update(self, number: int, spent: float) -> dict[str, float]:
         """Collect one rollout and learn from it; return losses and such, for the log.
 
         number: updates done before; all chance of this update follows from it and the seed. spent: share of the budget
         used, 0 to 1; the schedules follow it.
         """
-        ...
 
+    @abstractmethod
     def take_figures(self) -> dict[str, float]:
         """Return what happened in the worlds since the last call: reward, goals and collisions."""
-        ...
+
+    @abstractmethod
+    def policy_tensors(self) -> Tensors:
+        """Return the tensors of the current policy, for a weights folder."""
+
+    @abstractmethod
+    def load_policy(self, tensors: Tensors) -> None:
+        """Put back what `policy_tensors` returned."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """End its threads and worlds."""
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """Return all that `load` needs to go on."""
-        ...
+        network = {f"network.{name}": array for name, array in self.policy_tensors().items()}
+        return {**network, **checkpoint.optimizer_arrays(self.optimizer)}
 
     def load(self, arrays: dict[str, NDArray[Any]]) -> None:
         """Put back what `arrays` returned; the config is the same."""
-        ...
-
-    def policy_tensors(self) -> dict[str, NDArray[np.float32]]:
-        """Return the tensors of the current policy, for a weights folder."""
-        ...
-
-    def close(self) -> None:
-        """End its threads and processes."""
-        ...
+        self.load_policy(checkpoint.part_of(arrays, "network."))
+        checkpoint.load_optimizer(self.optimizer, arrays)
 
 
 def network_of(simulator: Simulator, hidden: tuple[int, ...]) -> Network:
     """Return the sizes of the networks for one robot of `simulator`."""
     space = simulator.action_space
-    discrete = isinstance(space, gymnasium.spaces.Discrete)
-    actions = int(space.n) if isinstance(space, gymnasium.spaces.Discrete) else (space.shape or (0,))[0]
-    return Network(simulator.layout.size, actions, discrete, hidden)
+    if isinstance(space, gymnasium.spaces.Discrete):
+        return Network(simulator.layout.size, int(space.n), True, hidden)
+    return Network(simulator.layout.size, (space.shape or (0,))[0], False, hidden)
 
 
 def profile(trainer: Trainer, updates: int, warm_up: int = 1) -> dict[str, float]:

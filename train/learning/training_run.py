@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import importlib.metadata
+import os
 import shlex
+import signal
 import threading
 import time
-from collections.abc import Callable
-from contextlib import ExitStack, closing
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 from typing import TypeVar
 
@@ -22,18 +24,16 @@ from train.learning.config import TrainingConfig
 from train.learning.evaluations import Drive, Evaluations
 from train.learning.plan_ahead import plan_ahead
 from train.learning.progress import ProgressLog
-from train.learning.stop import stop_signal
 from train.learning.trainer import Trainer
 from train.reporting.lock import held
 from train.reporting.report import tell
-from warehouse_env.errors import ConfigError, LostError, WarehouseError, WeightsError
+from warehouse_env.errors import ConfigError, WarehouseError, WeightsError
 from warehouse_env.files import check_writable
 from warehouse_env.plugins import digests
 
 CHECKPOINT = "checkpoint"
 LOCK = ".lock"  # in a run's folder, while it is trained in
 _NAMED = 3  # floors that the first line names
-_MOST_LOST = 5  # losses of workers in a row without a checkpoint; one machine may cost two
 _FREE_ON_RESUME = ("resume", "progress")  # options that do not change the schedule
 
 ConfigT = TypeVar("ConfigT", bound=TrainingConfig)
@@ -66,7 +66,7 @@ class Position:
         return min(max(shares), 1.0)
 
 
-def run_training(config: ConfigT, algorithm: str, make: Callable[[ConfigT], Trainer], drive: Drive) -> Path:
+def run_training(config: ConfigT, make: Callable[[ConfigT], Trainer], drive: Drive) -> Path:
     """Train until the budget is used or a signal stops it; return the run's folder, which is a policy folder.
 
     make: makes the trainer. drive: see `Evaluations`. SIGINT and SIGTERM take effect once everything is saved.
@@ -80,32 +80,11 @@ def run_training(config: ConfigT, algorithm: str, make: Callable[[ConfigT], Trai
             check_writable(config.directory / CONFIG)
         if config.resume is None or config.resume.is_dir():  # else _begin raises
             stack.enter_context(held(config.directory / LOCK, config.directory))
-        config, saved = _begin(config, algorithm)
+        config, saved = _begin(config)
         if saved is not None:
             _check_unchanged(config, Position.of(saved))
         tell(_beginning(config))
         plan_ahead(config)
-        lost = 0
-        while True:
-            try:
-                _run(config, saved, make, drive)
-                return config.directory
-            except LostError as error:
-                before, saved = _updates(saved), _last(config)
-                if saved is not None:  # the new workers read the files again
-                    _check_unchanged(config, Position.of(saved))
-                lost = 1 if _updates(saved) > before else lost + 1
-                if lost > _MOST_LOST:
-                    again = f"go on with --resume {shlex.quote(str(config.directory))}"
-                    raise LostError(f"{error}, {lost} times before the next checkpoint; {again}") from None
-                tell(f"{error}: goes on after update {_updates(saved)} with new workers")
-
-
-def _run(
-    config: ConfigT, saved: checkpoint.Checkpoint | None, make: Callable[[ConfigT], Trainer], drive: Drive
-) -> None:
-    """Train from the beginning or a checkpoint; LostError if the trainer lost workers."""
-    with ExitStack() as stack:
         trainer = stack.enter_context(closing(make(config)))
         if saved is None:
             position = Position(files=file_digests(config.layouts), code=_code(config))
@@ -124,6 +103,37 @@ def _run(
             evaluations.run(position.update, position.steps, log)
         if config.progress:
             tell(_split(trainer))
+    return config.directory
+
+
+@contextmanager
+def stop_signal() -> Iterator[threading.Event]:
+    """Yield an event that Ctrl-C or SIGTERM sets, so that the running update ends; a second signal exits at once.
+
+    At the end the signal is raised again with its usual effect.
+    """
+    stop = threading.Event()
+    if threading.current_thread() is not threading.main_thread():
+        yield stop
+        return
+
+    asked: list[signal.Signals] = []
+
+    def ask(number: int, frame: object) -> None:
+        if asked:
+            os._exit(130)
+        asked.append(signal.Signals(number))
+        stop.set()
+
+    before = {number: signal.signal(number, ask) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield stop
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    if asked:
+        signal.raise_signal(asked[0])
+        raise KeyboardInterrupt  # where the signal is ignored, as it is in the background of a shell
 
 
 def _code(config: TrainingConfig) -> dict[str, str]:
@@ -153,15 +163,6 @@ def _check_unchanged(config: TrainingConfig, position: Position) -> None:
             )
 
 
-def _last(config: TrainingConfig) -> checkpoint.Checkpoint | None:
-    directory = config.directory / CHECKPOINT
-    return checkpoint.read(directory) if checkpoint.exists(directory) else None
-
-
-def _updates(saved: checkpoint.Checkpoint | None) -> int:
-    return 0 if saved is None else int(saved.data["update"])
-
-
 def is_done(config: TrainingConfig) -> bool:
     """Return whether a run has used its budget; ConfigError if its folder holds another training."""
     if not (config.directory / CONFIG).exists() or not checkpoint.exists(config.directory / CHECKPOINT):
@@ -173,7 +174,7 @@ def is_done(config: TrainingConfig) -> bool:
     return bool(read_record(config.directory).training["spent"] >= 1)  # of the weights, written after the checkpoint
 
 
-def _begin(config: ConfigT, algorithm: str) -> tuple[ConfigT, checkpoint.Checkpoint | None]:
+def _begin(config: ConfigT) -> tuple[ConfigT, checkpoint.Checkpoint | None]:
     """Check the run's folder; return the config to train with, and the checkpoint to resume from, if any."""
     directory = config.directory
     if config.resume is None:
@@ -183,8 +184,8 @@ def _begin(config: ConfigT, algorithm: str) -> tuple[ConfigT, checkpoint.Checkpo
         return config, None
     saved = checkpoint.read(directory / CHECKPOINT)
     try:
-        if saved.data["algorithm"] != algorithm:
-            raise WeightsError(f"{directory} was trained by {saved.data['algorithm']}, not by {algorithm}")
+        if saved.data["algorithm"] != config.algorithm:
+            raise WeightsError(f"{directory} was trained by {saved.data['algorithm']}, not by {config.algorithm}")
         stored = type(config).from_dict(saved.data["config"])
     except (KeyError, TypeError) as error:
         raise WeightsError(f"the checkpoint in {directory} lacks the entry {error}") from None
@@ -252,7 +253,7 @@ def _update(config: TrainingConfig, trainer: Trainer, position: Position, spent:
 def _save(config: TrainingConfig, trainer: Trainer, position: Position, figures: dict[str, float]) -> None:
     """Write the checkpoint, the current policy and its card."""
     plain = {key: value for key, value in config.to_dict().items() if key != "resume"}
-    data = {"algorithm": trainer.algorithm, "config": plain, **dataclasses.asdict(position)}
+    data = {"algorithm": config.algorithm, "config": plain, **dataclasses.asdict(position)}
     directory = config.directory
     checkpoint.write(directory / CHECKPOINT, trainer.arrays(), data)
     versions = {name: importlib.metadata.version(name) for name in ("torch", "numpy", "numba")}
@@ -260,7 +261,7 @@ def _save(config: TrainingConfig, trainer: Trainer, position: Position, figures:
         "steps": position.steps, "updates": position.update, "seconds": round(position.seconds, 1),
         "spent": position.spent(config), "config": plain, "last_figures": figures, "versions": versions,
     }  # fmt: skip
-    record = PolicyRecord(trainer.algorithm, trainer.network, config.driven(trainer.env), config.mode, training)
+    record = PolicyRecord(config.algorithm, trainer.network, config.driven(trainer.env), config.mode, training)
     save_policy(directory, record, trainer.policy_tensors())
     write_card(directory)
 

@@ -42,7 +42,6 @@ def test_wrong_options_are_said_in_one_sentence(tmp_path: Path, capsys: pytest.C
     for options, sentence in (
         (("--seeds", "0"), "--seeds 0 must lie between 1 and 10,000"),
         (("--seeds", "2", "--resume", str(tmp_path)), "--resume must be left out with --seeds 2"),
-        (("--ray", "nobody"), "--ray 'nobody' must be auto, local or HOST:PORT"),
     ):
         assert main([*SHORT, *options]) == 2
         assert sentence in capsys.readouterr().err

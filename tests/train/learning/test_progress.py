@@ -8,9 +8,8 @@ import pytest
 
 from train import reinforce
 from train.learning import progress
-from train.learning.board import FIGURES, Board
 from train.learning.config import ReinforceConfig
-from train.learning.progress import ProgressLog
+from train.learning.progress import FIGURES, ProgressLog, open_board
 
 events = pytest.importorskip("tensorboard.backend.event_processing.event_accumulator")
 
@@ -57,9 +56,9 @@ def test_tensorboard_has_figures_evaluations_and_settings(tmp_path: Path) -> Non
 
 def test_what_a_broken_run_wrote_of_later_steps_is_hidden(tmp_path: Path) -> None:
     for done, values in ((0, ((10, 1.0), (20, 2.0), (30, 3.0))), (20, ((30, 4.0),))):
-        board = Board(tmp_path, {"seed": 0}, done)
+        board = open_board(tmp_path, {"seed": 0}, done)
         for step, value in values:
-            board.add("train", {"reward": value}, step)
+            board.add_scalar("train/reward", value, step)
         board.close()
         (written,) = tmp_path.glob("events.out.tfevents.[1-9]*")
         written.rename(tmp_path / f"events.out.tfevents.0{done}")  # read in the order of the names, which tell seconds
