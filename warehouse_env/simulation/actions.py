@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import gymnasium
@@ -144,12 +145,18 @@ class ActionDecoder:
             )
         if not np.isfinite(given).all():
             raise ActionError(f"{kind} actions must be finite; some are nan or infinite")
-        first, second = np.clip(given[..., 0], -1, 1), np.clip(given[..., 1], -1, 1)
-        if kind == "raw":
+        self.write_scaled(np.clip(given, -1, 1), commands)
+
+    def write_scaled(self, given: Any, commands: Any, where: Callable[..., Any] = np.where) -> None:
+        """Write the commands of continuous or raw actions in [-1, 1]: arrays [B, N, 2], or tensors with their `where`,
+        which returns float64 as NumPy's does.
+        """
+        first, second = given[..., 0], given[..., 1]
+        if self._config.action_type == "raw":
             commands[..., 0] = first * self._hardest
             commands[..., 1] = second * self._quickest
             return
         cruise = np.minimum(self._cruise, self._fastest) if self._fleet else self._cruise
-        span = np.where(first >= 0, self._fastest - cruise, cruise - self._slowest)
+        span = where(first >= 0, self._fastest - cruise, cruise - self._slowest)
         commands[..., 0] = cruise + first * span
         commands[..., 1] = second * self._widest

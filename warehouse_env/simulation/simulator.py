@@ -67,7 +67,7 @@ class Simulator(Portable):
 
     bound = (
         "state", "events", "_floor", "_rays", "_zones", "_compiled",
-        "_worlds", "_setup", "_scratches", "_searches",
+        "_worlds", "setup", "_scratches", "_searches",
     )  # fmt: skip
 
     def __init__(
@@ -105,8 +105,8 @@ class Simulator(Portable):
         self._kinds = self._every_kind[list(config.kind_of)] if config.fleet else None
         self._limits: Limits = self._params, self._kinds
         self.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (self.layout.size,), np.float32)
-        self._actions = ActionDecoder(planned)
-        self.action_space = self._actions.space
+        self.actions = ActionDecoder(planned)
+        self.action_space = self.actions.space
         self._weights = weight_vector(config.reward)
         self._reward_weights = config.reward
         self._planned = np.zeros((num_worlds, config.num_agents), dtype=state.ROBOT)
@@ -130,7 +130,7 @@ class Simulator(Portable):
         self.arrivals: list[Arrival] = []
         said = math.ceil(int(p["latency"][0]) / self.config.action_repeat)  # env steps ago, what comes into force now
         self._commands = np.zeros((1 + said, b, n, 2), dtype=np.float32)
-        self._choices = self._actions.no_choices(b, n)
+        self._choices = self.actions.no_choices(b, n)
         reach = float(p["pair_range"][0])
         widest = float(p["widest"][0])
         self._stamps = np.zeros((b, n, state.most_near(n, self.config), 2), dtype=np.int32)
@@ -168,7 +168,7 @@ class Simulator(Portable):
         self._zones = zones_of(self.grid, planned_config(self.config))
         self._rays = unit_vectors(self.config.sensor.rays)
         self._compiled: dict[Callable[..., Any], Callable[..., Any]] = {}  # kernels, once a step asks for them
-        self._scratches = Pool(self._make_scratch)
+        self._scratches = Pool(self.make_scratch)
         self._searches = Pool(lambda: make_search_scratch(self.num_agents, self.config.people, POSES))
         self._collect()
 
@@ -176,7 +176,7 @@ class Simulator(Portable):
         """Keep the kernels' arguments ready: collecting them takes longer than a small world's step."""
         shifts, people, deviation, table = self.dispatcher.shifts, self.people, self._deviation, None
         if self.config.sensor.predictions:  # what discrete actions mean to each kind of robots, float32[K, A, 2]
-            actions, kinds = self._actions, planned_config(self.config).kinds
+            actions, kinds = self.actions, planned_config(self.config).kinds
             table = np.stack([actions.commands_of(robot) for robot in kinds]) if len(kinds) > 1 else actions.table[None]
         self._worlds = Worlds(
             self._planned, self.routes, self.arcs, self._commands, people.persons, people.ways,
@@ -184,17 +184,19 @@ class Simulator(Portable):
             self.steps, self.truncated, self.terminated, self._waiting, self._faults, self._paths, self._choices,
             self.observation, self.reward_terms, self.reward,
         )  # fmt: skip
-        self._setup = Setup(
+        self.setup = Setup(
             self._features,
             Equipment(self.layout.starts, self._rays, table, self._weights, self._zones),
             Vehicles(*self._limits), Vehicles(self._true_params, self._true_kinds), self._floor,
         )  # fmt: skip
 
-    def _make_scratch(self) -> Scratch:
-        return make_scratch(self._setup, self.num_agents, self._decides)
+    def make_scratch(self) -> Scratch:
+        """Return scratch for one kernel call at a time."""
+        return make_scratch(self.setup, self.num_agents, self._decides)
 
-    def _at_hand(self) -> Worlds:
-        """Return the worlds' arrays; that of the routes is another one once a longer route has come."""
+    @property
+    def worlds(self) -> Worlds:
+        """The worlds' arrays; that of the routes is another one once a longer route has come."""
         if self._worlds.routes is not self.dispatcher.routes:
             self._worlds = self._worlds._replace(routes=self.dispatcher.routes)
         return self._worlds
@@ -236,7 +238,7 @@ class Simulator(Portable):
     @property
     def cruise_action(self) -> NDArray[Any]:
         """One robot's action that drives along the route at full speed (raw: no command at all)."""
-        return self._actions.cruise
+        return self.actions.cruise
 
     def seconds(self, world: int) -> float:
         """Simulated time [s] since the world's reset."""
@@ -269,6 +271,13 @@ class Simulator(Portable):
         self._reset_world(world, None if seed is None else [given.whole_seed(seed), 0])
         self._show()
         self._observe(world)
+
+    def reset_worlds(self, worlds: Sequence[int]) -> None:
+        """Start some worlds anew, and update their rows of `observation`; their generators go on."""
+        for world in worlds:
+            self._reset_world(world, None)
+        self._show()
+        self._observe(list(worlds))
 
     def _reset_world(self, world: int, entropy: list[int] | None, assignment: Assignment | None = None) -> None:
         robots = self._planned[world]
@@ -324,7 +333,7 @@ class Simulator(Portable):
         """
         if len(self._commands) > 1:
             self._commands[1:] = self._commands[:-1]
-        self._actions.decode(actions, self._commands[0], self._choices)
+        self.actions.decode(actions, self._commands[0], self._choices)
         self._messages.lose(self._planned)
         if self.robots is not self._planned:
             self._deviation.draw()
@@ -332,7 +341,8 @@ class Simulator(Portable):
         if self._features.checked:
             raise_fault(self._faults)
         self.people.send_on(self._planned)
-        self.arrivals = self.dispatcher.arrive(self.steps) if arrivals else []
+        arrived = np.argwhere(self._planned["events"]["arrived"] != 0).tolist() if arrivals else []
+        self.arrivals = self.dispatcher.arrive(self.steps, arrived)
         rerouted = self.dispatcher.work_on(self.steps) + self.dispatcher.reroute(self.steps)
         if self.dispatcher.all_look:
             self._observe()
@@ -350,7 +360,7 @@ class Simulator(Portable):
 
     def _call(self, kernel: Callable[..., Any], *numbers: int, scratch: Scratch) -> Any:
         """Call a kernel of the step with numbers, and arguments that never change their types."""
-        arguments = *numbers, self._at_hand(), self._setup, scratch
+        arguments = *numbers, self.worlds, self.setup, scratch
         if kernel not in self._compiled:
             self._compiled[kernel] = compiled_for(kernel, *arguments)
         return self._compiled[kernel](*arguments)
@@ -360,17 +370,17 @@ class Simulator(Portable):
 
         Where all robots look for better routes, a world waits with its observation until they have done so.
         """
-        worlds, scratch = self._at_hand(), self._scratches.take()
+        worlds, scratch = self.worlds, self._scratches.take()
         if self._decides and self._call(decision.assign_right_of_way, begin, end, scratch=scratch):
             search = self._searches.take()
-            deadlock_recovery.resolve_deadlocks(begin, end, worlds, self._search_setup, search)
+            deadlock_recovery.resolve_deadlocks(begin, end, worlds, self.search_setup, search)
             self._searches.give_back(search)
         observe = 0 if self.dispatcher.all_look else step.OBSERVE
         did: tuple[int, int] = self._call(step.run, begin, end, step.ADVANCE | observe, scratch=scratch)
         arrivals, seeking = did
         if seeking:
             search = self._searches.take()
-            recovery.seek(begin, end, worlds, self._search_setup, search, self._features.stopping)
+            recovery.seek(begin, end, worlds, self.search_setup, search, self._features.stopping)
             self._searches.give_back(search)
             if observe:
                 self._call(step.run, begin, end, observe, scratch=scratch)
@@ -378,7 +388,8 @@ class Simulator(Portable):
         return arrivals
 
     @property
-    def _search_setup(self) -> recovery.SearchSetup:
+    def search_setup(self) -> recovery.SearchSetup:
+        """What the searches of manoeuvres are given."""
         return recovery.SearchSetup(*self._limits, turning_metrics(self._every_kind), self._floor)
 
     def _many(self) -> bool:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from warehouse_env.kernel import inline, kernel
+from warehouse_env.kernel import inline, part
 from warehouse_env.simulation.physics.kinds import kind_of
 
 SEARCH = 2  # buckets to either side that hold all robots within lidar range
@@ -39,7 +39,15 @@ def bucket_at(x, y, p):
     return row, column
 
 
-@kernel
+@inline
+def _bucket_of(r, own, p):
+    """Return the number of the bucket that holds the centre of a robot's body."""
+    motion, offset = r["motion"], own["offset"]
+    row, column = bucket_at(motion["x"] - offset * motion["cos"], motion["y"] - offset * motion["sin"], p)
+    return row * p["bucket_columns"] + column
+
+
+@part
 def sort(robots, p, kinds, starts, order, bodies):
     """Sort all robots by the bucket of their body's centre, and lay what others see of them side by side.
 
@@ -56,19 +64,14 @@ def sort(robots, p, kinds, starts, order, bodies):
         for i in range(count):
             order[i] = i
     else:
-        keys = np.empty(count, np.int32)
         for i in range(count):
-            r, offset = robots[i], kind_of(i, p, kinds)["offset"]
-            row, column = bucket_at(
-                r["motion"]["x"] - offset * r["motion"]["cos"], r["motion"]["y"] - offset * r["motion"]["sin"], p
-            )
-            keys[i] = row * columns + column
-            starts[keys[i] + 2] += 1
+            starts[_bucket_of(robots[i], kind_of(i, p, kinds), p) + 2] += 1
         for k in range(2, len(starts)):
             starts[k] += starts[k - 1]
         for i in range(count):  # moves each start on to the next bucket's
-            order[starts[keys[i] + 1]] = i
-            starts[keys[i] + 1] += 1
+            after = _bucket_of(robots[i], kind_of(i, p, kinds), p) + 1
+            order[starts[after]] = i
+            starts[after] += 1
     for n in range(count):
         r, offset = robots[order[n]], kind_of(order[n], p, kinds)["offset"]
         c, s = r["motion"]["cos"], r["motion"]["sin"]

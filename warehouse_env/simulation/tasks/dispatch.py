@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,7 +64,7 @@ class Dispatcher(Portable):
         self.book, self.robots = book, robots
         self.routes = np.zeros((*robots.shape, ROUTE_BLOCK, 2), dtype=np.float32)
         self._config, self._limits, self._kind_of = config, limits, config.kind_of
-        self._astray, self._far = np.empty(robots.shape, dtype=np.bool_), far_off(config, book.grid.cell_size)
+        self._astray, self.far = np.empty(robots.shape, dtype=np.bool_), far_off(config, book.grid.cell_size)
         self.live = LiveRoutes(config, book, persons) if config.traffic_spec.routes else None
         self.all_look = config.traffic_spec.routes is True  # so that some robot gets another route in almost every step
         tasks = OneShotTasks if config.tasks == "one_shot" else Tasks
@@ -210,13 +210,15 @@ class Dispatcher(Portable):
         """Give a robot a line float32[R, 2] [m] of someone else's making as its route, evenly spaced along it."""
         self.give_route(world, robot, Route(self.book.grid.nearest_cell(line).astype(np.int32), line))
 
-    def arrive(self, steps: NDArray[np.int64]) -> list[Arrival]:
-        """Book the arrivals and return them, and give lifelong robots their next task. steps [B]: since the resets.
+    def arrive(self, steps: NDArray[np.int64], arrived: Iterable[tuple[int, int]]) -> list[Arrival]:
+        """Book the arrivals and return them, and give lifelong robots their next task.
+
+        steps [B]: since the resets; arrived: (world, robot), in ascending order.
 
         Where robots work on a shift, an arrival at a place that is no stop of its work is none.
         """
         config, arrivals = self._config, []
-        for world, robot in np.argwhere(self.robots["events"]["arrived"] != 0).tolist():
+        for world, robot in arrived:
             r, step = self.robots[world, robot], int(steps[world])
             seconds = step * config.action_repeat * config.time_step
             if self.shifts is not None:
@@ -255,13 +257,11 @@ class Dispatcher(Portable):
     def reroute(self, steps: NDArray[np.int64]) -> list[int]:
         """Reroute robots that are off their routes or find a better one; return the worlds in which a route changed."""
         worlds = []
-        look = self.robots, self.routes, self._far, self._astray
+        look = self.robots, self.routes, self.far, self._astray
         if self._find_astray is None:
             self._find_astray = compiled_for(find_off_route, *look)
         if self._find_astray(*look):
-            for world, robot in np.argwhere(self._astray).tolist():
-                self._give_another(world, robot, self._route_from_here(world, robot, int(steps[world])))
-                worlds.append(world)
+            worlds = self.return_to_route(steps, np.argwhere(self._astray).tolist())
         if self.live is not None:
             for world, robot in self.live.watch(self.robots, self.routes, steps):
                 goal = state.goal_of(self.robots[world, robot])
@@ -269,6 +269,14 @@ class Dispatcher(Portable):
                 if live is not None:
                     self._give_another(world, robot, live)
                     worlds.append(world)
+        return worlds
+
+    def return_to_route(self, steps: NDArray[np.int64], off: Iterable[tuple[int, int]]) -> list[int]:
+        """Give robots (world, robot) routes from where they are; return their worlds."""
+        worlds = []
+        for world, robot in off:
+            self._give_another(world, robot, self._route_from_here(world, robot, int(steps[world])))
+            worlds.append(world)
         return worlds
 
     def _route_from_here(self, world: int, robot: int, step: int) -> Route:
