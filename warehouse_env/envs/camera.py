@@ -36,9 +36,9 @@ class Camera(Portable):
         if mode is not None and (not isinstance(mode, str) or mode not in RENDER_MODES):
             raise unknown_name("render_mode", mode, RENDER_MODES)
         if mode is not None:
-            from warehouse_env.render.extras import load
+            from warehouse_env.render.extras import check_frames
 
-            load("pygame")
+            check_frames()
         self.mode = mode
         self._fps = fps
         self._bind()

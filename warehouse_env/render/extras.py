@@ -23,6 +23,11 @@ def load(module: str) -> Any:
         raise WarehouseError(sentence) from error
 
 
+def check_frames() -> None:
+    """Raise WarehouseError if the package that draws frames and windows is not installed."""
+    load("pygame")
+
+
 def check_window() -> None:
     """Raise WarehouseError if no window can be opened; called before anything is drawn.
 
