@@ -16,7 +16,7 @@ import pytest
 import tyro
 
 from tests.pages import PAGES, ROOT, SHORTER, Block, command_lines, fenced, python_blocks
-from train.cli import COMMANDS, main
+from train.cli import COMMANDS, main, options_of
 from train.commands.layouts import check_connected
 from train.learning.config import TrainingConfig
 from train.reporting.rows import read_rows
@@ -133,7 +133,7 @@ def test_every_command_is_understood(line: str, capsys: pytest.CaptureFixture[st
         assert main(words) == 0
     else:
         name = next(name for name in COMMANDS if name.split() == words[: len(name.split())])
-        options = getattr(import_module(COMMANDS[name].module), COMMANDS[name].options)
+        options = options_of(name)
         parsed = tyro.cli(options, prog=f"warehouse {name}", args=words[len(name.split()) :])
         assert isinstance(parsed, options)
 
@@ -142,7 +142,7 @@ def test_the_important_commands_are_named() -> None:
     lines = set().union(*map(command_lines, PAGES.values()))
     needed = {"make demo", "make test", "make docs", "warehouse plan"}
     assert needed <= lines
-    on_a_map = ("warehouse layouts --check", "warehouse plan --layout", "warehouse evaluate --layout")
+    on_a_map = ("warehouse layouts --draw", "warehouse plan --layout", "warehouse evaluate --layout")
     for start in (*on_a_map, "pip install -c"):
         assert any(line.startswith(start) for line in lines), start
 

@@ -16,78 +16,51 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from types import SimpleNamespace
-from typing import Annotated, Any, NamedTuple, Union
+from typing import Annotated, Any, NamedTuple
 
 from warehouse_env.errors import ConfigError, LostError, MapWarning, WarehouseError, unknown_name
 
 PROGRAM = "warehouse"
 LOST = 3  # exit code where jobs were lost, or a broker
 STOPPED, TERMINATED = 130, 143  # exit codes after Ctrl-C and SIGTERM, as shells use them
-SHELLS = ("bash", "zsh", "fish")  # in which words can be completed
 
 
 class Command(NamedTuple):
-    """Where a command lives, module and dataclass in `train`, and what it does, in one line."""
+    """Where the dataclass of a command's options lives below `train`, and what the command does, in one line."""
 
     home: str  # as in "commands.demo:Demo"
     summary: str
 
-    @property
-    def module(self) -> str:
-        """Name of the module."""
-        return f"train.{self.home.partition(':')[0]}"
 
-    @property
-    def options(self) -> str:
-        """Name of the dataclass."""
-        return self.home.partition(":")[2]
-
-
-_COMMANDS = {
-    "demo": ("commands.demo:Demo", "compare the shipped policies in three minutes: table, pictures, video"),
-    "plan": ("commands.plan:PlanCommand", "compare planners on the tasks of a map"),
-    "tables papers": ("tables.runner:PapersTable", "reproduce the papers' tables, ours beside theirs, with verdicts"),
-    "tables planners": ("tables.runner:PlannersTable", "plan the same pairs of cells on five floors by every planner"),
-    "tables floors": ("tables.floors:FloorsTable", "drive policies and the rule on many floors, some drawn at random"),
-    "layouts": ("commands.layouts:Layouts", "list, draw, check and convert maps"),
-    "places": (
-        "commands.places:PlacesCommand",
-        "propose pick faces and stations of a hall, and draw them with numbers",
-    ),
-    "policies": ("commands.parts:Policies", "list the policies"),
-    "planners": ("commands.parts:Planners", "list the planners"),
-    "train reinforce": ("commands.training:TrainReinforce", "train our policy gradient"),
-    "train ppo": ("commands.training:TrainPPO", "train PPO of stable-baselines3"),
-    "train threaded_ppo": ("commands.training:TrainThreadedPPO", "train our own PPO, in threads"),
-    "orders": ("commands.orders:Orders", "draw random orders for a floor, as a file for evaluate"),
-    "evaluate": ("commands.evaluate:Evaluate", "drive policies over held-out episodes and count collisions"),
-    "compare": ("commands.compare:Compare", "compare runs of evaluate by paired differences"),
-    "benchmark": (
-        "commands.benchmark:Benchmark",
-        "drive policies through the fixed benchmark set, beside the shipped ones",
-    ),
-    "clmapf": ("commands.clmapf:Clmapf", "plan car-like robots on a public benchmark, and check any solution"),
-    "advise": (
-        "commands.advise:Advise",
-        "estimate how many robots a floor supports, the bottlenecks, and what changes bring",
-    ),
-    "record": ("commands.replay:Record", "drive a policy through one episode and save it to a file"),
-    "replay": ("commands.replay:ReplayCommand", "show recorded episodes: a page for the browser, a video, a window"),
-    "fleet": (
-        "commands.fleet:FleetCommand",
-        "write an episode as VDA 5050 messages, check such a log, or judge a real fleet",
-    ),
-    "live": ("commands.live:Live", "run a simulation and steer it from a page in the browser"),
-    "audit": ("commands.audit:AuditCommand", "check robots' motion at every instant: overlaps, limits, jumps"),
-    "robust": (
-        "commands.evaluate:Robust",
-        "drive policies with other bodies, worse sensors and lost messages",
-    ),
-    "curves": ("commands.training:Curves", "draw the learning curves of several runs in one picture"),
-    "compile": ("commands.compile:Compile", "compile all kernels ahead of time"),
-    "bench": ("commands.bench:Bench", "measure the speed of the simulator, the planners and the trainers"),
+COMMANDS = {
+    "demo": Command("commands.demo:Demo", "compare the shipped policies in three minutes: table, pictures, video"),
+    "plan": Command("commands.plan:PlanCommand", "compare planners on the tasks of a map"),
+    "tables papers": Command("tables.runner:PapersTable", "reproduce the papers' tables and judge their claims"),
+    "tables planners": Command("tables.runner:PlannersTable", "plan the same pairs of cells by every planner"),
+    "tables floors": Command("tables.floors:FloorsTable", "drive policies and the rule on many floors"),
+    "layouts": Command("commands.layouts:Layouts", "list, draw, check and convert maps"),
+    "places": Command("commands.places:PlacesCommand", "propose pick faces and stations of a hall, and draw them"),
+    "policies": Command("commands.parts:Policies", "list the policies"),
+    "planners": Command("commands.parts:Planners", "list the planners"),
+    "train reinforce": Command("commands.training:TrainReinforce", "train our policy gradient"),
+    "train ppo": Command("commands.training:TrainPPO", "train PPO of stable-baselines3"),
+    "train threaded_ppo": Command("commands.training:TrainThreadedPPO", "train our own PPO, in threads"),
+    "orders": Command("commands.orders:Orders", "draw random orders for a floor, as a file for evaluate"),
+    "evaluate": Command("commands.evaluate:Evaluate", "drive policies over held-out episodes and count collisions"),
+    "compare": Command("commands.compare:Compare", "compare runs of evaluate by paired differences"),
+    "benchmark": Command("commands.benchmark:Benchmark", "drive policies through the fixed benchmark set"),
+    "clmapf": Command("commands.clmapf:Clmapf", "plan car-like robots on a public benchmark, and check any solution"),
+    "advise": Command("commands.advise:Advise", "estimate how many robots a floor supports, and what would help"),
+    "record": Command("commands.replay:Record", "drive a policy through one episode and save it to a file"),
+    "replay": Command("commands.replay:ReplayCommand", "show recorded episodes as a page for the browser or a video"),
+    "fleet": Command("commands.fleet:FleetCommand", "write or check VDA 5050 messages, or judge a real fleet"),
+    "live": Command("commands.live:Live", "run a simulation and steer it from a page in the browser"),
+    "audit": Command("commands.audit:AuditCommand", "check robots' motion at every instant: overlaps, limits, jumps"),
+    "robust": Command("commands.evaluate:Robust", "drive policies with other bodies, worse sensors and lost messages"),
+    "curves": Command("commands.training:Curves", "draw the learning curves of several runs in one picture"),
+    "compile": Command("commands.compile:Compile", "compile all kernels ahead of time"),
+    "bench": Command("commands.bench:Bench", "measure the speed of the simulator and the trainers"),
 }
-COMMANDS = {name: Command(*line) for name, line in _COMMANDS.items()}
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -128,27 +101,22 @@ def _open_streams() -> None:
             stream.reconfigure(errors="replace")
 
 
+_USUAL = warnings.formatwarning
+
+
 def _noted_once() -> Callable[..., str]:
-    """Return a formatter like `_noted` that shows each note once, however many simulators give it."""
+    """Return a formatter that shows a MapWarning as one sentence, once, however many simulators give it."""
     said = set[str]()
 
     def shown(message: Warning | str, category: type[Warning], *where: Any) -> str:
-        text = _noted(message, category, *where)
-        again = text in said and issubclass(category, MapWarning)
+        if not issubclass(category, MapWarning):
+            return _USUAL(message, category, *where)
+        text = f"{PROGRAM}: note: {message}\n"
+        first = text not in said
         said.add(text)
-        return "" if again else text
+        return text if first else ""
 
     return shown
-
-
-def _noted(message: Warning | str, category: type[Warning], filename: str, lineno: int, line: str | None = None) -> str:
-    """Return a warning as it is shown: a MapWarning as one sentence."""
-    if issubclass(category, MapWarning):
-        return f"{PROGRAM}: note: {message}\n"
-    return _USUAL(message, category, filename, lineno, line)
-
-
-_USUAL = warnings.formatwarning
 
 
 class _TerminationError(KeyboardInterrupt):
@@ -178,16 +146,13 @@ def _run(arguments: list[str]) -> int:
 
         print(__version__)
         return 0
-    if arguments[:1] == ["--print-completion"]:
-        _print_completion(arguments[1:])
-        return 0
     if not arguments or arguments[0] in ("-h", "--help"):
         print(_help(""))
         return 0
     name = next((name for name in COMMANDS if name.split() == arguments[: len(name.split())]), None)
     if name is None:
         return _no_command(arguments)
-    options = _options(_options_of(name), f"{PROGRAM} {name}", arguments[len(name.split()) :])
+    options = _options(options_of(name), f"{PROGRAM} {name}", arguments[len(name.split()) :])
     if name not in _NAME_ROWS:
         _load_own(options)
     from train.doors import checked
@@ -231,36 +196,10 @@ def _options(options: Any, program: str, arguments: list[str]) -> Any:
     return tyro.cli(made, prog=program, description=options.__doc__, args=arguments)
 
 
-def _print_completion(shells: list[str]) -> None:
-    """Print a script that completes commands and options in a shell; this imports every command."""
-    from tyro.extras import subcommand_cli_from_dict
-
-    if len(shells) != 1 or shells[0] not in SHELLS:
-        raise WarehouseError(f"--print-completion needs the name of a shell: {', '.join(SHELLS)}")
-    tree: dict[str, Any] = {}
-    for name in dict.fromkeys(name.split()[0] for name in COMMANDS):
-        tree[name] = _options_of(name) if name in COMMANDS else _group(name)
-    subcommand_cli_from_dict(tree, prog=PROGRAM, args=["--tyro-print-completion", shells[0]])
-
-
-def _options_of(name: str) -> Any:
-    command = COMMANDS[name]
-    return getattr(importlib.import_module(command.module), command.options)
-
-
-def _group(name: str) -> Any:
-    """Return a function whose argument is the options of one of the commands that start with a word."""
-    from tyro.conf import arg, subcommand
-
-    def chosen(options: Any) -> None: ...
-
-    kinds = [
-        Annotated[_options_of(one), subcommand(one.split()[1], prefix_name=False)]
-        for one in COMMANDS
-        if one.split()[0] == name
-    ]
-    chosen.__annotations__["options"] = Annotated[Union[tuple(kinds)], arg(name="")]  # noqa: UP007
-    return chosen
+def options_of(name: str) -> Any:
+    """Return the dataclass of a command's options."""
+    module, _, options = COMMANDS[name].home.partition(":")
+    return getattr(importlib.import_module(f"train.{module}"), options)
 
 
 def _no_command(arguments: list[str]) -> int:
@@ -281,10 +220,7 @@ def _help(prefix: str) -> str:
     width = max(map(len, chosen))
     lines = [f"  {PROGRAM} {name:{width}}  {command.summary}" for name, command in chosen.items()]
     above = "Many robots in one warehouse: plan their routes, train how they avoid each other, and measure it."
-    below = (
-        f"`{PROGRAM} COMMAND --help` lists a command's options; `{PROGRAM} --version` prints the version;\n"
-        f"`source <({PROGRAM} --print-completion bash)` lets the shell complete both (zsh and fish alike)."
-    )
+    below = f"`{PROGRAM} COMMAND --help` lists a command's options; `{PROGRAM} --version` prints the version."
     return "\n".join([above, "", *lines, "", below])
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 import yaml
 
-from train.cli import COMMANDS, _options, _options_of
+from train.cli import COMMANDS, _options, options_of
 
 PATH = Path(__file__).parents[2] / "docs" / "how_to" / "rayjob.yaml"
 
@@ -33,7 +33,7 @@ def test_its_command_is_one_of_ours_and_its_version_the_pinned_one(job: Any) -> 
     program, command, *options = job["spec"]["entrypoint"].split()
     assert program == "warehouse"
     assert command in COMMANDS
-    made = _options(_options_of(command), f"warehouse {command}", options)
+    made = _options(options_of(command), f"warehouse {command}", options)
     assert made.ray == "auto"
     pins = PATH.parents[2].joinpath("constraints.txt").read_text(encoding="utf-8").splitlines()
     assert f"ray=={job['spec']['rayClusterSpec']['rayVersion']}" in pins

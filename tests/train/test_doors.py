@@ -9,7 +9,7 @@ from typing import Any, get_args, get_type_hints
 
 import pytest
 
-from train.cli import COMMANDS, _options_of, main
+from train.cli import COMMANDS, main, options_of
 from train.doors import OUTPUTS, checked
 from warehouse_env.errors import WarehouseError
 from warehouse_env.files import complete_file, write_text
@@ -26,7 +26,7 @@ FOLDERS = {"out", "report", "resume"}
 
 def paths_of(name: str) -> dict[str, bool]:
     """Return the path options of a command, and whether each takes several."""
-    options = _options_of(name)
+    options = options_of(name)
     kinds = get_type_hints(options)
     if "config" in kinds:
         kinds |= get_type_hints(kinds["config"])

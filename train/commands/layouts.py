@@ -5,7 +5,6 @@ from __future__ import annotations
 import inspect
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
 import tyro
@@ -18,10 +17,10 @@ from warehouse_env.errors import ConfigError, MapError
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.halls import lif, route_graph
 from warehouse_env.maps.halls.hall import Hall, is_hall, read_hall
-from warehouse_env.maps.halls.map_server import PICTURES, YAMLS
+from warehouse_env.maps.halls.map_server import YAMLS
 from warehouse_env.maps.halls.saved import write_hall
 from warehouse_env.maps.layouts import LAYOUTS, make_layout
-from warehouse_env.maps.movingai import read_map, write_map
+from warehouse_env.maps.movingai import write_map
 from warehouse_env.maps.one_way import ARROWS
 
 BY_MAP = tyro.conf.arg(aliases=("--map",))  # another name of --layout, which takes files
@@ -29,55 +28,42 @@ BY_MAP = tyro.conf.arg(aliases=("--map",))  # another name of --layout, which ta
 
 @dataclass(frozen=True)
 class Layouts(Checked):
-    """List the layouts; or draw one, check a map's file, or write a floor as a file of another kind.
+    """List the layouts; or draw and check a floor, and write it as a picture or as a file of another kind.
 
     Files are MovingAI's NAME.map, map_server's NAME.yaml with a picture beside it, or a plain picture (PGM, PNG, BMP).
     The name says how a hall is read, as in "hall.yaml:cell=0.75,share=0.1,unknown=floor,keepout=hall_keepout.yaml".
     """
 
     draw: str | None = None
-    """Name of a layout, or a map's file, to draw in the terminal."""
+    """Name of a layout, or a map's file, to draw in the terminal and to check: is it well formed and connected?"""
     png: Path | None = None
     """Also write the drawing as a picture to this file."""
-    check: Path | None = None
-    """A map's file to check."""
-    convert: Annotated[Path | None, tyro.conf.arg(aliases=("--save",))] = None
-    """Write the layout or map named by --draw to this file instead of drawing it: NAME.map (MovingAI), NAME.yaml
-    (map_server, with places beside it), NAME.lif.json (lanes as LIF) or NAME.geojson (Nav2's route graph)."""
+    save: Path | None = None
+    """Write the floor named by --draw to this file instead of drawing it: NAME.map (MovingAI), NAME.yaml (map_server,
+    with places beside it), NAME.lif.json (lanes as LIF) or NAME.geojson (Nav2's route graph)."""
     resolution: float | None = None
-    """Width of a pixel [m]: of a plain picture to draw, or of what is saved as NAME.yaml (there a cell's)."""
-    seed: int | None = None
-    """Seed of the generated layouts (their own default if left out)."""
+    """Width of a pixel [m] of what is saved as NAME.yaml (a cell's)."""
     json: Path | None = None
-    """Write the rows of the list to this file as JSON lines."""
+    """Write a row for each floor listed or drawn to this file as JSON lines."""
 
     def run(self) -> None:
-        """Do the first of check, convert, draw that is asked for, else list."""
-        if self.draw is None and (self.png is not None or self.convert is not None):
-            raise ConfigError("--png and --convert need --draw NAME_OR_FILE, the floor to write")
+        """Save or draw a floor if one is named, else list all."""
+        if self.draw is None and (self.png is not None or self.save is not None):
+            raise ConfigError("--png and --save need --draw NAME_OR_FILE, the floor to write")
         if self.png is not None:
             require_charts(self.png)
-        if self.check is not None:
-            self._check(self.check)
-        elif self.draw is not None:
-            self._draw(self.draw)
-        else:
+        if self.draw is None:
             self._list()
+            return
+        hall = read_hall(self.draw) if is_hall(self.draw) else None
+        grid = make_layout(self.draw) if hall is None else hall.grid
+        if self.save is None:
+            self._draw(grid, hall)
+        else:
+            self._save(grid, self.save)
 
-    def _floor(self, name: str) -> GridMap:
-        seeded = name in LAYOUTS and "seed" in inspect.signature(LAYOUTS[name]).parameters
-        return make_layout(name, **({"seed": self.seed} if seeded and self.seed is not None else {}))
-
-    def _hall(self, name: str) -> Hall | None:
-        """Read a hall, with the resolution that stands for itself; None for another floor."""
-        if not is_hall(name):
-            return None
-        if self.resolution is not None and name.partition(":")[0].lower().endswith(PICTURES):
-            name = f"{name}{',' if ':' in name else ':'}resolution={self.resolution}"
-        return read_hall(name)
-
-    def _convert(self, grid: GridMap, path: Path) -> None:
-        suffix = path.suffix.lower()
+    def _save(self, grid: GridMap, path: Path) -> None:
+        suffix, named = path.suffix.lower(), ""
         if suffix == ".map":
             write_map(grid, path)
         elif path.name.lower().endswith(lif.SUFFIX):
@@ -85,14 +71,13 @@ class Layouts(Checked):
         elif suffix == route_graph.SUFFIX:
             route_graph.write_route_graph(grid, path)
         elif suffix in YAMLS:
-            print(f"wrote {path}, which is read by --map {write_hall(grid, path, self.resolution)}")
-            return
+            named = f", which is read by --map {write_hall(grid, path, self.resolution)}"
         else:
             raise ConfigError(f"--save {path} must end in .map, {YAMLS[0]}, {lif.SUFFIX} or {route_graph.SUFFIX}")
-        print(f"wrote {path}")
+        print(f"wrote {path}{named}")
 
     def _list(self) -> None:
-        rows = [facts(self._floor(name)) for name in LAYOUTS]
+        rows = [facts(make_layout(name)) for name in LAYOUTS]
         file = RowFile(self.json)
         file.add(rows)
         cells = [
@@ -108,46 +93,29 @@ class Layouts(Checked):
         Table("Layouts", header, tuple(cells)).print()
         print(file.written())
 
-    def _draw(self, name: str) -> None:
-        hall = self._hall(name)
-        grid = self._floor(name) if hall is None else hall.grid
-        if self.convert is not None:
-            self._convert(grid, self.convert)
-            return
+    def _draw(self, grid: GridMap, hall: Hall | None) -> None:
+        """Print the floor, what was read of a hall and what was lost, and whether robots can use it."""
         print("\n".join(grid.text()))
         arrows = f"   {' '.join(ARROWS[1:])} one way" if grid.one_way.any() else ""
         print(f"# shelf   p pick   s station   ~ uneven floor   . floor{arrows}")
-        say(hall)
-        file = RowFile(self.json)
-        file.add([facts(grid)])
-        if self.png is not None:
-            from warehouse_env.render.charts import paths
-
-            paths(grid, {}, f"{grid.name}: {len(grid.picks)} picks, {len(grid.stations)} stations", self.png)
-        if self.png is not None or self.json is not None:
-            print("wrote " + " and ".join(str(path) for path in (self.json, self.png) if path is not None))
-
-    def _check(self, path: Path) -> None:
-        hall = self._hall(str(path))
-        grid = read_map(path) if hall is None else hall.grid
-        say(hall)
+        if hall is not None:
+            print("\n".join([*hall.report, *(f"note: {text}" for text in hall.notes)]))
         check_connected(grid)
-        row = facts(grid)
-        file = RowFile(self.json)
+        row, file = facts(grid), RowFile(self.json)
         file.add([row])
         left_out = int((~grid.occupied).sum()) - row["free"]
         aside = f", {left_out} free cells are cut off and not used" if left_out else ""
         print(
-            f"{path} is good: {row['rows']} x {row['columns']} cells, {row['free']} of them free and connected{aside}; "
-            f"{row['picks']} picks, {row['stations']} stations, narrowest aisle {row['narrowest']} cells"
+            f"{grid.name} is good: {row['rows']} x {row['columns']} cells, {row['free']} of them free and "
+            f"connected{aside}; {row['picks']} picks, {row['stations']} stations, narrowest aisle {row['narrowest']} "
+            f"cells"
         )
+        if self.png is not None:
+            from warehouse_env.render.charts import paths
+
+            paths(grid, {}, f"{grid.name}: {len(grid.picks)} picks, {len(grid.stations)} stations", self.png)
+            print(f"wrote the picture to {self.png}")
         print(file.written())
-
-
-def say(hall: Hall | None) -> None:
-    """Say what was read of a hall, what was lost, and what its floor does not hold."""
-    if hall is not None:
-        print("\n".join([*hall.report, *(f"note: {text}" for text in hall.notes)]))
 
 
 def check_connected(grid: GridMap) -> None:

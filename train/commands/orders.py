@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from train.reporting.report import Table, counted, number
-from train.reporting.rows import Row, RowFile
+from train.reporting.report import counted, number
+from train.reporting.rows import RowFile
 from warehouse_env.checked import Checked
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
@@ -15,7 +15,7 @@ from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import make_layout
 from warehouse_env.simulation.tasks.allocation import make_allocator
 from warehouse_env.simulation.tasks.demand import draw_orders
-from warehouse_env.simulation.tasks.orders import Order, note_strays, read_orders, write_orders
+from warehouse_env.simulation.tasks.orders import note_strays, read_orders, write_orders
 from warehouse_env.work import BatterySpec, OrderSpec, ServiceSpec
 
 
@@ -99,24 +99,7 @@ class Orders(Checked):
         file = RowFile(self.json)
         orders = draw_orders(EnvConfig(arrival="stop", orders=spec), grid, 3600.0 * self.hours, self.seed)
         write_orders(self.out, orders)
-        row = row_of(orders) | {"layout": self.layout, "seed": self.seed, "out": self.out}
+        weight = sum(order.weight for order in orders) / max(len(orders), 1)
+        row = {"orders": len(orders), "weight_kg": weight, "layout": self.layout, "seed": self.seed, "out": self.out}
         file.add([row])
-        names = ("orders", "pick_faces", "busiest_share", "weight_kg")
-        cells = (tuple(str(row[name]) if isinstance(row[name], int) else number(row[name]) for name in names),)
-        Table(f"Orders for {self.layout}", names, cells, _NOTE).print()
-        print(f"wrote {counted(len(orders), 'order')} to {self.out}")
-
-
-_NOTE = "busiest_share: of the visits to pick faces, those to the busiest fifth of the faces that are visited."
-
-
-def row_of(orders: tuple[Order, ...]) -> Row:
-    """Return how many orders there are, of how many pick faces, how uneven these are visited, and the mean weight."""
-    visits: dict[tuple[int, int], int] = {}
-    for order in orders:
-        for pick in order.picks:
-            visits[pick] = visits.get(pick, 0) + 1
-    most = sorted(visits.values(), reverse=True)[: max(1, len(visits) // 5)]
-    every = max(sum(visits.values()), 1)
-    weight = sum(order.weight for order in orders) / max(len(orders), 1)
-    return {"orders": len(orders), "pick_faces": len(visits), "busiest_share": sum(most) / every, "weight_kg": weight}
+        print(f"wrote {counted(len(orders), 'order')} of {number(weight)} kg on average to {self.out}")

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
-from agents import POLICIES, PolicyEntry, policy_config
+from agents import POLICIES, policy_config
 from train.central import CENTRAL, central_config
 from train.reporting.report import Table
 from train.reporting.rows import Row, RowFile
@@ -53,19 +53,15 @@ class Policies(_Parts):
 
     def rows(self) -> list[Row]:
         """Return a row a policy: what it is and what it is driven with, unless an option says otherwise."""
-        rows = [_policy(name, entry) for name, entry in POLICIES.items()]
-        central = [
-            {"policy": name, "what it is": one.summary, "made of": "all robots' state", "driven with": _needs(config)}
-            for name, one in CENTRAL.items()
-            for config in (central_config(name, EnvConfig()),)
+        usual = EnvConfig()
+        parts = {
+            name: (entry.summary, "rules" if entry.weights is None else "trained weights", policy_config(name, usual))
+            for name, entry in POLICIES.items()
+        } | {name: (entry.summary, "all robots' state", central_config(name, usual)) for name, entry in CENTRAL.items()}
+        return [
+            {"policy": name, "what it is": summary, "made of": made_of, "driven with": _needs(config)}
+            for name, (summary, made_of, config) in parts.items()
         ]
-        return rows + central
-
-
-def _policy(name: str, entry: PolicyEntry) -> Row:
-    made_of = "rules" if entry.weights is None else "trained weights"
-    needs = _needs(policy_config(name, EnvConfig()))
-    return {"policy": name, "what it is": entry.summary, "made of": made_of, "driven with": needs}
 
 
 def _needs(config: EnvConfig) -> str:

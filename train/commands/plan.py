@@ -20,7 +20,7 @@ from train.evaluation.rollout import MOST
 from train.reporting.report import Table, counted, grouped, number, require_charts, with_interval
 from train.reporting.rows import Row, RowFile, mean_interval
 from warehouse_env.checked import Checked
-from warehouse_env.errors import ConfigError, MapError, MapWarning, shown
+from warehouse_env.errors import ConfigError, MapError, MapWarning
 from warehouse_env.files import check_writable, write_text
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.maps.layouts import NAMED_TASKS, make_layout
@@ -163,23 +163,14 @@ def _scenario_tasks(path: Path, grid: GridMap, count: int | None, seed: int) -> 
         chosen = np.random.default_rng([seed, 0]).choice(len(scenarios), count, replace=False)
         scenarios = [scenarios[index] for index in sorted(chosen.tolist())]
     tasks = [make_task(grid, f"scenario_{place}", scenario.start, scenario.goal) for place, scenario in scenarios]
-    _note_differences(path, grid, [scenario for _, scenario in scenarios], tasks)
-    return tasks
-
-
-def _note_differences(path: Path, grid: GridMap, scenarios: Sequence[Scenario], tasks: Sequence[PlanningTask]) -> None:
-    """Warn where scenarios name another map than this, or other lengths than its shortest paths have (MapWarning)."""
-    names = {Path(scenario.map_name).stem for scenario in scenarios}
-    if names != {grid.name}:
-        other = min(names - {grid.name})
-        warnings.warn(f"{path}: its scenarios are of map {shown(other)}, not {grid.name!r}", MapWarning, stacklevel=2)
-    both = list(zip(scenarios, tasks, strict=True))
-    wrong = [(one.length, task) for one, task in both if abs(one.length - task.optimal_length) > _ROUNDING]
+    lengths = [(scenario.length, task) for (_, scenario), task in zip(scenarios, tasks, strict=True)]
+    wrong = [(length, task) for length, task in lengths if abs(length - task.optimal_length) > _ROUNDING]
     if wrong:
         length, task = wrong[0]
         text = f"{path}: {len(wrong)} of {len(tasks)} lengths are not those of the shortest paths, which count here"
         first = f"{task.name} says {length:g}, its shortest path has {task.optimal_length:g} cells"
         warnings.warn(f"{text}; {first}", MapWarning, stacklevel=2)
+    return tasks
 
 
 def _random_tasks(grid: GridMap, count: int, seed: int) -> list[PlanningTask]:

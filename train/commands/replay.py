@@ -1,4 +1,4 @@
-"""`warehouse record` and `replay`: save an episode to a file, and show one or two as a page, a video or a window."""
+"""`warehouse record` and `replay`: save an episode to a file, and show one or two as a page or a video."""
 
 from __future__ import annotations
 
@@ -24,7 +24,6 @@ from warehouse_env.checked import Checked
 from warehouse_env.config import EnvConfig, TaskMode
 from warehouse_env.errors import ConfigError, WarehouseError
 from warehouse_env.plugins import split
-from warehouse_env.render.extras import check_window
 from warehouse_env.render.replay import Replay, replay_of
 from warehouse_env.render.replay_page import write_replay_page
 from warehouse_env.simulation.record.recording import Episode
@@ -78,7 +77,7 @@ FLUENT = 25.0  # frames a second that a video is to come near
 
 @dataclass(frozen=True)
 class ReplayCommand(Checked):
-    """Show a recorded episode, or two side by side and in step: --html, --video or --window."""
+    """Show a recorded episode, or two side by side and in step: --html or --video."""
 
     episodes: tyro.conf.Positional[tuple[Path, ...]]
     """One or two files of `warehouse record`, or of `warehouse fleet --listen`."""
@@ -86,16 +85,14 @@ class ReplayCommand(Checked):
     """Write one HTML file, which any browser shows offline."""
     video: Path | None = None
     """Write a video, .mp4 or .gif."""
-    window: bool = False
-    """Show the episodes in a window until they end or it is closed."""
     title: str = ""
-    """Title of the page or the window (default: the names of the policies)."""
+    """Title of the page (default: the names of the policies)."""
     robot: int | None = None
     """Robot that the page selects at first."""
     speed: float = 4.0
-    """Simulated seconds per second of the video or the window."""
+    """Simulated seconds per second of the video."""
     pixels: int = 736
-    """Longest side of a floor in the video or the window [px]."""
+    """Longest side of a floor in the video [px]."""
     seed: int | None = None
     """Seed of the world to show (default: the first world)."""
     planner: tuple[str, ...] = ()
@@ -112,23 +109,18 @@ class ReplayCommand(Checked):
 
     def run(self) -> None:
         """Load the episodes, show them, and say what was written."""
-        if (self.html is not None) + (self.video is not None) + self.window != 1:
-            raise ConfigError("choose one of --html FILE, --video FILE and --window")
+        if (self.html is None) == (self.video is None):
+            raise ConfigError("choose one of --html FILE and --video FILE")
         if not 1 <= len(self.episodes) <= 2:
             raise ConfigError(f"name one episode file, or two to see side by side, not {len(self.episodes)}")
-        if self.window:
-            check_window()
         episodes = [load_episode(path) for path in self.episodes]
-        worlds = [self._world(path, episode) for path, episode in zip(self.episodes, episodes, strict=True)]
+        worlds = [world_of(path, one.seeds, self.seed) for path, one in zip(self.episodes, episodes, strict=True)]
         names = names_of(self.episodes, episodes)
-        title = self.title or " and ".join(names)
         file = RowFile(self.json)
         if self.html is not None:
-            self._write_page(self.html, episodes, worlds, names, title)
+            self._write_page(self.html, episodes, worlds, names)
         elif self.video is not None:
             self._write_video(self.video, episodes, worlds, names)
-        else:
-            self._show(episodes, worlds, names, title)
         shown = zip(self.episodes, names, episodes, worlds, strict=True)
         file.add(
             {
@@ -139,17 +131,7 @@ class ReplayCommand(Checked):
             for path, name, episode, world in shown
         )  # fmt: skip
 
-    def _world(self, path: Path, episode: Episode) -> int:
-        if self.seed is None:
-            return 0
-        if self.seed not in episode.seeds:
-            known = ", ".join(map(str, episode.seeds[:8]))
-            raise ConfigError(f"{path} has no world of seed {self.seed}; its seeds are {known}")
-        return episode.seeds.index(self.seed)
-
-    def _write_page(
-        self, path: Path, episodes: Sequence[Episode], worlds: Sequence[int], names: Sequence[str], title: str
-    ) -> None:
+    def _write_page(self, path: Path, episodes: Sequence[Episode], worlds: Sequence[int], names: Sequence[str]) -> None:
         if self.robot is not None and not 0 <= self.robot < max(one.config.num_agents for one in episodes):
             raise ConfigError(f"--robot {self.robot} must be one of the episode's robots, which count from 0")
         replays: list[Replay] = []
@@ -162,7 +144,7 @@ class ReplayCommand(Checked):
                     progress.console.print(f"without the policy's preferences: {error}", markup=False)
                     shares = None
                 replays.append(replay_of(episode, name, shares, world, lambda: progress.advance(bar)))
-        write_replay_page(path, replays, title, self.robot)
+        write_replay_page(path, replays, self.title or " and ".join(names), self.robot)
         print(f"wrote the replay to {path} ({path.stat().st_size / 1e6:.1f} MB); any browser opens it")
 
     def _write_video(
@@ -179,16 +161,14 @@ class ReplayCommand(Checked):
                 progress.advance(bar)
         print(f"wrote the video to {path}: {video.frames / fps:.0f} s at {self.speed:g} times the speed")
 
-    def _show(self, episodes: Sequence[Episode], worlds: Sequence[int], names: Sequence[str], title: str) -> None:
-        from warehouse_env.render.window import Window
 
-        every, fps = pace(episodes, self.speed)
-        with Window(fps, title) as window:
-            shown = sum(
-                1 for _ in itertools.takewhile(window.show, frames(episodes, worlds, names, every, self.pixels))
-            )
-        seconds = min(shown * every, max(map(seconds_of, episodes)))
-        print(f"showed {seconds:.0f} s of {' and '.join(map(str, self.episodes))}")
+def world_of(path: Path, seeds: tuple[int, ...], seed: int | None) -> int:
+    """Return the number of the world of a seed in an episode's file, the first one for None; ConfigError if missing."""
+    if seed is None:
+        return 0
+    if seed not in seeds:
+        raise ConfigError(f"{path} has no world of seed {seed}; its seeds are {', '.join(map(str, seeds[:8]))}")
+    return seeds.index(seed)
 
 
 def names_of(paths: Sequence[Path], episodes: Sequence[Episode]) -> list[str]:

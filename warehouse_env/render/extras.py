@@ -26,23 +26,3 @@ def load(module: str) -> Any:
 def check_frames() -> None:
     """Raise WarehouseError if the package that draws frames and windows is not installed."""
     load("pygame")
-
-
-def check_window() -> None:
-    """Raise WarehouseError if no window can be opened; called before anything is drawn.
-
-    Without a screen SDL draws invisibly, which is refused unless SDL_VIDEODRIVER asks for it.
-    """
-    pygame = load("pygame")
-    try:
-        pygame.display.init()
-        seen = pygame.display.get_driver() in (os.environ.get("SDL_VIDEODRIVER"), *_ON_SCREEN)
-        pygame.display.quit()
-    except pygame.error as error:
-        raise WarehouseError(f"no window can be opened ({error}); {_INSTEAD}") from error
-    if not seen:
-        raise WarehouseError(f"no window can be opened because there is no screen; {_INSTEAD}")
-
-
-_ON_SCREEN = ("x11", "wayland", "windows", "cocoa", "kmsdrm")
-_INSTEAD = "--html FILE or --video FILE shows the same"

@@ -71,7 +71,6 @@ SCEN = "version 1\n0\tm.map\t3\t2\t0\t0\t2\t1\t{}\n"
     [
         (SCEN.format(3), (), 0, ""),
         (SCEN.format(2.83), (), 0, "1 of 1 lengths are not those of the shortest paths"),
-        (SCEN.format(3).replace("m.map", "x/other.map"), ("--map", "m.map"), 0, "are of map 'other', not 'm'"),
         (SCEN.format(3), ("--layout", "open"), 2, "is for a map of 2 x 3 cells, but the map has 40 x 40"),
         (SCEN.format(3), ("--layout", "open", "--map", "m.map"), 2, "--map is another name of --layout"),
         ("version 1\n", (), 2, "s.scen holds no scenario"),
