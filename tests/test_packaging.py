@@ -77,11 +77,6 @@ def test_the_pins_meet_the_bounds() -> None:
             assert requirement.specifier.contains(pins(file)[canonicalize_name(requirement.name)]), (file, text)
 
 
-def test_the_clients_hold_back_what_they_must_and_nothing_else() -> None:
-    ours, theirs = pins(), pins("constraints-clients.txt")
-    assert {name for name, version in ours.items() if theirs[name] != version} == {"gymnasium"}
-
-
 def hide(folder: Path, name: str, owner: str = "") -> None:
     """Put a package or module of other people's in a folder, where a distribution of theirs may have installed it."""
     path = folder / f"{name}/__init__.py" if owner else folder / f"{name}.py"
@@ -208,21 +203,6 @@ def test_set_up_keeps_a_folder_that_is_no_environment(tmp_path: Path) -> None:
     assert run.returncode != 0
     assert "is no virtual environment" in run.stderr
     assert (tmp_path / "letter.txt").exists()
-
-
-@needs_make
-@pytest.mark.parametrize(
-    ("target", "pins", "command"),
-    [
-        ("demo", "constraints.txt", "bin/warehouse demo"),
-        ("test", "constraints.txt", "-m pytest"),
-        ("docs", "constraints.txt", "-m sphinx"),
-        ("clients", "constraints-clients.txt", "-m pytest tests/clients"),
-    ],
-)
-def test_each_target_sets_up_first(tmp_path: Path, target: str, pins: str, command: str) -> None:
-    plan = make("-n", target, f"VENV={tmp_path / 'new'}").stdout
-    assert -1 < plan.find(f"--constraint {pins} ") < plan.find(command)
 
 
 COMPILES = """

@@ -17,10 +17,8 @@ import tyro
 
 from tests.pages import PAGES, ROOT, SHORTER, Block, command_lines, fenced, python_blocks
 from train.cli import COMMANDS, main, options_of
-from train.commands.layouts import check_connected
 from train.learning.config import TrainingConfig
-from train.reporting.rows import read_rows
-from warehouse_env import EnvConfig, SensorSpec, Simulator, observation_layout, read_map
+from warehouse_env import EnvConfig, SensorSpec, Simulator, observation_layout
 from warehouse_env.simulation.senses.rewards import REWARD_TERMS
 from warehouse_env.work import BatterySpec, OrderSpec, ServiceSpec
 
@@ -53,29 +51,6 @@ def test_the_python_runs(
 
 def test_each_way_to_shorten_an_example_fits_one_page_alone() -> None:
     assert all(len({block.page for block in PYTHON if long in block.source}) == 1 for long in SHORTER)
-
-
-def test_the_recipes_work_together_from_the_command_line(
-    registries: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Save each recipe in the file that its page names, and name it as the page's own commands do."""
-    monkeypatch.chdir(tmp_path)
-    names = []
-    for kind, page in (("layout", "map"), ("planner", "planner"), ("policy", "policy")):
-        text = PAGES[f"docs/how_to/{page}.md"]
-        assert f"`my_{kind}.py`" in text
-        Path(f"my_{kind}.py").write_text(fenced(text.split(f"`my_{kind}.py`")[1], "python")[0], encoding="utf-8")
-        names.append(re.findall(rf"--\w+ (my_{kind}\.py:\w+)", text)[0])
-    layout, planner, policy = names
-    common = f"--layout {layout} --planner {planner} --no-pictures --out {tmp_path}"
-    assert main([*f"plan {common} --tasks 3 --runs 1 --json {tmp_path}/plan.jsonl".split()]) == 0
-    assert all(row["success"] and row["gap"] == pytest.approx(0) for row in read_rows(tmp_path / "plan.jsonl"))
-    drive = f"evaluate {common} --policy {policy} follow --robots 3 --episodes 1 --seconds 20"
-    assert main(drive.split()) == 0
-    polite, follow = read_rows(tmp_path / "rows.jsonl")
-    assert polite["policy"] == policy
-    assert 0 < polite["robot_km"] < follow["robot_km"] * 1.5
-    assert main(["layouts", "--draw", layout]) == 0
 
 
 def imported() -> list[tuple[str, str]]:
@@ -138,15 +113,6 @@ def test_every_command_is_understood(line: str, capsys: pytest.CaptureFixture[st
         assert isinstance(parsed, options)
 
 
-def test_the_important_commands_are_named() -> None:
-    lines = set().union(*map(command_lines, PAGES.values()))
-    needed = {"make demo", "make test", "make docs", "warehouse plan"}
-    assert needed <= lines
-    on_a_map = ("warehouse layouts --draw", "warehouse plan --layout", "warehouse evaluate --layout")
-    for start in (*on_a_map, "pip install -c"):
-        assert any(line.startswith(start) for line in lines), start
-
-
 def house() -> list[str]:
     """Return the paths that the map of the house names, folders with a slash at their end."""
     (block,) = fenced(PAGES["docs/architecture.md"], "text")
@@ -174,12 +140,6 @@ def test_the_map_of_the_house_names_every_folder_of_code() -> None:
         for path in (ROOT / package).rglob("*.py")
     }
     assert code <= set(house())
-
-
-def test_the_tutorials_map_is_a_good_one(tmp_path: Path) -> None:
-    (text,) = (block for block in fenced(PAGES["docs/tutorial.md"], "text") if block.startswith("type octile"))
-    (tmp_path / "hall.map").write_text(text, encoding="utf-8")
-    check_connected(read_map(tmp_path / "hall.map"))
 
 
 def headings(page: str) -> set[str]:

@@ -18,7 +18,6 @@ from train.learning import checkpoint
 from train.reporting.rows import read_rows
 from warehouse_env import LAYOUTS, PLANNERS, EnvConfig, make_layout, make_planner
 from warehouse_env.errors import ConfigError
-from warehouse_env.plugins import split
 
 POLICY = '''
 import numpy as np
@@ -212,20 +211,6 @@ def test_a_recorded_episode_asks_for_its_planner(here: Path, capsys: pytest.Capt
 
 
 @pytest.mark.nightly
-def test_other_commands_take_them(capsys: pytest.CaptureFixture[str]) -> None:
-    planned = "plan --layout my_layout.py:hall --planner my_planner.py:Backwards astar --tasks 2 --runs 1"
-    assert main([*planned.split(), "--no-pictures", "--json", "plan.jsonl", "--out", "plan"]) == 0
-    rows = read_rows(Path("plan.jsonl"))
-    assert {row["planner"] for row in rows} == {"my_planner.py:Backwards", "astar"}
-    assert all(row["gap"] == pytest.approx(0) for row in rows)
-    assert main(["layouts", "--draw", "my_layout.py:hall"]) == 0
-    drive = "--policy my_policy.py:Slow --layout my_layout.py:hall --robots 2 --episodes 1 --seconds 3"
-    assert main(["robust", *drive.split(), "--disturbance", "dropout", "--out", "robust"]) == 0
-    assert main(["audit", *drive.split(), "--out", "audit"]) == 0
-    assert {row["policy"] for row in read_rows(Path("audit/rows.jsonl"))} == {"my_policy.py:Slow"}
-
-
-@pytest.mark.nightly
 def test_a_training_takes_them_and_goes_on_with_them(capsys: pytest.CaptureFixture[str]) -> None:
     small = "--robots 2 --rows 4 --rollout 6 --minibatch 24 --hidden 24 --episode-seconds 3 --threads 1 --no-progress"
     own = ["--layout", "my_layout.py:hall", "--planner", "my_planner.py:Backwards"]
@@ -242,20 +227,3 @@ def test_a_training_takes_them_and_goes_on_with_them(capsys: pytest.CaptureFixtu
     capsys.readouterr()
     assert main(["train", "reinforce", "--resume", "run", "--no-progress", *own]) == 2
     assert "my_planner.py:Backwards is not the code that run was trained with" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    ("text", "parts"),
-    [
-        ("a.py:B", ("a.py:B", "")),
-        ("a/b.py:C:d=1,e=2", ("a/b.py:C", "d=1,e=2")),
-        ("a.b:C", ("a.b:C", "")),
-        ("pf_aco:ants=20", None),
-        ("runs/mine", None),
-        ("follow", None),
-        ("C.py", None),
-        (":", None),
-    ],
-)
-def test_which_names_are_ones_own(text: str, parts: tuple[str, str] | None) -> None:
-    assert split(text) == parts

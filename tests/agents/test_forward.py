@@ -111,32 +111,3 @@ def test_plain_python_gives_the_same_bits() -> None:
         env=os.environ | {"NUMBA_DISABLE_JIT": "1"}, cwd=ROOT, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.stdout.strip() == digest(), done.stderr
-
-
-IDLE = """
-import sys
-sys.path.insert(0, {root!r})
-import os
-from pathlib import Path
-from tests.agents.test_forward import decisions
-policy, observation = decisions("ppo", 20)
-def worked():
-    return {{task.name: int((task / "schedstat").read_text().split()[0]) for task in Path("/proc/self/task").iterdir()}}
-policy.output(observation)
-before = worked()
-for _ in range(50):
-    policy.output(observation)
-print(sum(spent - before.get(task, 0) for task, spent in worked().items() if task != str(os.getpid())))
-"""
-
-
-@pytest.mark.nightly
-@pytest.mark.skipif(not Path("/proc/self/schedstat").exists(), reason="no account of each thread's time here")
-def test_no_other_thread_works_for_a_decision() -> None:
-    threads = {"OPENBLAS_NUM_THREADS": "2", "OMP_NUM_THREADS": "2"}
-    done = subprocess.run(
-        [sys.executable, "-W", "ignore", "-c", IDLE.format(root=str(ROOT))],
-        env=os.environ | threads, cwd=ROOT, capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    assert int(done.stdout) == 0  # nanoseconds on a core

@@ -46,17 +46,3 @@ def test_pages_fit_their_window(html: Path) -> None:
                     faults.append(f"{path.relative_to(html)} at {width} px: {whole} px wide, {(outside + hidden)[:3]}")
         browser.close()
     assert not faults, "\n".join(faults)
-
-
-@pytest.mark.nightly
-@needs_chromium
-def test_on_a_phone_options_say_what_they_mean(html: Path) -> None:
-    api = pytest.importorskip("playwright.sync_api")
-    with api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        page = browser.new_page(viewport={"width": 390, "height": 900})
-        page.goto((html / "reference" / "options.html").as_uri())
-        meaning = page.get_by_role("cell", name="contact checks per physics step").bounding_box()
-        browser.close()
-    assert meaning is not None
-    assert meaning["x"] + meaning["width"] <= 390

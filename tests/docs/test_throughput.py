@@ -8,7 +8,6 @@ from typing import Any
 import pytest
 
 from tests.pages import PAGES, ROOT
-from train.reporting.rows import read_rows
 
 pytest.importorskip("matplotlib")
 
@@ -20,20 +19,6 @@ def chart(monkeypatch: pytest.MonkeyPatch) -> Any:
     import throughput
 
     return throughput
-
-
-def test_every_policy_drove_the_same_episodes(chart: Any) -> None:
-    rows = read_rows(chart.ROWS)
-    seeds = {
-        (policy, floor): sorted(row["seed"] for row in rows if (row["policy"], row["layout"], row["robots"]) == key)
-        for policy in chart.BARS
-        for floor in chart.FLOORS
-        for key in [(policy, floor, 32)]
-    }
-    assert len(set(map(tuple, seeds.values()))) == 1
-    assert len(next(iter(seeds.values()))) == 5
-    for floor in chart.FLOORS:
-        assert len([row for row in rows if (row["layout"], row["robots"]) == (floor, 1)]) == 20
 
 
 def test_the_picture_has_the_means_of_the_rows(chart: Any) -> None:
