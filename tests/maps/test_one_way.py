@@ -37,7 +37,7 @@ def test_three_of_eight_moves_are_against_an_arrow() -> None:
     assert moves == [[], [3, 4, 5], [5, 6, 7], [0, 1, 7], [1, 2, 3]]
 
 
-@pytest.mark.parametrize("wrong", [np.full((4, 9), 5), np.zeros((4, 8), int), np.zeros((4, 9)), [[1], [1, 2]]])
+@pytest.mark.parametrize("wrong", [np.full((4, 9), 5), np.zeros((4, 8), int), np.full((4, 9), 0.5), [[1], [1, 2]]])
 def test_wrong_directions_are_refused(wrong: object) -> None:
     with pytest.raises(MapError, match="one_way"):
         GridMap(np.zeros((4, 9), bool), one_way=wrong)  # type: ignore[arg-type]

@@ -42,10 +42,10 @@ def fitted(grid: GridMap, robot: RobotSpec) -> tuple[GridMap, tuple[str, ...]]:
     tight = (_near(grid.walls, need / grid.cell_size, beyond=True) | _near_discs(grid, need)) & ~occupied
     region = largest_region(~(occupied | tight)) if (~(occupied | tight)).any() else np.zeros_like(occupied)
     tight |= largest_region(~occupied) & ~region  # cut off by tight floor: a robot there may leave over it
+    picks, stations, _ = grid.endpoints
+    placed = _places_for(grid, robot, region, picks + stations)
     places, lost = [], []
-    body = _Body(grid, robot, region)
-    for what, cells in (("pick", grid.picks), ("station", grid.stations)):
-        found = body.places_for([(int(row), int(column)) for row, column in cells])
+    for what, found in (("pick", placed[: len(picks)]), ("station", placed[len(picks) :])):
         missing = found.count(None)
         if missing == len(found):
             hint = "so the floor stays as it is; choose smaller robots or a wider floor"
@@ -184,45 +184,33 @@ def headings_on(grid: GridMap, cell: Cell, robot: RobotSpec) -> list[float]:
     return [turn for turn in turns if stands(grid, cell, robot, turn, centred=False)]
 
 
-class _Body:
-    """The cells of a floor on which a body can stand."""
+def _places_for(grid: GridMap, robot: RobotSpec, region: NDArray[np.bool_], cells: list[Cell]) -> list[Cell | None]:
+    """Return for each endpoint the nearest cell of a region on which the body can stand, each once; None without any.
 
-    def __init__(self, grid: GridMap, robot: RobotSpec, region: NDArray[np.bool_]) -> None:
-        self._grid, self._robot = grid, robot
-        self._open = region.copy()  # cells on which it may stand, as far as known, and that are not taken
-        self._known: set[Cell] = set()  # cells on which it can stand
-        self._reach = math.ceil((robot.farthest + grid.cell_size) / grid.cell_size)
+    The cell is in sight of the endpoint: no shelf lies between them.
+    """
+    stands_on = lru_cache(maxsize=None)(lambda cell: bool(headings_on(grid, cell, robot)))
+    reach = math.ceil((robot.farthest + grid.cell_size) / grid.cell_size)
+    left, found = region.copy(), list[Cell | None]()
+    for cell in cells:
+        near = (place for place in _nearest(left, cell, reach) if stands_on(place) and _in_sight(grid, cell, place))
+        place = next(near, None)
+        found.append(place)
+        if place is not None:
+            left[place] = False
+    return found
 
-    def _stands_on(self, cell: Cell) -> bool:
-        """Whether the body touches nothing on an open cell, at one of some headings."""
-        if cell not in self._known:
-            self._open[cell] = bool(headings_on(self._grid, cell, self._robot))
-            if self._open[cell]:
-                self._known.add(cell)
-        return bool(self._open[cell])
 
-    def _sees(self, cell: Cell, other: Cell) -> bool:
-        """Whether no shelf lies between two cells."""
-        count = 4 * max(abs(cell[0] - other[0]), abs(cell[1] - other[1])) + 1
-        between = np.rint(np.linspace(cell, other, count)).astype(np.int64)
-        return not self._grid.occupied[tuple(between.T)].any()
+def _nearest(mask: NDArray[np.bool_], cell: Cell, reach: int) -> list[Cell]:
+    """Return the marked cells around a cell, the nearest first."""
+    first = np.maximum(np.array(cell) - reach, 0)
+    cells = first + np.argwhere(mask[first[0] : cell[0] + reach + 1, first[1] : cell[1] + reach + 1])
+    order = np.argsort(((cells - cell) ** 2).sum(axis=1), kind="stable")
+    return [(row, column) for row, column in cells[order].tolist()]
 
-    def _near(self, cell: Cell) -> list[Cell]:
-        """Return the open cells around an endpoint, the nearest first."""
-        first = np.maximum(np.array(cell) - self._reach, 0)
-        window = self._open[first[0] : cell[0] + self._reach + 1, first[1] : cell[1] + self._reach + 1]
-        cells = first + np.argwhere(window)
-        off = ((cells - cell) ** 2).sum(axis=1)
-        return [(int(r), int(c)) for r, c in cells[np.argsort(off, kind="stable")]]
 
-    def places_for(self, cells: list[Cell]) -> list[Cell | None]:
-        """Return for each endpoint the nearest free cell on which the body can stand; None if there is none."""
-        found: list[Cell | None] = []
-        for cell in cells:
-            near = (place for place in self._near(cell) if self._stands_on(place) and self._sees(cell, place))
-            place = next(near, None)
-            found.append(place)
-            if place is not None:
-                self._open[place] = False
-                self._known.discard(place)
-        return found
+def _in_sight(grid: GridMap, cell: Cell, other: Cell) -> bool:
+    """Whether no shelf lies between two cells."""
+    count = 4 * max(abs(cell[0] - other[0]), abs(cell[1] - other[1])) + 1
+    between = np.rint(np.linspace(cell, other, count)).astype(np.int64)
+    return not grid.occupied[tuple(between.T)].any()

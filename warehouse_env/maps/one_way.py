@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from warehouse_env.errors import MapError
 from warehouse_env.files import read_text
+from warehouse_env.maps.tables import numbers
 
 ARROWS = ".>^<v"  # none, east, north, west, south: MOVES[2 * (k - 1)]
 SUFFIX = ".oneway"
@@ -25,20 +26,15 @@ def checked(one_way: ArrayLike | None, occupied: NDArray[np.bool_]) -> NDArray[n
     """Return a C-ordered uint8[H, W] copy of indices into ARROWS, zeros if not given, or raise MapError."""
     if one_way is None:
         return np.zeros(occupied.shape, np.uint8)
-    try:
-        array = np.array(one_way)
-    except (TypeError, ValueError):
-        array = np.empty(0)
-    if array.shape != occupied.shape or array.dtype.kind not in "iu":
-        raise MapError(f"one_way must hold a whole number for each cell of the map's shape {occupied.shape}")
-    wrong = (array < 0) | (array >= len(ARROWS)) | ((array > 0) & occupied)
+    array = numbers(one_way, occupied.shape, "one_way", 0, len(ARROWS) - 1)
+    wrong = (array % 1 > 0) | ((array > 0) & occupied)
     if wrong.any():
         row, column = np.argwhere(wrong)[0].tolist()
         raise MapError(
-            f"one_way at cell ({row}, {column}) is {array[row, column]}; it must be 0 (none, as on shelves), 1 (east), "
-            "2 (north), 3 (west) or 4 (south)"
+            f"one_way at cell ({row}, {column}) is {array[row, column]:g}; it must be 0 (none, as on shelves), "
+            "1 (east), 2 (north), 3 (west) or 4 (south)"
         )
-    return np.ascontiguousarray(array.astype(np.uint8))
+    return array.astype(np.uint8)
 
 
 def against(one_way: NDArray[np.uint8]) -> NDArray[np.bool_]:
