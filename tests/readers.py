@@ -191,7 +191,6 @@ READERS: dict[str, Reader] = {
     "m.oneway": of_text(with_one_way, ONE_WAY),
     "m.scen": of_text(read_scen, b"version 1\n3\tm.map\t5\t4\t1\t0\t3\t2\t4.5\n"),
     "d.json": of_text(lambda path: read_discs(path).tolist(), HALL["h.discs.json"]),
-    "d.csv": of_text(lambda path: read_discs(path).tolist(), b"x,y,radius\n1.5,2,0.25\n"),
     "h.places.json": of_text(read_places, HALL["h.places.json"]),
     "l.json": of_text(lambda path: sorted(read_lif(path).nodes), HALL["l.json"]),
     "l.geojson": of_text(lambda path: sorted(read_route_graph(path).nodes), HALL["l.geojson"]),

@@ -204,7 +204,7 @@ def test_damaged_files(name: str, data: st.DataObject) -> None:
         works_or_says(lambda: READERS[name].read(folder / name))
 
 
-HOW = ("", "cell=0.5", "keepout=k.yaml", "speed=k.yaml", "discs=h.discs.json", "lanes=l.json", "lanes=l.geojson",
+HOW = ("", "cell=0.5", "keepout=k.yaml", "speed=k.yaml", "lanes=l.json", "lanes=l.geojson",
        "lanes=l.json,lanes_only=true", "cell=2")  # fmt: skip
 
 

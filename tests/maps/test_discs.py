@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from warehouse_env.errors import ConfigError, MapError
-from warehouse_env.maps.discs import read_discs, write_discs
+from warehouse_env.maps.discs import read_discs, write_beside
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.halls.hall import read_hall
 from warehouse_env.maps.halls.saved import write_hall
@@ -103,7 +103,6 @@ def test_a_map_file_keeps_its_discs_beside_it(tmp_path: Path) -> None:
 def test_a_hall_reads_its_discs_and_pixels_within_are_theirs(tmp_path: Path) -> None:
     grid = floor(origin=(-3.0, 7.0))
     name = write_hall(grid, tmp_path / "hall.yaml", 0.05)
-    assert name.endswith("discs=hall.discs.json")
     hall = read_hall(name)
     assert (hall.grid.walls == grid.walls).all()
     assert (hall.grid.occupied == grid.occupied).all()
@@ -114,22 +113,17 @@ def test_a_hall_reads_its_discs_and_pixels_within_are_theirs(tmp_path: Path) -> 
     body[47:53, 47:53] = 0
     (tmp_path / "hall.pgm").write_bytes(head + body.tobytes())
     assert not read_hall(name).grid.walls[2, 2]
-    assert read_hall(str(tmp_path / "hall.yaml")).grid.walls[2, 2]
-    (tmp_path / "far.csv").write_text("x,y,radius\n-2.5,8,0.2\n50,50,1\n")
-    far = read_hall(f"{tmp_path / 'hall.yaml'}:discs=far.csv")
+    write_beside(tmp_path / "hall.yaml", np.array([(-2.5, 8, 0.2), (50, 50, 1)]))
+    far = read_hall(name)
+    assert far.grid.walls[2, 2]
     assert len(far.grid.discs) == 1
     assert any("1 disc with a centre off the floor" in note for note in far.notes)
-    (tmp_path / "none.csv").write_text("x,y,radius\n")
-    assert "none.csv holds no disc" in read_hall(f"{tmp_path / 'hall.yaml'}:discs=none.csv").notes
 
 
 def test_files_of_discs(tmp_path: Path) -> None:
     discs = np.float32([(0.1, 2.7, 0.3), (1e-3, 33.3333, 1.0)])
-    write_discs(discs, tmp_path / "a.json")
-    assert (read_discs(tmp_path / "a.json").astype(np.float32) == discs).all()
-    for text in ("radius, x, y\n0.3, 1, 2\n", "X;Y;Radius;name\n1;2;0,3;a\n", "x\ty\tradius\t\n1\t2\t0.3\t\n\t\t\t\n"):
-        (tmp_path / "a.CSV").write_text(text)
-        assert read_discs(tmp_path / "a.CSV").tolist() == [[1.0, 2.0, 0.3]]
+    write_beside(tmp_path / "a.map", discs)
+    assert (read_discs(tmp_path / "a.discs.json").astype(np.float32) == discs).all()
     for text, says in (
         ("[", "line 1: not valid"), ('{"disc": []}', 'must hold "discs"'), ('{"discs": [{"x": 1, "y": 2}]}', "disc 1"),
         ('{"discs": [{"x": 1, "y": 2, "radius": -1}]}', "radius from 0.001"), ('{"discs": [3]}', "disc 1"),
@@ -137,8 +131,5 @@ def test_files_of_discs(tmp_path: Path) -> None:
         (tmp_path / "b.json").write_text(text)
         with pytest.raises(MapError, match=says):
             read_discs(tmp_path / "b.json")
-    (tmp_path / "b.csv").write_text("1,2,3\n")
-    with pytest.raises(MapError, match="x, y, radius"):
-        read_discs(tmp_path / "b.csv")
     with pytest.raises(ConfigError, match="radius"):
         make_layout("pillars:radius=0")

@@ -1,8 +1,7 @@
 """Discs: round obstacles such as pillars, exact for bodies, sweeps and lidar.
 
-Planners, lanes and goals see cells: a cell that a disc reaches into is occupied for them. In files discs are in metres
-of the map's own frame, as JSON {"discs": [{"x": 3.5, "y": 2.5, "radius": 0.3}, ...]} or as CSV with the first line
-x,y,radius.
+Planners, lanes and goals see cells: a cell that a disc reaches into is occupied for them. NAME.discs.json beside a map
+holds them in metres of the map's own frame, as {"discs": [{"x": 3.5, "y": 2.5, "radius": 0.3}, ...]}.
 """
 
 from __future__ import annotations
@@ -15,10 +14,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from warehouse_env.errors import MapError, shown
-from warehouse_env.files import as_number, named_rows, parsed_json, read_text, write_text
+from warehouse_env.files import as_number, companion, read_json, write_text
 from warehouse_env.maps.tables import flags
 
-SUFFIX = ".discs.json"  # beside NAME.map
+SUFFIX = ".discs.json"
 MOST = 100_000
 SMALLEST, LARGEST = 1e-3, 1000.0  # [m] of a radius
 _LARGEST_FILE = 16_000_000  # [bytes]
@@ -95,13 +94,9 @@ def among(
 
 
 def read_discs(path: Path) -> NDArray[np.float64]:
-    """Return float64[K, 3], the discs (x, y, radius) [m] of a JSON or CSV file in its own frame; MapError."""
-    text = read_text(path, "discs file", _LARGEST_FILE)
-    if path.suffix.lower() == ".csv":
-        rows: Any = [row for _, row in named_rows(text, str(path), ("x", "y", "radius"))]
-    else:
-        data = parsed_json(text, str(path))
-        rows = data.get("discs") if isinstance(data, dict) else None
+    """Return float64[K, 3], the discs (x, y, radius) [m] of a file in its own frame; MapError."""
+    data = read_json(path, "discs file", _LARGEST_FILE)
+    rows = data.get("discs") if isinstance(data, dict) else None
     if not isinstance(rows, list):
         raise MapError(f'{path} must hold "discs", a list like {_EXAMPLE}')
     if len(rows) > MOST:
@@ -116,8 +111,12 @@ def read_discs(path: Path) -> NDArray[np.float64]:
     return found
 
 
-def write_discs(discs: NDArray[np.floating[Any]], path: Path) -> None:
-    """Write discs (x, y, radius) [m] as JSON, one a line."""
+def write_beside(path: Path, discs: NDArray[np.floating[Any]]) -> None:
+    """Write discs (x, y, radius) [m] to NAME.discs.json beside a map, one a line; without any, remove such a file."""
+    beside = companion(path, SUFFIX)
+    if not len(discs):
+        beside.unlink(missing_ok=True)
+        return
     numbers = [[float(str(value)) for value in disc] for disc in discs]  # the shortest that say it
     lines = [f'  {{"x": {x!r}, "y": {y!r}, "radius": {radius!r}}}' for x, y, radius in numbers]
-    write_text(path, '{"discs": [\n' + ",\n".join(lines) + "\n]}\n")
+    write_text(beside, '{"discs": [\n' + ",\n".join(lines) + "\n]}\n")

@@ -16,7 +16,7 @@ import numpy as np
 from warehouse_env.errors import MapError, shown
 from warehouse_env.files import as_number, companion, path_of, read_text, write_text
 from warehouse_env.maps import one_way
-from warehouse_env.maps.discs import SUFFIX, read_discs, write_discs
+from warehouse_env.maps.discs import SUFFIX, read_discs, write_beside
 from warehouse_env.maps.grid_map import Cell, GridMap
 
 FREE = ".GS"  # floor; S is swamp, which the benchmarks' shortest paths treat as floor
@@ -102,15 +102,8 @@ def write_map(grid: GridMap, path: str | os.PathLike[str]) -> None:
     path = path_of(path, MapError)
     header = ["type octile", f"height {rows}", f"width {columns}", "map"]
     write_text(path, "\n".join([*header, *floor]) + "\n")
-    beside, round_ones = companion(path, one_way.SUFFIX), companion(path, SUFFIX)
-    if grid.one_way.any():
-        write_text(beside, "\n".join(one_way.text(grid.one_way)) + "\n")
-    else:
-        beside.unlink(missing_ok=True)  # of another floor that was written here before
-    if len(grid.discs):
-        write_discs(grid.discs, round_ones)
-    else:
-        round_ones.unlink(missing_ok=True)
+    one_way.write_beside(path, grid.one_way)
+    write_beside(path, grid.discs)
 
 
 def read_scen(path: str | os.PathLike[str]) -> list[Scenario]:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from warehouse_env.errors import MapError
-from warehouse_env.files import read_text
+from warehouse_env.files import companion, read_text, write_text
 from warehouse_env.maps.tables import numbers
 
 ARROWS = ".>^<v"  # none, east, north, west, south: MOVES[2 * (k - 1)]
@@ -67,6 +67,15 @@ def parse(lines: Sequence[str]) -> NDArray[np.uint8]:
                     f"line {number}: unknown letter {letter!r} in column {column}; known: {' '.join(ARROWS)}"
                 )
     return np.array([[ARROWS.index(letter) for letter in line] for line in lines], dtype=np.uint8)
+
+
+def write_beside(path: Path, one_way: NDArray[np.uint8]) -> None:
+    """Write the directions of a floor to NAME.oneway beside its map; without any, remove such a file."""
+    beside = companion(path, SUFFIX)
+    if one_way.any():
+        write_text(beside, "\n".join(text(one_way)) + "\n")
+    else:
+        beside.unlink(missing_ok=True)
 
 
 def text(one_way: NDArray[np.uint8]) -> list[str]:

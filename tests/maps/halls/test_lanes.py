@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given
 from hypothesis.extra import numpy as hnp
 
 from tests.maps.halls.test_map_server import REAL, hall, room
@@ -19,7 +18,7 @@ from warehouse_env.errors import MapError
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.halls.cells import Raster
 from warehouse_env.maps.halls.hall import read_hall
-from warehouse_env.maps.halls.lanes import STEPS, Lane, Lanes, arrows, lay, of_floor, prices
+from warehouse_env.maps.halls.lanes import Lane, Lanes, arrows, lay, prices
 from warehouse_env.maps.halls.lif import read_lif, write_lif
 from warehouse_env.maps.halls.places import cells_of, read_places
 from warehouse_env.maps.halls.route_graph import read_route_graph, write_route_graph
@@ -310,22 +309,3 @@ def test_places_of_a_hand_are_read(tmp_path: Path) -> None:
         file.write_text(text)
         with pytest.raises(MapError):
             read_places(file)
-
-
-@given(st.integers(0, 10**6))
-@settings(max_examples=20, deadline=None)
-def test_floors_as_lanes_lay_back_on_their_cells(seed: int) -> None:
-    """Random arrows: all steps of the floor stay, and no step back comes in that no note counts."""
-    rng = np.random.default_rng(seed)
-    occupied = rng.random((5, 6)) < 0.2
-    occupied[0, 0] = False
-    grid = GridMap(occupied, one_way=rng.integers(0, 5, (5, 6)) * (rng.random((5, 6)) < 0.4) * ~occupied)
-    region = np.zeros(grid.shape, np.bool_)
-    region[tuple(grid.free_cells.T)] = True
-    made, legal = of_floor(grid), grid.legal_moves[..., ::2]
-    found = lay(made, region, Raster(5, 6, 1.0, (0.0, 0.0)))
-    again = GridMap(~region, one_way=found.one_way).legal_moves[..., ::2]
-    assert not (legal & region[..., None] & ~again).any()
-    new = again & ~legal
-    ahead = np.stack([np.roll(legal[..., (m + 2) % 4], (-r, -c), (0, 1)) for m, (r, c) in enumerate(STEPS)], axis=-1)
-    assert (new & ahead).sum() == sum(made.notes.values())

@@ -22,6 +22,7 @@ from warehouse_env.config import RobotSpec
 from warehouse_env.errors import MapError, MapWarning
 from warehouse_env.files import STAGED, companion, path_of
 from warehouse_env.maps import one_way
+from warehouse_env.maps.discs import SUFFIX as DISCS
 from warehouse_env.maps.discs import covered, read_discs
 from warehouse_env.maps.endpoints import largest_region
 from warehouse_env.maps.going import DEAREST
@@ -66,13 +67,13 @@ def parse(name: str) -> tuple[Path, Reading]:
 def files_of(name: str) -> Iterator[Path]:
     """Yield the files of a hall, its map first, so that they can travel with jobs."""
     path, how = parse(name)
-    named = [beside(path, other, "file") for other in (how.keepout, how.speed, how.lanes, how.discs) if other]
+    named = [beside(path, other, "file") for other in (how.keepout, how.speed, how.lanes) if other]
     for one in (path, *named):
         yield one
         if one.suffix.lower() in YAMLS:
             with contextlib.suppress(MapError):  # reported when it is read
                 yield image_of(one)
-    yield from (companion(path, suffix) for suffix in (places.SUFFIX, one_way.SUFFIX))
+    yield from (companion(path, suffix) for suffix in (places.SUFFIX, one_way.SUFFIX, DISCS))
 
 
 def read_floor(name: str) -> GridMap:
@@ -153,11 +154,10 @@ class _Reader:
 
     def _round_ones(self) -> NDArray[np.float64]:
         """Return float64[K, 3], the discs (x, y, radius) [m] in the map's frame whose centres are on its cells."""
-        if self._how.discs is None:
+        path = companion(self._path, DISCS)
+        if not path.exists():
             return np.zeros((0, 3))
-        found = read_discs(beside(self._path, self._how.discs, "discs"))
-        if not len(found):
-            self._notes.append(f"{self._how.discs} holds no disc")
+        found = read_discs(path)
         inside = self._raster.inside(self._raster.cells(found[:, :2]))
         if not inside.all():
             x, y, _ = found[np.argmin(inside)].tolist()

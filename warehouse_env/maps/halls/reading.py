@@ -23,7 +23,6 @@ class Reading(Checked):
     vehicle: str | None = None  # only lanes open to this type (LIF)
     lanes_only: bool = False  # close all floor off the lanes
     lanes_prefer: float = 1.5  # price factor of floor off the lanes
-    discs: str | None = None  # round obstacles (.json or .csv), instead of the pixels in them
 
     def __post_init__(self) -> None:
         super().__post_init__()

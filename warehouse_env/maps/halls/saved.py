@@ -1,4 +1,4 @@
-"""Write a floor for map_server: map and speed mask, and the places and arrows beside them."""
+"""Write a floor for map_server: map and speed mask, with places, one-way cells and discs beside them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from warehouse_env.config import RobotSpec
 from warehouse_env.errors import MapError
-from warehouse_env.files import companion, write_text
+from warehouse_env.files import companion
 from warehouse_env.maps import discs, one_way
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.halls import places
@@ -38,16 +38,10 @@ def write_hall(grid: GridMap, path: Path, resolution: float | None = None) -> st
         parameters.append(f"speed={path.stem}_speed.yaml")
         percent = np.where(np.isfinite(speed), np.clip(speed / RobotSpec.max_speed * 100, 1, 100), 0)
         write(np.rint(percent).astype(np.int64), path.with_name(f"{path.stem}_speed.yaml"))
-    if len(grid.discs):
-        parameters.append(f"discs={path.stem}{discs.SUFFIX}")
-        discs.write_discs(grid.discs + np.array([*grid.origin, 0.0]), path.with_suffix(discs.SUFFIX))
+    discs.write_beside(path, grid.discs + np.array([*grid.origin, 0.0]))
     raster = Raster(*grid.shape, grid.cell_size, grid.origin)
     both = zip(places.KINDS, (grid.picks, grid.stations), strict=True)
     listed = {kind: places.places_at(raster, cells) for kind, cells in both}
     places.write_places(listed, companion(path, places.SUFFIX))
-    arrows = companion(path, one_way.SUFFIX)
-    if grid.one_way.any():
-        write_text(arrows, "\n".join(one_way.text(grid.one_way)) + "\n")
-    else:
-        arrows.unlink(missing_ok=True)  # of another floor that was written here before
+    one_way.write_beside(path, grid.one_way)
     return f"{path}:{','.join(parameters)}" if parameters else str(path)
