@@ -30,16 +30,16 @@ class SolutionCheck(NamedTuple):
     unit: float  # [s] of a unit of t
 
 
-def check(instance: Instance, schedule: dict[str, States], unit: float = 1.0, whole: bool = False) -> SolutionCheck:
+def check(instance: Instance, schedule: dict[str, States], unit: float = 1.0) -> SolutionCheck:
     """Check a solution: its robots, ends, arcs, curvature, speed, border, bodies and discs.
 
-    unit: seconds of a unit of t; whole: bodies, not only axles, must stay on the floor.
+    unit: seconds of a unit of t.
     """
     faults = [Fault("has no states", name, "", 0.0, 0.0) for name in instance.names if name not in schedule]
     faults += [Fault("is no robot", name, "", 0.0, 0.0) for name in schedule if name not in instance.names]
     if faults:
         return SolutionCheck(faults, math.nan, math.nan, math.nan, math.nan, math.nan, math.nan, 0.0, unit)
-    motions, found = motions_of(instance, schedule, unit, whole)
+    motions, found = motions_of(instance, schedule, unit)
     slack = max(_LEAST_SLACK, 2.0 * motions.miss)
     shape = Shape(
         BODY.half_length, BODY.half_width, 0.5 * (BODY.ahead - BODY.behind), max(BODY.ahead, BODY.behind),

@@ -16,7 +16,6 @@ from train.clmapf.solution import States
 TOLERANCE = 0.01  # of given poses, lengths and turns: the authors' files have six digits
 AUTHORS_STEP = 2.118  # seconds of a step of the authors' solver: radius 3 times 0.706 rad
 BEGIN, END, X, Y, HEADING, LENGTH, BEND = range(7)  # columns of motions float64[M, 7]; LENGTH is negative in reverse
-_AXLE = ((0.0, 0.0),)
 _CORNERS = tuple((ahead, left) for ahead in (BODY.ahead, -BODY.behind) for left in (BODY.half_width, -BODY.half_width))
 _STILL = 1e-12  # [rad] up to which there is no turn
 
@@ -55,9 +54,7 @@ def arc_between(state: NDArray[np.float64], after: NDArray[np.float64]) -> tuple
     return along * bow, turn, abs(across)
 
 
-def motions_of(
-    instance: Instance, schedule: dict[str, States], unit: float, whole: bool
-) -> tuple[Motions, list[Fault]]:
+def motions_of(instance: Instance, schedule: dict[str, States], unit: float) -> tuple[Motions, list[Fault]]:
     """Return the arcs, and the faults of each robot: ends, times, jumps, curvature, speed, border."""
     arcs, first, worst = [], [0], 0.0
     faults: list[Fault] = []
@@ -71,7 +68,9 @@ def motions_of(
             if not found:
                 worst = max(worst, miss)
             faults += found
-            faults += _border(name, arc, instance, whole)
+            off = _beyond(arc, instance, (0.0, 0.0))
+            if off > TOLERANCE:
+                faults.append(Fault("the axle leaves the floor", name, "", arc[BEGIN], off))
             arcs.append(arc if arc[1] > arc[0] else (arc[0], arc[0], *state[:3], 0.0, 0.0))
         last = states[-1]
         arcs.append((unit * last[3], unit * last[3], *last[:3], 0.0, 0.0))
@@ -103,24 +102,15 @@ def _limits(name: str, arc: tuple[float, ...], turn: float, miss: float) -> Iter
         yield Fault("too fast", name, "", arc[BEGIN], length / max(seconds, 1e-9) - 1.0)
 
 
-def _border(name: str, arc: tuple[float, ...], instance: Instance, whole: bool) -> Iterator[Fault]:
-    off = _beyond(arc, instance, _CORNERS if whole else _AXLE)
-    if off > TOLERANCE:
-        yield Fault(f"the {'body' if whole else 'axle'} leaves the floor", name, "", arc[BEGIN], off)
-
-
 def body_beyond(motions: Motions, instance: Instance) -> float:
     """Return how far a corner of a body reaches beyond the floor's border, 0 if none does."""
-    return max(0.0, *(_beyond(arc, instance, _CORNERS) for arc in motions.arcs.tolist()))
+    return max(0.0, *(_beyond(arc, instance, point) for arc in motions.arcs.tolist() for point in _CORNERS))
 
 
-def _beyond(arc: tuple[float, ...], instance: Instance, points: tuple[tuple[float, float], ...]) -> float:
-    """Return how far points of a body, ahead and left of its axle, reach beyond the border on an arc."""
-    most = -math.inf
-    for ahead, left in points:
-        low_x, high_x, low_y, high_y = extent(arc, ahead, left)
-        most = max(most, -low_x, high_x - instance.width, -low_y, high_y - instance.height)
-    return most
+def _beyond(arc: tuple[float, ...], instance: Instance, point: tuple[float, float]) -> float:
+    """Return how far a point of a body, ahead and left of its axle, reaches beyond the border on an arc."""
+    low_x, high_x, low_y, high_y = extent(arc, *point)
+    return max(-low_x, high_x - instance.width, -low_y, high_y - instance.height)
 
 
 def extent(arc: tuple[float, ...] | list[float], ahead: float, left: float) -> tuple[float, float, float, float]:

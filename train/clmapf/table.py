@@ -1,4 +1,4 @@
-"""The table of the benchmark's cells, and published results with the rules of each figure."""
+"""The table of the benchmark's cells, and what is impossible or not solved."""
 
 from __future__ import annotations
 
@@ -15,19 +15,6 @@ NOTE = (
     "solved: by the exact check, of the instances that are not impossible as stated [95% interval by Wilson's score]. "
     "makespan, flowtime: means over the solved ones, at unit speed. seconds: of one core."
 )
-PUBLISHED = (
-    ("CL-CBS", "77.9% of 480 of its instances", "as run by that paper", "arXiv 2512.12243"),
-    ("CAHC", "84.8% of the same 480", "that paper's", "arXiv 2512.12243"),
-    ("SMART", "over 90% to 25 robots on 50 x 50, over 95% to 50 on 100 x 100", "that paper's", "arXiv 2509.15737"),
-    ("ESCoT", "over 50% in the hardest dense cells", "that paper's", "arXiv 2508.09581"),
-    ("CSDO", "up to 95% on 50 x 50, about 1 s", "instances of its own, the same body", "arXiv 2405.20858"),
-    ("MA-DV2F", "97% of 50 robots, 25 obstacles; CSDO 59%, CL-CBS 68%", "own instances, share of robots", "RA-L 2025"),
-)  # fmt: skip
-
-
-def published_table() -> Table:
-    """Return published results; each follows another rule than our table."""
-    return Table("Published, each by its own rule", ("method", "solved", "rule and instances", "source"), PUBLISHED)
 
 
 def cells_table(rows: Sequence[Row]) -> Table:

@@ -11,7 +11,7 @@ import tyro
 
 from train.clmapf.jobs import InstanceJob, instances_in
 from train.clmapf.motions import AUTHORS_STEP
-from train.clmapf.table import cells_table, impossible_lines, published_table, unsolved_lines
+from train.clmapf.table import cells_table, impossible_lines, unsolved_lines
 from train.evaluation.jobs import Here, Job, Runner
 from train.evaluation.processes import Processes
 from train.reporting.rows import Row, RowFile
@@ -22,7 +22,7 @@ from warehouse_env.files import check_writable, write_text
 
 @dataclass(frozen=True)
 class Clmapf(Checked):
-    """Plan the routes of all instances of CL-MAPF below a folder, check them exactly, and print them beside others'.
+    """Plan the routes of all instances of CL-MAPF below a folder, check them exactly, and print a table by cell.
 
     Example: warehouse clmapf CL-CBS/benchmark
     """
@@ -36,8 +36,6 @@ class Clmapf(Checked):
     """Folder for the solutions, in the format of the benchmark's authors (OUT/solutions)."""
     authors_steps: bool = False
     """With --check, t counts the steps of the authors' solver, each 2.118 long; else it is seconds at unit speed."""
-    whole_bodies: bool = False
-    """Whole bodies must stay on the floor; by default, as in the benchmark, only rear axles must."""
     seed: int = 0
     """Seed of the planner."""
     json: Path | None = None
@@ -72,14 +70,13 @@ class Clmapf(Checked):
         if self.check and not any((solutions / name).is_file() for name in names):
             raise MapError(f"{solutions} holds no solution named as an instance in {self.folder}")
         unit, seed = AUTHORS_STEP if self.authors_steps else 1.0, None if self.check else self.seed
-        return [InstanceJob(self.folder, name, solutions, self.whole_bodies, seed, unit) for name in names]
+        return [InstanceJob(self.folder, name, solutions, seed, unit) for name in names]
 
     def _tell(self, rows: Sequence[Row]) -> None:
-        tables = cells_table(rows), published_table()
-        for table in tables:
-            table.print()
+        table = cells_table(rows)
+        table.print()
         impossible, unsolved = impossible_lines(rows), unsolved_lines(rows)
         for title, lines in (("impossible as stated", impossible), ("not solved", unsolved)):
             print("\n".join([f"{title}: {len(lines) or 'none'}", *(f"  {line}" for line in lines)]))
         told = [*impossible, *unsolved]
-        write_text(self.out / "table.md", "\n".join([*(table.markdown() for table in tables), *told]) + "\n")
+        write_text(self.out / "table.md", "\n".join([table.markdown(), *told]) + "\n")

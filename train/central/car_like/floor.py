@@ -1,4 +1,4 @@
-"""A body on an arc, exactly: where it is, and whether it keeps clear of the discs and inside the floor.
+"""A body on an arc, exactly: where it is, and whether it keeps clear of the discs and its axle on the floor.
 
 A piece of a route is (x, y, heading) where it begins, its rate (1 forwards, -1 backwards, 0 waits), its curvature and
 its seconds, at unit speed. Lengths are in the floor's units.
@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 from warehouse_env.kernel import inline, part
 from warehouse_env.routes.reeds_shepp import rolled
 
-_AXLE_EDGE, _BODY_EDGE = 1e-9, 0.005  # beyond the floor that is none: yaw 3.14 turns a body out by .002
+_EDGE = 1e-9  # tolerance at the border
 _RIGHT_ANGLE = 0.5 * math.pi
 
 
@@ -43,22 +43,17 @@ class CarFloor(NamedTuple):
     circle: float  # radius of the circle around the body
     radius: float  # least turning radius
     turning_speed: float  # of the body's fastest point on the tightest arc at unit speed
-    whole: bool  # whether whole bodies, not only axles, must stay on the floor
-    edge: float  # tolerance at the border
     margin: float  # between bodies and to discs; at least half of it is certain
 
 
-def floor_of(
-    width: float, height: float, discs: Any, disc_radius: float, body: CarBody, margin: float, whole: bool = False
-) -> CarFloor:
+def floor_of(width: float, height: float, discs: Any, disc_radius: float, body: CarBody, margin: float) -> CarFloor:
     """Return the floor of these discs float64[K, 2] for this body."""
     half_length, middle = body.half_length, 0.5 * (body.ahead - body.behind)
     far = max(body.ahead, body.behind)
     return CarFloor(
         width, height, discs, disc_radius, half_length, body.half_width, middle,
         math.hypot(half_length, body.half_width), body.radius,
-        math.hypot(body.radius + body.half_width, far) / body.radius, whole,
-        _BODY_EDGE if whole else _AXLE_EDGE, margin,
+        math.hypot(body.radius + body.half_width, far) / body.radius, margin,
     )  # fmt: skip
 
 
@@ -70,28 +65,23 @@ def point_speed(rate, curvature, floor):
 
 @inline
 def _on_floor(x, y, floor):
-    """Whether a point lies on the floor."""
-    edge = floor.edge
-    return -edge <= x <= floor.width + edge and -edge <= y <= floor.height + edge
+    """Return whether a point lies on the floor."""
+    return -_EDGE <= x <= floor.width + _EDGE and -_EDGE <= y <= floor.height + _EDGE
 
 
 @part
-def _point_stays(x, y, heading, length, curvature, ahead, left, floor):
-    """Return whether a point of the body stays on the floor along an arc of signed length.
+def stays_inside(x, y, heading, length, curvature, floor):
+    """Return whether the axle stays on the floor along an arc of signed length.
 
     On a circle it is outermost at an end or due east, north, west or south of the centre.
     """
-    c, s = math.cos(heading), math.sin(heading)
-    px, py = x + ahead * c - left * s, y + ahead * s + left * c
-    to_x, to_y, to = rolled(x, y, heading, length, curvature)
-    to_c, to_s = math.cos(to), math.sin(to)
-    to_x, to_y = to_x + ahead * to_c - left * to_s, to_y + ahead * to_s + left * to_c
-    if not (_on_floor(px, py, floor) and _on_floor(to_x, to_y, floor)):
+    to_x, to_y, _ = rolled(x, y, heading, length, curvature)
+    if not (_on_floor(x, y, floor) and _on_floor(to_x, to_y, floor)):
         return False
     if curvature == 0.0:
         return True
-    middle_x, middle_y = x - s / curvature, y + c / curvature
-    dx, dy = px - middle_x, py - middle_y
+    middle_x, middle_y = x - math.sin(heading) / curvature, y + math.cos(heading) / curvature
+    dx, dy = x - middle_x, y - middle_y
     radius, angle, turn = math.sqrt(dx * dx + dy * dy), math.atan2(dy, dx), length * curvature
     first, last = min(angle, angle + turn), max(angle, angle + turn)
     for quarter in range(math.ceil(first / _RIGHT_ANGLE), math.floor(last / _RIGHT_ANGLE) + 1):
@@ -99,20 +89,6 @@ def _point_stays(x, y, heading, length, curvature, ahead, left, floor):
         if not _on_floor(middle_x + radius * math.cos(at), middle_y + radius * math.sin(at), floor):
             return False
     return True
-
-
-@part
-def stays_inside(x, y, heading, length, curvature, floor):
-    """Return whether the axle, or with `whole` the body, stays on the floor along an arc of signed length."""
-    if not floor.whole:
-        return _point_stays(x, y, heading, length, curvature, 0.0, 0.0, floor)
-    front, tail, side = floor.middle + floor.half_length, floor.middle - floor.half_length, floor.half_width
-    return (
-        _point_stays(x, y, heading, length, curvature, front, side, floor)
-        and _point_stays(x, y, heading, length, curvature, front, -side, floor)
-        and _point_stays(x, y, heading, length, curvature, tail, side, floor)
-        and _point_stays(x, y, heading, length, curvature, tail, -side, floor)
-    )
 
 
 @inline
