@@ -126,15 +126,12 @@ class GridPIBT:
             self._costs[i], self._goal[i], self._waited[i] = self._kept[goal], goal, 0
 
     def step(
-        self, cell: Ints, heading: Ints, held: NDArray[np.bool_],
-        tail: Ints | None = None, restless: NDArray[np.bool_] | bool = False,
-    ) -> tuple[Ints, Ints]:  # fmt: skip
+        self, cell: Ints, heading: Ints, held: NDArray[np.bool_], tail: Ints, restless: NDArray[np.bool_]
+    ) -> tuple[Ints, Ints]:
         """Return the next cells and moves int64[N] (see pibt_step)."""
         self._waited += 1
-        restless = np.broadcast_to(restless, held.shape)
-        order = np.lexsort((np.arange(len(cell)), -self._waited))
+        order = np.argsort(-self._waited, kind="stable")
         noise = self.rng.uniform(0.0, np.where(restless, RESTLESS, 0.4)[:, None], (len(cell), 5))
-        tail = np.full(len(cell), -1) if tail is None else tail
         chosen, moves = pibt_step(cell, heading, self._costs, order, held, tail, noise, self._blocked)
         return chosen, moves
 

@@ -56,8 +56,8 @@ class FloorsTable(TableOptions):
     """Numbers of robots, except on large floors."""
     runs: int = 4
     """Episodes of each floor; one each on drawn floors, half as many on large ones."""
-    planner: tuple[str, ...] = (EnvConfig.planner,)
-    """Planners of routes; another table compares each after the first with it."""
+    planner: str = EnvConfig.planner
+    """Planner of the routes."""
     maps: tuple[str, ...] = ()
     """Layouts to drive on, instead of all floors."""
 
@@ -65,25 +65,21 @@ class FloorsTable(TableOptions):
         """Drive what is missing, then write the tables."""
         self.check_writable()
         rows = self.rows_of([EpisodesJob(one) for one in self.experiments(self.folder)])
-        tables = floors_tables(rows, self.policy, self.planner)
-        for table in tables:
-            table.print()
-        self.write("Policies on many floors", tables)
+        table = floors_table(rows, self.policy)
+        table.print()
+        self.write("Policies on many floors", [table])
 
     def experiments(self, folder: Path) -> Iterator[Experiment]:
         """Yield what is driven: on every floor one robot alone by the rule, then the rule and every policy."""
-        if not self.planner:
-            raise ConfigError("--planner needs at least one name")
-        for planner in self.planner:
-            make_planner(planner)  # a wrong name is refused before anything drives
+        make_planner(self.planner)  # a wrong name is refused before anything drives
         if not self.robots or min(self.robots) < 2:
             raise ConfigError(f"--robots {self.robots} must be numbers of at least 2")
         for place, (layout, fleets, many) in enumerate(self._floors(folder)):
             seed = SEED + self.seed + place * layout.startswith(GENERATED)
-            alone = EnvConfig(layout, num_agents=1, planner=self.planner[0])
+            alone = EnvConfig(layout, num_agents=1, planner=self.planner)
             yield make_experiment(RULE, alone, ALONE * many, SECONDS, seed)
-            for robots, planner, policy in itertools.product(fleets, self.planner, _with_rule(self.policy)):
-                env = EnvConfig(layout, num_agents=robots, planner=planner)
+            for robots, policy in itertools.product(fleets, _with_rule(self.policy)):
+                env = EnvConfig(layout, num_agents=robots, planner=self.planner)
                 yield make_experiment(policy, env, many, SECONDS, seed)
 
     def _floors(self, folder: Path) -> Iterator[tuple[str, tuple[int, ...], int]]:
@@ -107,50 +103,23 @@ def _with_rule(policies: Sequence[str]) -> list[str]:
     return list(dict.fromkeys((RULE, *policies)))
 
 
-Group = tuple[str, int, str, list[Row]]
-"""A group of floors, a number of robots, a policy, and the rows of these."""
-
-
-def floors_tables(rows: Sequence[Row], policies: Sequence[str], planners: Sequence[str]) -> list[Table]:
-    """Return a table of policies with routes by the first planner, and one for each other planner beside it."""
-    tables = [_policies_table(select(rows, planner=planners[0]), policies)]
-    return tables + [_planners_table(rows, policies, planners[0], other) for other in planners[1:]]
-
-
 def _floor(row: Row) -> str:
     """Return the group of a row's floor: its name, or one for all that are drawn at random."""
     layout = str(row["layout"])
     return "drawn at random" if layout.startswith(GENERATED) else Path(layout).stem
 
 
-def _groups(rows: Sequence[Row], policies: Sequence[str]) -> Iterator[Group]:
+def floors_table(rows: Sequence[Row], policies: Sequence[str]) -> Table:
+    """Return a line for each group of floors, number of robots and policy, the rule first."""
+    names, cells = short_names({RULE, *policies}), []
     for floor in dict.fromkeys(map(_floor, rows)):
         own = [row for row in rows if _floor(row) == floor]
+        alone = mean_interval(map(_late, select(own, robots=1))).mean
         for robots in sorted({row["robots"] for row in own} - {1}):
+            rule = select(own, robots=robots, policy=RULE)
             for policy in _with_rule(policies):
-                yield floor, robots, policy, select(own, robots=robots, policy=policy)
-
-
-def _planners_table(rows: Sequence[Row], policies: Sequence[str], planner: str, other: str) -> Table:
-    """Return a line for each group: goals with routes by either planner."""
-    names, cells = short_names({RULE, *policies}), []
-    for floor, robots, policy, driven in _groups(rows, policies):
-        one, two = (select(driven, planner=name) for name in (planner, other))
-        late = [number(mean_interval(map(_late, own)).mean) for own in (one, two)]
-        cells.append((floor, str(robots), names[policy], *late, _above(one, two)))
-    header = ("floor", "robots", "policy", planner, other, "difference")
-    note = f"Late goals/robot-h with all routes by {planner} or by {other}; floor and seed of each pair the same."
-    return Table(f"Routes by {planner} and by {other}", header, tuple(cells), note)
-
-
-def _policies_table(rows: Sequence[Row], policies: Sequence[str]) -> Table:
-    """Return a line for each group, the rule first."""
-    names, cells, rule = short_names({RULE, *policies}), [], list[Row]()
-    alone = {floor: [_late(row) for row in rows if row["robots"] == 1 and _floor(row) == floor]
-             for floor in set(map(_floor, rows))}  # fmt: skip
-    for floor, robots, policy, driven in _groups(rows, policies):
-        rule = driven if policy == RULE else rule
-        cells.append((floor, str(robots), names[policy], *_line(driven, rule, mean_interval(alone[floor]).mean)))
+                driven = rule if policy == RULE else select(own, robots=robots, policy=policy)
+                cells.append((floor, str(robots), names[policy], *_line(driven, rule, alone)))
     return Table("Policies on many floors", HEADER, tuple(cells), NOTE)
 
 
@@ -158,19 +127,14 @@ def _late(row: Row) -> float:
     return float(row["late_goals_per_robot_hour"])
 
 
-def _above(rows: Sequence[Row], base: Sequence[Row]) -> str:
-    """Return the paired difference of rows from base rows."""
-    found = paired(rows, base, _late, ("layout", "seed"))
-    return difference(found) + ("" if is_told(found) else ", not told apart")
-
-
 def _line(rows: Sequence[Row], rule: Sequence[Row], free: float) -> tuple[str, ...]:
     late = mean_interval(map(_late, rows))
     late = late._replace(low=max(late.low, 0.0))  # goals cannot be negative; NaN stays NaN
     above, share, base = "", "", mean_interval(map(_late, rule)).mean
     if rows and rows is not rule:
-        above = _above(rows, rule)
-        share = f"{100 * paired(rows, rule, _late, ('layout', 'seed')).mean / base:+.1f}" if base else ""
+        found = paired(rows, rule, _late, ("layout", "seed"))
+        above = difference(found) + ("" if is_told(found) else ", not told apart")
+        share = f"{100 * found.mean / base:+.1f}" if base else ""
     return (
         with_interval(late), f"{100 * late.mean / free:.0f}" if free else "", above, share,
         number(100 * mean_interval(row["stuck"] for row in rows).mean, 2),
