@@ -2,37 +2,31 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.kernel import kernel
 
 
-def simplified(line: NDArray[np.float32], within: float | NDArray[np.floating[Any]]) -> NDArray[np.float32]:
-    """Return a line float32[K, 2] [m] with fewer points; dropped ones lie within `within` [m] (one or [K]) of it.
-
-    The ends are kept.
-    """
+def simplified(line: NDArray[np.float32], within: float) -> NDArray[np.float32]:
+    """Return a line float32[K, 2] [m] with fewer points, its ends among them; dropped ones lie within `within` [m]."""
     if len(line) < 3:
         return line.copy()
-    bounds = np.broadcast_to(np.asarray(within, dtype=np.float64), len(line))
-    kept: NDArray[np.float32] = line[_needed(line.astype(np.float64), bounds)]
+    kept: NDArray[np.float32] = line[_needed(line.astype(np.float64), within)]
     return kept
 
 
 @kernel
 def _needed(line, within):
-    """Return bool[K], the points of a line float64[K, 2] without which one would lie farther than within[K] from it."""
+    """Return bool[K], the points of a line float64[K, 2] without which one would lie farther than `within` from it."""
     needed = np.zeros(line.shape[0], np.bool_)
     needed[0] = needed[-1] = True
     left = [(0, line.shape[0] - 1)]  # parts between two points that are needed
     while len(left) > 0:
         first, last = left.pop()
-        worst, at = 1.0, -1
+        worst, at = within, -1
         for k in range(first + 1, last):
-            beside = _distance(line, k, first, last) / within[k]
+            beside = _distance(line, k, first, last)
             if beside > worst:
                 worst, at = beside, k
         if at >= 0:

@@ -10,23 +10,21 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from warehouse_env.render.lines import simplified
 from warehouse_env.render.replay import FLAGS, Replay
 
 MOST = 1_600_000  # robots times moments: 256 robots for ten minutes at every step of 0.1 s, 1,024 at every fourth
-NEAR = 0.05  # [m] that a route's line may lie beside the planned one, as far as it was driven and AHEAD
-AHEAD = 8.0  # [m]
-_FAR = 260  # farther on it may lie beside by such a part of the floor's longer side
+NEAR = 0.05  # [m] that a route's line may lie beside the planned one
 _HAPPENED = sum(1 << FLAGS.index(name) for name in ("arrived", "hit_robot", "hit_shelf", "near_miss", "hit_person"))
 
 
 def thinned(replay: Replay, most: int = MOST) -> Replay:
     """Return a replay of at most `most` robots times moments after the first, with the visible way-points."""
     steps, robots = len(replay.pose) - 1, replay.pose.shape[1]
+    routes = tuple(simplified(line, NEAR) for line in replay.routes)
     every = math.ceil(steps * robots / most)
-    return dataclasses.replace(_every(replay, every) if every > 1 else replay, routes=_lines(replay))
+    return dataclasses.replace(_every(replay, every) if every > 1 else replay, routes=routes)
 
 
 def _every(replay: Replay, every: int) -> Replay:
@@ -42,20 +40,3 @@ def _every(replay: Replay, every: int) -> Replay:
     terms = replay.rewards[between][: kept * every]
     arrays["rewards"][1:] = terms.reshape(kept, every, *terms.shape[1:]).sum(axis=1)
     return dataclasses.replace(replay, every=replay.every * every, **arrays)
-
-
-def _lines(replay: Replay) -> tuple[NDArray[np.float32], ...]:
-    """Return each route with fewer way-points: exact where it was driven, coarser elsewhere."""
-    driven = np.zeros(len(replay.routes))
-    np.maximum.at(driven, replay.route.reshape(-1), replay.along.reshape(-1))
-    far = max(NEAR, max(replay.grid.shape) * replay.grid.cell_size / _FAR)
-    return tuple(
-        simplified(line, np.where(_along(line) <= reached + AHEAD, NEAR, far))
-        for line, reached in zip(replay.routes, driven.tolist(), strict=True)
-    )
-
-
-def _along(line: NDArray[np.float32]) -> NDArray[np.float64]:
-    """Return float64[K], the length of a line up to each of its points [m]."""
-    steps = np.hypot(*np.diff(line.astype(np.float64), axis=0, prepend=line[:1]).T)
-    return np.cumsum(steps)

@@ -76,26 +76,23 @@ class VideoWriter:
 
     def close(self) -> None:
         """Finish the file and give it its name; without frames there is no file. May be called twice."""
-        part, self._part = self._part, None
-        if part is None:
-            return
-        try:
-            if self._stream is not None:
-                self._stream.close()
-                if not _complete(part):
-                    raise WarehouseError(f"cannot write {self.path}: the video encoder failed; is the disk full?")
-                put_in_place(part, self.path)
-        finally:
-            part.unlink(missing_ok=True)
+        self._end(keep=True)
 
     def discard(self) -> None:
         """Stop and leave no file."""
+        self._end(keep=False)
+
+    def _end(self, keep: bool) -> None:
         part, self._part = self._part, None
         if part is None:
             return
         try:
             if self._stream is not None:
                 self._stream.close()
+                if keep and not _complete(part):
+                    raise WarehouseError(f"cannot write {self.path}: the video encoder failed; is the disk full?")
+                if keep:
+                    put_in_place(part, self.path)
         finally:
             part.unlink(missing_ok=True)
 
