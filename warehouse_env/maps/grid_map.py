@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from warehouse_env.config import RobotSpec
 from warehouse_env.errors import MapError, shown
-from warehouse_env.maps import discs as round_ones
-from warehouse_env.maps import going, moves, one_way, tables
+from warehouse_env.maps import discs as disc_checks
+from warehouse_env.maps import moves, one_way, tables
 from warehouse_env.maps.moves import MOVES as MOVES
 from warehouse_env.maps.tables import frozen
 
@@ -63,8 +63,8 @@ class GridMap:
     def __post_init__(self) -> None:
         occupied = tables.occupied_cells(self.occupied)
         cell = tables.number(self.cell_size, "cell_size", SMALLEST_CELL, LARGEST_CELL)
-        discs = round_ones.checked(self.discs, occupied.shape, cell)
-        walls, occupied = round_ones.among(occupied, self.walls, discs, cell)
+        discs = disc_checks.checked(self.discs, occupied.shape, cell)
+        walls, occupied = disc_checks.among(occupied, self.walls, discs, cell)
         height = np.zeros(occupied.shape)
         if self.height is not None:
             height = tables.numbers(self.height, occupied.shape, "height", -HIGHEST, HIGHEST)
@@ -72,8 +72,9 @@ class GridMap:
             "occupied": frozen(occupied), "walls": frozen(walls), "discs": frozen(discs), "cell_size": cell,
             "height": frozen(height.astype(np.float32)), "one_way": frozen(one_way.checked(self.one_way, occupied)),
             "origin": tables.point(self.origin, "origin", FARTHEST),
-            "pace": tables.number(self.pace, "pace", going.SLOWEST, going.FASTEST, "m/s"),
-            "speed": going.checked_speed(self.speed, occupied), "price": going.checked_price(self.price, occupied),
+            "pace": tables.number(self.pace, "pace", tables.SLOWEST, tables.FASTEST, "m/s"),
+            "speed": tables.speed_limits(self.speed, occupied),
+            "price": tables.price_factors(self.price, occupied.shape),
             "tight": tables.marks_on_floor(self.tight, occupied, "tight"),
         }  # fmt: skip
         if not isinstance(self.name, str):
@@ -176,7 +177,7 @@ class GridMap:
     @cached_property
     def surplus(self) -> NDArray[np.float64] | None:
         """float64[H, W, 8], cells of length that `price` and `speed` add to each move; or None."""
-        return going.surplus(self.speed, self.price, self.pace)
+        return moves.surplus(self.speed, self.price, self.pace)
 
     def at_pace(self, pace: float) -> GridMap:
         """Return the map for robots of this unlimited speed [m/s]."""

@@ -1,4 +1,4 @@
-"""The 8 moves of eq. 26 (paper 000): what lies beyond each, and which are legal."""
+"""The 8 moves of eq. 26 (paper 000): what lies beyond each, which are legal, and what they cost."""
 
 from __future__ import annotations
 
@@ -49,6 +49,24 @@ def legal_moves(
         # a move that leaves a cell enters the next one from the other side of the opposite move
         legal &= ~against & ~reversed_moves(np.roll(against, 4, axis=2))
     return legal if tight is None else legal & _leads_off(legal, tight)
+
+
+def surplus(
+    speed: NDArray[np.float64] | None, price: NDArray[np.float64] | None, pace: float
+) -> NDArray[np.float64] | None:
+    """Return float64[H, W, 8], cells of length that each move costs on top of its own; None: nothing.
+
+    A move costs its length, times its price, times how much longer it takes than without speed limits.
+
+    speed: [m/s] at most on cells; price: times the length; pace [m/s]: of robots that nothing limits.
+    """
+    if speed is None and price is None:
+        return None
+    times = np.ones(8) if price is None else price
+    if speed is not None:
+        slower = pace / np.minimum(speed, pace)
+        times = times * 0.5 * (slower[..., None] + beyond(slower, 1.0))
+    return np.asarray((times - 1.0) * np.hypot(*MOVES.T))
 
 
 def _leads_off(legal: NDArray[np.bool_], tight: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -60,9 +60,9 @@ def read_map(path: str | os.PathLike[str]) -> GridMap:
                 raise _bad(path, number, f"unknown cell {letter!r} in column {column}; known cells: {known}")
     try:
         occupied = np.array([[letter in BLOCKED for letter in line] for line in body])
-        arrows, round_ones = companion(path, one_way.SUFFIX), companion(path, SUFFIX)
+        arrows, beside = companion(path, one_way.SUFFIX), companion(path, SUFFIX)
         directions = one_way.read(arrows, occupied.shape) if arrows.exists() else None
-        discs = read_discs(round_ones) if round_ones.exists() else None
+        discs = read_discs(beside) if beside.exists() else None
         return GridMap(occupied, name=path.stem, one_way=directions, discs=discs)  # type: ignore[arg-type]
     except MapError as error:
         raise MapError(f"{path}: {error}") from None

@@ -12,6 +12,9 @@ from warehouse_env.errors import MapError, WarehouseError, shown
 
 T = TypeVar("T", bound=np.generic)
 
+FASTEST, SLOWEST = 1e4, 1e-3  # [m/s]
+CHEAPEST, DEAREST = 0.01, 1000.0  # times its length that a lane, and a move, may cost
+
 
 def frozen(array: NDArray[T]) -> NDArray[T]:
     """Return the array, read-only from now on."""
@@ -59,6 +62,23 @@ def marks_on_floor(given: ArrayLike | None, occupied: NDArray[np.bool_], what: s
         return None
     found = flags(given, occupied.shape, what) & ~occupied
     return frozen(found) if found.any() else None
+
+
+def speed_limits(given: ArrayLike | None, occupied: NDArray[np.bool_]) -> NDArray[np.float64] | None:
+    """Return a read-only float64[H, W] copy [m/s], inf on shelves; None where nothing is limited."""
+    if given is None:
+        return None
+    array = numbers(given, occupied.shape, "speed", SLOWEST, np.inf)
+    limited = np.where(occupied | (array > FASTEST), np.inf, array)
+    return frozen(limited) if np.isfinite(limited).any() else None
+
+
+def price_factors(given: ArrayLike | None, shape: tuple[int, ...]) -> NDArray[np.float64] | None:
+    """Return a read-only float64[H, W, 8] copy; None where all moves cost their length."""
+    if given is None:
+        return None
+    array = numbers(given, (*shape, 8), "price", 1.0, DEAREST)
+    return frozen(array) if (array > 1).any() else None
 
 
 def flags(given: ArrayLike, shape: tuple[int, ...], what: str) -> NDArray[np.bool_]:

@@ -1,21 +1,53 @@
-"""From a map's pixels to cells, and what is lost."""
+"""From a map's pixels to cells: how it is read, where cells begin, and what is lost."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from warehouse_env.checked import Checked
 from warehouse_env.config import RobotSpec
 from warehouse_env.errors import MapError
 from warehouse_env.maps.discs import cells_near
-from warehouse_env.maps.endpoints import beside
+from warehouse_env.maps.endpoints import beside, largest_region
 from warehouse_env.maps.generators import LARGEST
 from warehouse_env.maps.halls.map_server import MOST_PIXELS, UNKNOWN, Occupancy
 from warehouse_env.maps.moves import beyond
+from warehouse_env.maps.tables import DEAREST
+
+_STANDS = 5  # weight of an obstacle's area in a cell against floor, so that cells keep off walls
+_CLOSED = 2  # cells of floor that a closed aisle cell costs besides its own: goods lie on both sides of it
+_MOST_STEPS = 64  # along a cell's side; finer pixels are skipped
+
+
+@dataclass(frozen=True)
+class HallOptions(Checked):
+    """How to read a hall: the parameters after the colon of its name. Files are named relative to the map."""
+
+    cell: float = 1.0  # [m], side of the cells
+    share: float = 0.05  # of a floor cell that may be not free
+    unknown: Literal["wall", "floor"] = "wall"  # what unknown pixels count as
+    resolution: float | None = None  # [m/pixel] of a plain picture
+    keepout: str | None = None  # mask of closed floor: a map of map_server
+    speed: str | None = None  # mask of speed limits in per cent
+    lanes: str | None = None  # LIF (.json) or route graph (.geojson)
+    vehicle: str | None = None  # only lanes open to this type (LIF)
+    lanes_only: bool = False  # close all floor off the lanes
+    lanes_prefer: float = 1.5  # price factor of floor off the lanes
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._between(0.1, 100.0, "cell")
+        self._between(0.0, 1.0, "share")
+        self._between(1e-3, 100.0, "resolution")
+        self._between(1.0, DEAREST, "lanes_prefer")
+        self._require(not self.lanes_only or self.lanes is not None, "lanes_only", "false without lanes=FILE")
+        self._require(self.vehicle is None or self.lanes is not None, "vehicle", "left out without lanes=FILE")
 
 
 @dataclass(frozen=True)
@@ -143,3 +175,43 @@ def closed(room: NDArray[np.bool_], floor: NDArray[np.bool_]) -> NDArray[np.bool
 def around(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return bool[H, W]: the cells of a mask and those beside them in any direction."""
     return np.asarray(mask | beyond(mask).any(axis=-1))
+
+
+def choose_offset(occupancy: Occupancy, cell: float, share: float, unknown_free: bool) -> tuple[float, float]:
+    """Return where the cells that keep most of a hall begin [m], to the right of and below the picture's corner.
+
+    A bad choice cuts a strip off every aisle and closes aisles that are hardly wider than a cell. What counts is the
+    floor that robots drive on, obstacles in it, and closed aisles. Masks, discs and lanes do not count, so editing them
+    does not move the cells. Ties go to the topmost, then the leftmost, so a map drawn in whole cells keeps its cells.
+    """
+    taken = Sums(occupancy, not_free(occupancy.values, unknown_free), cell)
+    room = Sums(occupancy, room_of(occupancy, unknown_free), cell)
+    aisle = _CLOSED * 100.0 * (cell / occupancy.resolution) ** 2
+
+    def worth(begin: tuple[float, float], least: float) -> float:
+        """Return what cells that begin there keep [% of pixels], or any number up to `least`."""
+        raster = raster_of(occupancy, cell, begin)
+        here, count = taken.over(raster)
+        floor = ~exceeds(here / np.maximum(count, 1), share)
+        gain = np.maximum(100 * count - _STANDS * here, 0)  # so that all floor is worth no less than its region
+        if gain[floor].sum() <= least:  # even if nothing is cut off or closed; most end here
+            return least
+        lost = closed(room.over(raster)[0] > 0, floor)
+        return float(gain[largest_region(floor)].sum() - aisle * int(lost.sum()))
+
+    best, most = (0.0, 0.0), worth((0.0, 0.0), -math.inf)
+    height, width = occupancy.values.shape
+    for down in _steps(height, occupancy.resolution, cell):
+        for right in _steps(width, occupancy.resolution, cell):
+            found = worth((right, down), most)
+            if found > most:
+                best, most = (right, down), found
+    return best
+
+
+def _steps(pixels: int, resolution: float, cell: float) -> Iterator[float]:
+    """Yield where cells may begin [m] along a side so that at least one is whole."""
+    wide = math.ceil(cell / resolution - 1e-6)
+    for k in range(0, wide, math.ceil(wide / _MOST_STEPS)):
+        if k * resolution <= pixels * resolution - cell * (1 - 1e-6):
+            yield round(k * resolution, 9)

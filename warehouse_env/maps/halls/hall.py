@@ -25,16 +25,25 @@ from warehouse_env.maps import one_way
 from warehouse_env.maps.discs import SUFFIX as DISCS
 from warehouse_env.maps.discs import covered, read_discs
 from warehouse_env.maps.endpoints import largest_region
-from warehouse_env.maps.going import DEAREST
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.halls import lif, places, route_graph
-from warehouse_env.maps.halls.beginning import choose
-from warehouse_env.maps.halls.cells import Raster, Sums, around, exceeds, not_free, raster_of, spread, within
+from warehouse_env.maps.halls.cells import (
+    HallOptions,
+    Raster,
+    Sums,
+    around,
+    choose_offset,
+    exceeds,
+    not_free,
+    raster_of,
+    spread,
+    within,
+)
 from warehouse_env.maps.halls.lanes import Lanes, lay, prices
 from warehouse_env.maps.halls.map_server import PICTURES, YAMLS, Occupancy, beside, image_of, read_occupancy
 from warehouse_env.maps.halls.proposed import propose, racks
-from warehouse_env.maps.halls.reading import Reading
 from warehouse_env.maps.halls.report import counted, report_of
+from warehouse_env.maps.tables import DEAREST
 
 SUFFIXES = (*YAMLS, *PICTURES)
 EXAMPLE = "hall.yaml:cell=0.75"
@@ -58,10 +67,10 @@ def is_hall(name: object) -> bool:
     return isinstance(name, str) and name.partition(":")[0].lower().endswith(SUFFIXES)
 
 
-def parse(name: str) -> tuple[Path, Reading]:
+def parse(name: str) -> tuple[Path, HallOptions]:
     """Return the path of a hall's map and how to read it; ConfigError or MapError."""
     given, parameters = parse_named(name, "map", EXAMPLE)
-    return path_of(STAGED.get(name, given), MapError), from_plain(Reading, parameters)
+    return path_of(STAGED.get(name, given), MapError), from_plain(HallOptions, parameters)
 
 
 def files_of(name: str) -> Iterator[Path]:
@@ -105,12 +114,12 @@ def _check_floor(floor: NDArray[np.bool_], who: str) -> None:
 class _Reader:
     """A hall as it is read."""
 
-    def __init__(self, path: Path, how: Reading, edited: bool) -> None:
+    def __init__(self, path: Path, how: HallOptions, edited: bool) -> None:
         self._path, self._how, self._edited = path, how, edited
         self._notes: list[str] = []
         self._occupancy = read_occupancy(path, how.resolution)
         self._raster = raster_of(self._occupancy, how.cell, self._beginning())
-        self._discs = self._round_ones()
+        self._discs = self._read_discs()
         self._taken = not_free(self._occupancy.values, how.unknown == "floor")
         self._taken[within(self._discs, self._occupancy)] = 0
         self._walls = exceeds(spread(self._occupancy, self._taken, self._raster), how.share)
@@ -150,9 +159,9 @@ class _Reader:
         """Return where cells begin [m]; arrows beside the map count cells from the corner."""
         if companion(self._path, one_way.SUFFIX).exists():
             return 0.0, 0.0
-        return choose(self._occupancy, self._how.cell, self._how.share, self._how.unknown == "floor")
+        return choose_offset(self._occupancy, self._how.cell, self._how.share, self._how.unknown == "floor")
 
-    def _round_ones(self) -> NDArray[np.float64]:
+    def _read_discs(self) -> NDArray[np.float64]:
         """Return float64[K, 3], the discs (x, y, radius) [m] in the map's frame whose centres are on its cells."""
         path = companion(self._path, DISCS)
         if not path.exists():

@@ -10,13 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.maps.halls.cells import Raster, closed, exceeds, not_free, room_of, spread
+from warehouse_env.maps.halls.cells import HallOptions, Raster, closed, exceeds, not_free, room_of, spread
 from warehouse_env.maps.halls.map_server import Occupancy
-from warehouse_env.maps.halls.reading import Reading
 
 
 def report_of(
-    path: Path, how: Reading, occupancy: Occupancy, raster: Raster, grid: GridMap, barred: NDArray[np.bool_]
+    path: Path, how: HallOptions, occupancy: Occupancy, raster: Raster, grid: GridMap, barred: NDArray[np.bool_]
 ) -> Iterator[str]:
     """Yield what was read of a hall, and what its cells lose, one sentence each.
 

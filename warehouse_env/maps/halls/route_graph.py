@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 from warehouse_env.config import RobotSpec
 from warehouse_env.errors import MapError, shown
 from warehouse_env.files import as_number, path_of, read_json, write_text
-from warehouse_env.maps.going import CHEAPEST, DEAREST
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.halls.lanes import MOST, Lane, Lanes, of_floor
 from warehouse_env.maps.halls.places import KINDS, Place
+from warehouse_env.maps.tables import CHEAPEST, DEAREST
 
 SUFFIX = ".geojson"
 _LARGEST_FILE = 64_000_000  # [bytes]
