@@ -1,4 +1,4 @@
-"""Who waits for whom, against answers found by hand; cycles against a plain walk; the log of deadlocks."""
+"""Who waits for whom, against answers found by hand; cycles against a plain walk; the count of deadlocks."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.simulation.worlds import Pose, put, raw, room, stage
-from warehouse_env.simulation.record.jam_log import JamLog
+from tests.simulation.worlds import Pose, raw, room, stage
+from warehouse_env.simulation.record.deadlocks import DeadlockCounter
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.state import NOBODY
 from warehouse_env.simulation.traffic.waits import find_wait_cycles
@@ -125,58 +125,33 @@ def test_cycles_are_those_of_a_plain_walk(waits_for: list[int]) -> None:
     assert found.tolist() == plain_cycles(waits_for)
 
 
-def logged(end: Any) -> tuple[JamLog, Simulator]:
-    """Two that stand nose to nose from 2 s on; `end(simulator)` is done at 6 s, and the episode is over at 9 s."""
+def deadlocks(waits_at: range, end: Any = None) -> int:
+    """Count deadlocks of two robots nose to nose that wait at these steps of 0.1 s; `end(simulator)` is done at 6 s."""
     simulator = standing((4.5, 5.5, EAST), (5.5, 5.5, WEST), goals=[(6, 10), (6, 0)])
-    log = JamLog(simulator)
+    counter = DeadlockCounter(simulator)
     for step in range(1, 91):
-        simulator.steps[0] = step
-        simulator.robots["clocks"]["waiting_time"] = 0.0 if step < 20 else 1.0
-        if step == 60:
+        simulator.robots["clocks"]["waiting_time"] = 1.0 if step in waits_at else 0.0
+        if step == 60 and end is not None:
             end(simulator)
-        log(simulator, step)
-    log.close(simulator, 0)
-    return log, simulator
+        counter(simulator, step)
+    return counter.counts[0]
 
 
-def away(simulator: Simulator) -> None:
-    put(simulator, 1, (5.5, 8.5, WEST))
+def away_and_back(simulator: Simulator) -> None:
+    """Move a robot away for one look."""
+    simulator.robots[0, 1]["motion"]["x"] += 1.01
 
 
-def on(simulator: Simulator) -> None:
-    put(simulator, 1, (2.5, 5.5, WEST))
-    simulator.robots[0, 1]["on_route"]["position"] += 3.0
+def goal(simulator: Simulator) -> None:
+    simulator.robots[0, 1]["totals"]["goals"] += 1
 
 
-def anew(simulator: Simulator) -> None:
-    away(simulator)
-    simulator.robots[0, 1]["totals"]["reroutes"] += 1
-
-
-@pytest.mark.parametrize(
-    ("end", "ended_by", "seconds"),
-    [(away, "manoeuvre", 4.0), (on, "moved on", 4.0), (anew, "new route", 4.0), (lambda _: None, "episode end", 7.0)],
-)
-def test_a_deadlock_is_logged_once_with_what_ended_it(end: Any, ended_by: str, seconds: float) -> None:
-    log, _ = logged(end)
-    (jam,) = log.deadlocks(0)
-    assert jam.members == (0, 1)
-    assert (jam.x, jam.y) == (5.0, 5.5)
-    assert (jam.begin, jam.seconds, jam.ended_by) == (2.0, seconds, ended_by)
-    metrics = log.metrics(0)
-    assert (metrics["deadlocks"], metrics["longest_deadlock_s"]) == (1.0, seconds)
-    assert metrics["deadlock_log"][0]["members"] == (0, 1)
-
-
-def test_a_cycle_of_one_look_is_no_deadlock() -> None:
-    simulator = standing((4.5, 5.5, EAST), (5.5, 5.5, WEST), goals=[(6, 10), (6, 0)])
-    log = JamLog(simulator)
-    for step in range(1, 41):
-        simulator.steps[0] = step
-        simulator.robots["clocks"]["waiting_time"] = 1.0 if step == 20 else 0.0
-        log(simulator, step)
-    log.close(simulator, 0)
-    assert log.deadlocks(0) == []
+def test_a_deadlock_counts_once_until_a_member_gets_away() -> None:
+    assert deadlocks(range(20, 31)) == 1
+    assert deadlocks(range(20, 91)) == 1
+    assert deadlocks(range(20, 91), goal) == 2
+    assert deadlocks(range(20, 91, 20)) == 0  # a cycle of one look is no deadlock
+    assert deadlocks(range(20, 91), away_and_back) == 2
 
 
 def test_standing_counts_rocking_within_a_metre() -> None:

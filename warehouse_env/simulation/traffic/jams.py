@@ -1,4 +1,4 @@
-"""The wait-for graph of all standing robots, for pictures and the log of deadlocks, whatever options are on.
+"""The wait-for graph of all standing robots, for pictures and the count of deadlocks, whatever options are on.
 
 A chain of robots in which each waits for the next is a queue. A wait cycle is a deadlock, since each of its robots
 waits for another of them (Coffman et al. 1971). What counts as waiting: waits.py.
