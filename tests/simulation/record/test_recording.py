@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import io
-import json
 import math
 import tracemalloc
 import zipfile
@@ -62,21 +61,6 @@ def test_preferences_are_kept_in_short_and_replay_to_the_bit(right_of_way: bool,
     loaded = Episode.load(tmp_path / "episode.npz")
     assert loaded.actions.dtype == np.uint16
     assert [sim.robots.tobytes() for sim in loaded.replay()][1:] == bits
-
-
-def test_an_episode_from_before_a_reward_term_replays(tmp_path: Path) -> None:
-    """The file of a version that had no `path_length`: the term is worth nothing then."""
-    episode, bits = _recorded("discrete", 20)
-    episode.save(tmp_path / "episode.npz")
-    with np.load(tmp_path / "episode.npz") as data:
-        arrays = dict(data)
-    about = json.loads(arrays["about"].tobytes())
-    assert about["config"]["reward"].pop("path_length") == 0.0
-    arrays["about"] = np.frombuffer(json.dumps(about).encode(), dtype=np.uint8)
-    np.savez_compressed(tmp_path / "old.npz", **arrays)
-    loaded = Episode.load(tmp_path / "old.npz")
-    assert loaded.config == episode.config
-    assert [sim.robots.tobytes() for sim in loaded.replay()] == bits
 
 
 def test_recorded_headings_are_within_a_turn_and_poses_finite(tmp_path: Path) -> None:

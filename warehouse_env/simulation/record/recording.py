@@ -1,4 +1,4 @@
-"""Episodes as files: what is needed to run them again to the bit, and the poses to show them without running.
+"""Episodes as files: everything needed to replay them to the bit, and the poses to show them without a replay.
 
 One compressed file of arrays, without pickle: the config as JSON, the map, the seeds, the actions, the poses.
 """
@@ -6,8 +6,8 @@ One compressed file of arrays, without pickle: the config as JSON, the map, the 
 from __future__ import annotations
 
 import contextlib
+import io
 import json
-import math
 import warnings
 import zipfile
 from collections.abc import Iterator
@@ -21,8 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, WarehouseError, shown
-from warehouse_env.files import complete_file, open_regular
-from warehouse_env.maps.discs import MOST
+from warehouse_env.files import complete_file, open_regular, zip_member
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.simulation.actions import ActionDecoder
 from warehouse_env.simulation.given import listed, whole_seed
@@ -31,12 +30,13 @@ from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.tasks.orders import Order, as_table, from_table
 
 FORMAT = 1
-_ALWAYS = ("height", "picks", "stations")  # arrays of a GridMap that every file has,
-_GOING = ("speed", "price")  # and that not every floor has
+_ALWAYS = ("occupied", "height", "picks", "stations")  # arrays of a GridMap that every file has
+_GOING = ("speed", "price")
+_FLOOR = (*_ALWAYS, "one_way", "discs", "walls", *_GOING)  # with those that not every floor has
 _LARGEST_FILE = 4_000_000_000  # [bytes]
+_LARGEST_ARRAY = 2**30  # [bytes]
+_LARGEST_FLOOR = 8 * 10**8  # [bytes] of an array of the map: 10^8 cells
 _LONGEST_TEXT = 2**20  # [bytes] of the config and all else that is no array
-_MOST_CELLS = 10**8  # of a floor
-_MOST_ENTRIES = 2**28  # of any array
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,12 +48,12 @@ class Episode:
     seeds: tuple[int, ...]  # one a world
     actions: NDArray[Any]  # int[T, B, N], preferences uint16[T, B, N, A] (ActionDecoder.shortened), float[T, B, N, 2]
     pose: NDArray[np.float32]  # [T + 1, B, N, 3], front axle x [m], y [m], heading [rad]; the first after the reset
-    policy: str = ""  # name or folder of what chose the actions, if it was told
+    policy: str = ""  # name or folder of the policy, if known
     orders: tuple[Order, ...] | None = None  # those of the file that the config names
     made_of: str = field(default="", kw_only=True)  # digest of that policy's weights or code, "" of a shipped one
 
     def save(self, path: str | Path) -> None:
-        """Write to a file (.npz), as a whole or not at all; WarehouseError where it cannot be written."""
+        """Write a file (.npz), completely or not at all; WarehouseError if it cannot be written."""
         grid = self.grid
         text = {
             "format": FORMAT, "config": self.config.to_dict(), "map": grid.name, "cell_size": grid.cell_size,
@@ -75,34 +75,28 @@ class Episode:
     def load(cls, path: str | Path) -> Episode:
         """Read a file of `save`; WarehouseError with one sentence if it is missing, damaged or of another format."""
         with opened(path) as archive:
-            return cls._read(_Arrays(archive))
+            return cls._read(archive)
 
     @classmethod
-    def _read(cls, arrays: _Arrays) -> Episode:
-        """Read an episode. Shapes and sizes are checked before any large array is inflated."""
-        about = json.loads(arrays.read("about", most=_LONGEST_TEXT).tobytes())
+    def _read(cls, archive: zipfile.ZipFile) -> Episode:
+        about = json.loads(_array(archive, "about", _LONGEST_TEXT).tobytes())
         if about.get("format") != FORMAT:
             raise WarehouseError(f"it has episode format {shown(about.get('format'))}, not {FORMAT}")
-        config, policy = EnvConfig.from_dict(about["config"]), str(about.get("policy", ""))
-        _check_shapes(config, *(arrays.header(name) for name in ("seeds", "actions", "pose")))
-        cells = arrays.read("occupied", most=_MOST_CELLS)
-        many = {"height": 1, "picks": 2, "stations": 2, "one_way": 1, "walls": 1, **dict.fromkeys(_GOING, 8)}  # a cell
-        most = {name: count * cells.size for name, count in many.items()} | {"discs": 3 * MOST}
+        config, members = EnvConfig.from_dict(about["config"]), archive.namelist()
         floor: dict[str, Any] = {
-            name: arrays.read(name, count) for name, count in most.items() if name in arrays or name in _ALWAYS
+            name: _array(archive, name) for name in _FLOOR if name in _ALWAYS or f"{name}.npy" in members
         }
         floor |= {name: about[name] for name in ("cell_size", "origin", "pace") if name in about}
-        grid = GridMap(cells, name=about["map"], **floor)
-        seeds = tuple(arrays.read("seeds").tolist())
-        if not all(isinstance(seed, int) and seed >= 0 for seed in seeds):
-            raise WarehouseError(f"the seeds {shown(seeds)} must be one whole number a world, none negative")
-        orders = from_table(arrays.read("orders").tolist()) if "orders" in arrays else None
-        pose = numbers("pose", arrays.read("pose"), (-1, -1, -1, 3))
+        grid = GridMap(floor.pop("occupied"), name=about["map"], **floor)
+        seeds, actions, pose = (_array(archive, name, _LARGEST_ARRAY) for name in ("seeds", "actions", "pose"))
+        _check_shapes(config, seeds, actions, pose)
+        orders = from_table(_array(archive, "orders").tolist()) if "orders.npy" in members else None
+        pose = numbers("pose", pose, (-1, -1, -1, 3))
         pose[..., 2] = within_a_turn(pose[..., 2])
-        made_of = str(about.get("made_of", ""))  # which earlier versions did not tell
         return cls(
-            config, grid, seeds, arrays.read("actions"), pose.astype(np.float32), policy, orders, made_of=made_of
-        )
+            config, grid, tuple(seeds.tolist()), actions, pose.astype(np.float32), str(about.get("policy", "")),
+            orders, made_of=str(about.get("made_of", "")),  # which earlier versions did not tell
+        )  # fmt: skip
 
     def replay(self) -> Iterator[Simulator]:
         """Run the episode again: yield the simulator after the reset and after every step."""
@@ -116,7 +110,7 @@ class Episode:
 
 @contextlib.contextmanager
 def opened(path: str | Path) -> Iterator[zipfile.ZipFile]:
-    """Yield the archive of an episode's file; WarehouseError where it, or what is read of it within, is damaged."""
+    """Yield the archive of an episode's file; WarehouseError if the file, or a member read within, is damaged."""
     with open_regular(path, "episode file", _LARGEST_FILE, WarehouseError) as file:
         try:
             with zipfile.ZipFile(file) as archive, warnings.catch_warnings():
@@ -124,63 +118,42 @@ def opened(path: str | Path) -> Iterator[zipfile.ZipFile]:
                 yield archive
         except WarehouseError as error:
             raise WarehouseError(f"{path} is no complete episode file: {error}") from None
-        except Exception as error:  # NumPy, zip and JSON raise a dozen kinds where bytes are not what they were
+        except Exception as error:  # NumPy, zip and JSON raise many kinds for damaged bytes
             raise WarehouseError(f"{path} is no complete episode file: {shown(error)}") from None
 
 
-Header = tuple[tuple[int, ...], np.dtype[Any]]  # of an array: its shape and kind
+def _array(archive: zipfile.ZipFile, name: str, most: int = _LARGEST_FLOOR) -> NDArray[Any]:
+    """Return an array of plain numbers; an error if it has more than `most` bytes, or fewer than its header claims."""
+    file = io.BytesIO(zip_member(archive, f"{name}.npy", most))
+    if npy.read_magic(file) != (1, 0):
+        raise WarehouseError("it has arrays of an unknown format")
+    shape, by_columns, dtype = npy.read_array_header_1_0(file)
+    if dtype.kind not in "biuf":
+        raise WarehouseError(f"its array {name} of {dtype.name} is not of plain numbers")
+    return np.frombuffer(file.read(), dtype).reshape(shape, order="F" if by_columns else "C").copy()
 
 
-class _Arrays:
-    """The arrays of an .npz file. A few kilobytes may claim gigabytes, so each is asked what it will be before."""
-
-    def __init__(self, archive: zipfile.ZipFile) -> None:
-        self._archive = archive
-
-    def __contains__(self, name: str) -> bool:
-        return f"{name}.npy" in self._archive.namelist()
-
-    def header(self, name: str) -> Header:
-        """Return what an array will be; ValueError for a format that NumPy does not write for plain numbers."""
-        with self._archive.open(f"{name}.npy") as file:
-            if npy.read_magic(file) != (1, 0):
-                raise ValueError("it has arrays of an unknown format")
-            shape, _, dtype = npy.read_array_header_1_0(file)
-            return shape, dtype
-
-    def read(self, name: str, most: int = _MOST_ENTRIES) -> NDArray[Any]:
-        """Return an array; WarehouseError if it has more than `most` entries, or other than numbers."""
-        shape, dtype = self.header(name)
-        if dtype.kind not in "biuf" or math.prod(shape) > most:
-            raise WarehouseError(f"its array {name} of {dtype.name}{list(shape)} is not what such a file holds")
-        with self._archive.open(f"{name}.npy") as file:
-            return np.asarray(npy.read_array(file, allow_pickle=False))
-
-
-def _check_shapes(config: EnvConfig, *headers: Header) -> None:
+def _check_shapes(config: EnvConfig, seeds: NDArray[Any], actions: NDArray[Any], pose: NDArray[Any]) -> None:
     """Raise WarehouseError unless seeds, actions and poses are of one length and of the config's robots."""
-    (seeds, _), (actions, _), (pose, kind) = headers
-    worlds, robots = seeds[0] if len(seeds) == 1 else 0, config.num_agents
-    steps = actions[0] if actions else 0
+    worlds, robots, steps = seeds.size, config.num_agents, len(actions)
+    if seeds.ndim != 1 or not worlds or seeds.dtype.kind not in "iu" or (seeds < 0).any():
+        raise WarehouseError(f"the seeds {shown(seeds.tolist())} must be one whole number a world, none negative")
     each: tuple[int, ...] = (2,)
     if config.action_type == "discrete":
-        liked = len(config.speed_levels) * len(config.lateral_offsets)
-        each = (liked,) if len(actions) == 4 else ()
-    if not worlds:
-        raise WarehouseError(f"seeds of shape {seeds} are not one or more, one a world")
-    if steps and actions != (steps, worlds, robots, *each):
-        raise WarehouseError(f"actions of shape {actions} do not fit {worlds} worlds of {robots} robots")
-    if pose != (steps + 1, worlds, robots, 3) or kind.kind != "f":
-        raise WarehouseError(f"poses of shape {pose} do not fit {steps} steps of {robots} robots")
+        each = (len(config.speed_levels) * len(config.lateral_offsets),) if actions.ndim == 4 else ()
+    if steps and actions.shape != (steps, worlds, robots, *each):
+        raise WarehouseError(f"actions of shape {actions.shape} do not fit {worlds} worlds of {robots} robots")
+    if pose.shape != (steps + 1, worlds, robots, 3) or pose.dtype.kind != "f":
+        raise WarehouseError(f"poses of shape {pose.shape} do not fit {steps} steps of {robots} robots")
 
 
 class Recorder:
-    """Steps a simulator and keeps what an Episode needs. The planner must be the one that the config names."""
+    """Step a simulator and keep what an Episode needs. The planner must be the one that the config names."""
 
     def __init__(self, simulator: Simulator, seeds: tuple[int, ...], policy: str = "") -> None:
         """Reset the simulator with one seed a world, below 2**63 so that a file can hold them, and begin.
 
-        policy: the name or folder of what will choose the actions, to be told with the episode.
+        policy: name or folder of the policy, stored in the episode.
         """
         given = listed(seeds)
         if given is None:
@@ -202,7 +175,7 @@ class Recorder:
 
     @property
     def episode(self) -> Episode:
-        """What has been recorded so far."""
+        """The episode recorded so far."""
         simulator = self.simulator
         actions = np.array(self._actions)
         shifts, pose = simulator.dispatcher.shifts, np.array(self._pose)
