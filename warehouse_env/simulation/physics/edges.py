@@ -1,6 +1,6 @@
-"""The shelves' edges as the lidar sees them: for every cell, the few that face it, lie in range and are not hidden.
+"""The shelves' edges for the lidar: for every cell, those that face it, lie in range and are not hidden.
 
-Made once per map and range. A ray then meets no cells but a handful of edges, of which a run of shelves has only one.
+Made once per map and range. A ray then meets a handful of edges instead of cells; a run of shelves has only one edge.
 """
 
 from __future__ import annotations
@@ -43,44 +43,29 @@ def _edge(edges, k):
     return Edge(int(edges[k, 0]), edges[k, 1], edges[k, 2], edges[k, 3])
 
 
-@kernel
-def _merged(solid, cell_edges):
-    """Number the longest straight edges; cell_edges int32[4, H + 2, W + 2]: that of each free cell's side, or -1.
+def _merged(solid: NDArray[np.uint8]) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """Number the longest straight edges of the padded floor `solid` (y up).
 
-    Returns the edges as float64[K, 4]: face, line, low, high, in cells of the padded floor `solid` (y up).
+    Returns the edges float64[K, 4] as face, line, low, high in cells; and of each cell's sides the edge, or -1,
+    int32[4, H + 2, W + 2].
     """
-    rows, columns = solid.shape
-    found, edges = 0, np.empty((4 * rows * columns, 4))
+    cell_edges, edges, found = np.full((_FACES, *solid.shape), -1, dtype=np.int32), list[NDArray[np.float64]](), 0
     for face in range(_FACES):
-        across_x = face in (WEST, EAST)
-        step = 1 if face in (WEST, SOUTH) else -1  # from the free cell to the shelf it looks at
-        outer, inner = (columns, rows) if across_x else (rows, columns)
-        for a in range(outer):
-            b = 0
-            while b < inner:
-                row, column = (b, a) if across_x else (a, b)
-                other_row, other_column = (row, column + step) if across_x else (row + step, column)
-                inside = 0 <= other_row < rows and 0 <= other_column < columns
-                if not inside or solid[row, column] != 0 or solid[other_row, other_column] == 0:
-                    b += 1
-                    continue
-                low = b
-                while b < inner:
-                    row, column = (b, a) if across_x else (a, b)
-                    other_row, other_column = (row, column + step) if across_x else (row + step, column)
-                    if solid[row, column] != 0 or solid[other_row, other_column] == 0:
-                        break
-                    cell_edges[face, row, column] = found
-                    b += 1
-                edges[found, 0], edges[found, 1] = face, a + 1 if step > 0 else a
-                edges[found, 2], edges[found, 3] = low, b
-                found += 1
-    return edges[:found]
+        across_x, step = face in (WEST, EAST), 1 if face in (WEST, SOUTH) else -1  # to the shelf that a free cell faces
+        shelf = (solid.T if across_x else solid) != 0
+        faces = ~shelf & np.roll(shelf, -step, axis=0)  # the rim is shelf, so nothing comes round
+        starts, ends = (faces & ~np.roll(faces, shift, axis=1) for shift in (1, -1))
+        numbers = np.where(faces, np.cumsum(starts).reshape(faces.shape) - 1 + found, -1)
+        cell_edges[face] = numbers.T if across_x else numbers
+        line, low = np.nonzero(starts)
+        edges.append(np.column_stack([np.full(len(line), face), line + (step > 0), low, np.nonzero(ends)[1] + 1.0]))
+        found += len(line)
+    return np.concatenate(edges), cell_edges
 
 
 @inline
 def _all_cross(row, column, edge, wall):
-    """Whether every line of sight from the cell to an edge crosses another one, the wall: it is hidden."""
+    """Whether every line of sight from the cell to an edge crosses another edge, the wall, so that it is hidden."""
     across_x, wall_across_x = edge.face < SOUTH, wall.face < SOUTH  # does it run along x = line?
     sign = 1.0 if wall.face in (WEST, SOUTH) else -1.0  # on which side of the wall's line its shelf is
     for end in range(2):
@@ -102,7 +87,7 @@ def _all_cross(row, column, edge, wall):
 
 @kernel
 def _squared_way(row, column, edge):
-    """Return the squared distance from the cell to an edge [cells^2], infinite if it does not face the cell."""
+    """Return the squared distance from the cell to an edge [cells^2], infinite if the edge faces away."""
     face, line, low, high = edge
     across, beside = (column, row) if face in (WEST, EAST) else (row, column)
     away = line - (across + 1) if face in (WEST, SOUTH) else across - line
@@ -135,11 +120,10 @@ def _candidates(row, column, cell_edges, edges, reach, marks, out, ways):
 
 @kernel
 def _hide(row, column, edges, near, ways, hidden):
-    """Say which of the edges `near` int32[M] are hidden from the cell by another of them; ways: of each, squared.
+    """Write which of the edges `near` int32[M] another one hides from the cell; ways: squared distance of each.
 
-    Lines of sight meet what hides before what is hidden, so it is no farther; and behind what is hidden itself, all is
-    hidden by the same edge. So each is held against those before it that are seen, and those as far away: else a long
-    range takes minutes.
+    An edge can be hidden only by a nearer one that is seen itself, or by one equally far: comparing with these alone
+    keeps long ranges fast.
     """
     order, front, seen = np.argsort(ways, kind="mergesort"), np.empty(len(near), np.int32), 0  # stable
     for n in range(len(near)):
@@ -160,7 +144,7 @@ def _hide(row, column, edges, near, ways, hidden):
 
 @kernel
 def _lists(solid, cell_edges, edges, reach):
-    """Return (seen, its length, first) of Edges; nothing is seen from a shelf's cell."""
+    """Return (seen, its length, first) of Edges; a shelf's cell sees nothing."""
     rows, columns = solid.shape
     first = np.zeros((rows, columns, 3), np.int32)
     marks = np.zeros(len(edges), np.int32)
@@ -186,12 +170,11 @@ def _lists(solid, cell_edges, edges, reach):
 
 
 def edges_of(solid: NDArray[np.uint8], cell: float, lidar_range: float, discs: NDArray[np.float32]) -> Edges:
-    """Return the edges of a floor, with its discs beside them if there are any.
+    """Return the edges and discs of a floor within lidar_range [m].
 
-    solid: uint8[H + 2, W + 2], padded shelves, y up; cell [m]; lidar_range [m]; discs: float32[K, 3], see GridMap.
+    solid: uint8[H + 2, W + 2], padded shelves, y up; cell [m]; discs: float32[K, 3], see GridMap.
     """
-    cell_edges = np.full((_FACES, *solid.shape), -1, dtype=np.int32)
-    edges = _merged(solid, cell_edges)
+    edges, cell_edges = _merged(solid)
     seen, length, first = _lists(solid, cell_edges, edges, lidar_range / cell)
     seen = seen[:length].copy()
     metres = ((edges[:, 1:] - 1.0) * cell).astype(np.float32)  # without the padding
