@@ -6,8 +6,13 @@ import numpy as np
 
 from warehouse_env.kernel import inline, part
 from warehouse_env.simulation.driver.driving import NARROW
-from warehouse_env.simulation.physics.discs import touches_obstacle
-from warehouse_env.simulation.physics.footprint import body_touches_shelf, disc_room, sweep_is_free
+from warehouse_env.simulation.physics.footprint import (
+    body_touches_shelf,
+    disc_room,
+    meets_obstacle,
+    passes_obstacle,
+    sweep_is_free,
+)
 from warehouse_env.simulation.physics.geometry import Pose, body_of, grown
 from warehouse_env.simulation.physics.kinematics import (
     approach,
@@ -20,7 +25,7 @@ from warehouse_env.simulation.physics.kinematics import (
     way_driven,
 )
 from warehouse_env.simulation.physics.stops import REST
-from warehouse_env.simulation.physics.sweep import NOWHERE, Sweep, turns_back
+from warehouse_env.simulation.physics.sweep import Sweep, turns_back
 from warehouse_env.simulation.physics.trigonometry import HALF, ZERO, sin_cos
 
 GRAZE = np.float32(3e-5)  # [m] that the body then keeps off shelves
@@ -78,7 +83,9 @@ def _stops_clear(r, next_speed, next_steer, p, floor):
                 way = way_driven(speed, to_speed, bend, p["far"], dt)
                 between = room_before + room <= way and not leaves
                 swept = Sweep(before, body, turns_back(speed, to_speed, bend, p))
-                if (between or room <= ZERO) and touches_obstacle(swept, way, between, p, floor) != NOWHERE:
+                if room <= ZERO and meets_obstacle(body, floor):
+                    return False
+                if between and passes_obstacle(swept, way, p, floor):
                     return False
                 leaves = False
             speed, steer = to_speed, to_steer

@@ -1,8 +1,8 @@
 """Trial motion, exact contact, put-back.
 
-All robots move at once. A robot that runs into something, at the substep's end or on the way there (sweep.py), is put
-back to its start with zero speed. This is repeated until nothing overlaps; at worst, no robot moves. So no body ever
-overlaps another. Under the shield, which has checked the way, only the ends are checked. contact_episodes.py counts.
+All robots move at once. A robot that touches something, at the end of the substep or on the way (sweep.py), is put back
+to its start with zero speed. This repeats until nothing overlaps; at worst, no robot moves. So no body ever overlaps
+another. The shield has already checked the way; under it, only the ends are checked. contact_episodes.py counts.
 """
 
 from __future__ import annotations
@@ -14,8 +14,13 @@ from numpy.typing import NDArray
 
 from warehouse_env.kernel import inline, part
 from warehouse_env.simulation.physics.buckets import CENTRE_X, CENTRE_Y, bucket_at
-from warehouse_env.simulation.physics.discs import touches_obstacle
-from warehouse_env.simulation.physics.footprint import body_touches_shelf, clearance_at, disc_room, meets_obstacle
+from warehouse_env.simulation.physics.footprint import (
+    body_touches_shelf,
+    clearance_at,
+    disc_room,
+    meets_obstacle,
+    passes_obstacle,
+)
 from warehouse_env.simulation.physics.geometry import body_of, grown, rectangles_touch, separation, squared_distance
 from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.physics.kinematics import (
@@ -26,19 +31,18 @@ from warehouse_env.simulation.physics.kinematics import (
     next_motion,
     way_driven,
 )
-from warehouse_env.simulation.physics.sweep import AT_END, BETWEEN, Sweep, touch_between, turns_back
+from warehouse_env.simulation.physics.sweep import Sweep, touch_between, turns_back
 from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO, sin_cos
 
-# Rows of `motion` float32[MOTION, N], the robots' motion within one physics step, field by field side by side: the
-# present pose, what changes it, the pose that is tried, the way [m] of any point of the body to there at most, and
-# the least room [m] that a robot has to the nearest shelf.
+# Rows of `motion` float32[MOTION, N], the motion within one physics step: the present pose, what changes it, the trial
+# pose, the longest path [m] of any point of the body to there, and the least room [m] to the nearest shelf.
 X, Y, HEADING, COS, SIN, SPEED, STEER, ACCELERATION, STEER_RATE = range(9)
 TRY_X, TRY_Y, TRY_HEADING, TRY_COS, TRY_SIN, WAY, ROOM = range(9, 16)
 MOTION = 16
-# `lanes` float32[MOTION x LANES] holds LANES robots of `motion` at constant distances, so that the compiler sees that
-# the rows do not overlap; whether a robot moves stands in place of its room.
+# `lanes` float32[MOTION x LANES] holds LANES robots of `motion` at constant strides, so that the compiler sees that no
+# rows overlap. MOVES takes the place of the room.
 LANES, MOVES = 8, ROOM
-# Rows of `flags` int32[FLAGS, N]: does the tried pose differ from the present one, is it to be put back?
+# Rows of `flags` int32[FLAGS, N]: the trial pose differs from the present one; the robot must be put back
 MOVING, BLOCKED = 0, 1
 FLAGS = 2
 
@@ -51,7 +55,7 @@ def scratch(count: int, p: Any) -> tuple[NDArray[Any], ...]:
 
 @inline
 def list_pairs(bodies, order, starts, p, pairs):
-    """Write the pairs (i, j, touched = 0), j < i, that could come near within a physics step; return their number.
+    """Write the pairs (i, j, touched = 0), j < i, that could meet within a physics step; return their number.
 
     bodies, order, starts: see buckets.sort.
     """
@@ -75,7 +79,7 @@ def list_pairs(bodies, order, starts, p, pairs):
 
 @inline
 def load(robots, i, acceleration, steer_rate, p, floor, motion):
-    """Take robot i's state at the start of a physics step, and its command [m/s^2], [rad/s], into `motion`."""
+    """Load robot i's state at the start of a physics step, and its command [m/s^2], [rad/s], into `motion`."""
     r = robots[i]
     c, s = r["motion"]["cos"], r["motion"]["sin"]
     motion[X, i], motion[Y, i], motion[HEADING, i] = r["motion"]["x"], r["motion"]["y"], r["motion"]["heading"]
@@ -98,7 +102,7 @@ def store(robots, motion):
 
 @inline
 def _drive_lanes(lanes, p):
-    """Move the robots in `lanes` for a substep, on trial; without branches and calls, so in vector instructions."""
+    """Move the robots in `lanes` for a substep, on trial; without branches and calls, to use vector instructions."""
     dt, far, chassis = p["dt"], p["far"], chassis_of(p)
     for k in range(LANES):
         speed, steer = lanes[SPEED * LANES + k], lanes[STEER * LANES + k]
@@ -123,7 +127,7 @@ def _drive_lanes(lanes, p):
 
 @inline
 def _many_alike(begin, robots, kinds):
-    """Return how many of so many robots, LANES at most, are of one kind from robot `begin` on."""
+    """Return how many robots from `begin` on are of one kind, at most LANES."""
     most = min(LANES, robots - begin)
     if kinds is None:
         return most
@@ -135,7 +139,7 @@ def _many_alike(begin, robots, kinds):
 
 @inline
 def try_motion(motion, flags, lanes, p, kinds):
-    """Move all robots for a substep, on trial: the TRY_ rows; speed and steering change for good."""
+    """Move all robots for a substep, on trial (the TRY_ rows); speed and steering change for good."""
     begin = 0
     while begin < motion.shape[1]:
         count = _many_alike(begin, motion.shape[1], kinds)
@@ -157,7 +161,7 @@ def put_back(motion, flags, i):
     """Stop robot i at its present pose."""
     motion[TRY_X, i], motion[TRY_Y, i], motion[TRY_HEADING, i] = motion[X, i], motion[Y, i], motion[HEADING, i]
     motion[TRY_COS, i], motion[TRY_SIN, i] = motion[COS, i], motion[SIN, i]
-    motion[ROOM, i] -= motion[WAY, i]  # if it was that of the pose that is tried no more
+    motion[ROOM, i] -= motion[WAY, i]  # it may be that of the trial pose
     motion[SPEED, i], motion[WAY, i] = ZERO, ZERO
     flags[MOVING, i] = 0
     flags[BLOCKED, i] = 0
@@ -177,7 +181,7 @@ def trial_body(motion, i, p):
 
 @inline
 def _back(motion, i, p):
-    """Return how far robot i may leave its arc [m] on trial, where it turns back."""
+    """Return how far [m] robot i passes the ends of its arc on trial if its speed changes sign."""
     speed, next_speed = motion[SPEED, i] - motion[ACCELERATION, i] * p["dt"], motion[SPEED, i]
     if speed * next_speed >= ZERO:
         return ZERO
@@ -185,21 +189,9 @@ def _back(motion, i, p):
     return turns_back(speed, next_speed, bend, p)
 
 
-@part
-def _touches_shelf(motion, i, between, p, floor):
-    """Whether robot i on trial touches a shelf, where it comes to or, if asked, on the way there."""
-    before = body_in(motion, i, p)
-    where = touches_obstacle(
-        Sweep(before, trial_body(motion, i, p), _back(motion, i, p)), motion[WAY, i], between, p, floor
-    )
-    return where == AT_END or (
-        where == BETWEEN and not body_touches_shelf(before, floor)
-    )  # who was put into a shelf may leave it
-
-
 @inline
 def _tries_a_shelf(motion, i, guarded, p, floor):
-    """Whether robot i on trial touches a shelf, where it comes to or, unless guarded, on the way."""
+    """Whether robot i on trial touches a shelf at the end or, unless guarded, on the way."""
     before, way = motion[ROOM, i], motion[WAY, i]
     if before > way:
         motion[ROOM, i] = before - way
@@ -207,18 +199,22 @@ def _tries_a_shelf(motion, i, guarded, p, floor):
     body = trial_body(motion, i, p)
     room = disc_room(body, floor)
     motion[ROOM, i] = room
-    if guarded is not None:
-        return room <= ZERO and meets_obstacle(body, floor)
-    between = max(before, ZERO) + max(room, ZERO) <= way
-    return (between or room <= ZERO) and _touches_shelf(motion, i, between, p, floor)
+    if room <= ZERO and meets_obstacle(body, floor):
+        return True
+    if guarded is not None or max(before, ZERO) + max(room, ZERO) > way:
+        return False
+    start = body_in(motion, i, p)
+    swept = Sweep(start, body, _back(motion, i, p))
+    # a robot that was put into a shelf may leave it
+    return passes_obstacle(swept, way, p, floor) and not body_touches_shelf(start, floor)
 
 
 @inline
 def keep_off_shelves(robots, motion, flags, guarded, p, kinds, floor):
-    """Put back the robots that touch a shelf on trial; guarded: see step.Features, whose field has looked between."""
+    """Put back the robots that touch a shelf on trial; guarded: the shield has checked the way (worlds.Features)."""
     for i in range(robots.shape[0]):
         own = kind_of(i, p, kinds)
-        if flags[MOVING, i] == 0 or motion[ROOM, i] > own["stride"]:  # too far off for this physics step
+        if flags[MOVING, i] == 0 or motion[ROOM, i] > own["stride"]:  # too far from shelves for this physics step
             continue
         if _tries_a_shelf(motion, i, guarded, own, floor):
             put_back(motion, flags, i)
@@ -232,17 +228,14 @@ def keep_off_shelves(robots, motion, flags, guarded, p, kinds, floor):
 
 @part
 def _touch_on_the_way(motion, i, j, way, p, q):
-    """Whether robots i and j, with parameters p and q, touch on trial where they come to or on the way there.
-
-    way: both bodies', together [m].
-    """
+    """Whether robots i and j, with parameters p and q, touch on trial, at the end or before; way: of both [m]."""
     end, other_end = trial_body(motion, i, p), trial_body(motion, j, q)
     gap = separation(end, other_end)
     if gap <= ZERO or gap > way:
         return gap <= ZERO
     start, other_start = body_in(motion, i, p), body_in(motion, j, q)
     before = separation(start, other_start)
-    if before <= ZERO or before > way - gap:  # who were put into each other may part
+    if before <= ZERO or before > way - gap:  # robots that were put into each other may part
         return False
     one, other = Sweep(start, end, _back(motion, i, p)), Sweep(other_start, other_end, _back(motion, j, q))
     return touch_between(one, other, q["offset"], p, q)
@@ -250,7 +243,7 @@ def _touch_on_the_way(motion, i, j, way, p, q):
 
 @inline
 def _try_a_touch(motion, i, j, guarded, p, q):
-    """Whether robots i and j, with parameters p and q, touch on trial where they come to or, unless guarded, before."""
+    """Whether robots i and j, with parameters p and q, touch on trial at the end or, unless guarded, before."""
     one, other = trial_body(motion, i, p), trial_body(motion, j, q)
     way = ZERO if guarded is not None else motion[WAY, i] + motion[WAY, j]
     reach = p["radius"] + q["radius"] + way
@@ -261,16 +254,16 @@ def _try_a_touch(motion, i, j, guarded, p, q):
 
 @inline
 def _runs_into(motion, i, j, p, q):
-    """Whether robot i's trial pose touches robot j where that stood: then i is at fault, whatever j does."""
+    """Whether robot i's trial pose touches robot j at its start: then i is at fault, whatever j does."""
     return rectangles_touch(trial_body(motion, i, p), body_in(motion, j, q))
 
 
 @inline
 def keep_off_robots(motion, flags, pairs, count, guarded, p, kinds):
-    """Put back the robots that touch on trial, at once, again and again until none do.
+    """Put back the robots that touch on trial, all at once, until none touch.
 
-    Of two robots that touch, the one that moved into the other's place is put back, so that no robot is held by one
-    that pushes it. Both are put back if both did so, or if they met half-way.
+    Of two robots that touch, the one that moved into the other's place is put back, so that a pusher cannot hold
+    another robot. Both are put back if both did, or if they met half-way.
     """
     again = count > 0
     flags[BLOCKED, :] = 0

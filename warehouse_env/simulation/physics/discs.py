@@ -1,6 +1,6 @@
-"""Discs on the floor, such as pillars: contact with bodies, also between two samples, and what the lidar sees.
+"""Discs on the floor, such as pillars: contact with bodies, also between two samples, and lidar.
 
-Kernels are given the discs of a floor, or None: a branch on an argument that is None is not compiled.
+Kernels take the discs of a floor, or None: Numba does not compile a branch on an argument that is None.
 """
 
 from __future__ import annotations
@@ -13,25 +13,17 @@ from numpy.typing import NDArray
 from warehouse_env.kernel import inline, part
 from warehouse_env.maps.discs import cells_near
 from warehouse_env.simulation.physics.geometry import Rectangle, half_box, squared_distance_to
-from warehouse_env.simulation.physics.sweep import (
-    AT_END,
-    BETWEEN,
-    NOWHERE,
-    ROUNDING,
-    arc_of,
-    touches_shelf,
-    turned,
-)
+from warehouse_env.simulation.physics.sweep import ROUNDING, arc_of, turned
 from warehouse_env.simulation.physics.trigonometry import ONE, ZERO, arc_tan2, sin_cos
 
 _TWO = np.float32(2.0)
 _STRAIGHT = np.float32(1e-3)  # [rad] under which an arc is a line
-_MOST = 1 << 16  # steps along an arc, after which a body that still seems to touch a disc does
-LISTED = 1e-3  # [m] from a cell, up to which it lists a disc: rounding leaves none out
+_MOST = 1 << 16  # steps along an arc after which the body counts as touching
+LISTED = 1e-3  # [m] from a cell up to which it lists a disc, so that rounding leaves none out
 
 
 class Discs(NamedTuple):
-    """Discs, and those that count in each padded cell, y up."""
+    """Discs, and the discs near each padded cell, y up."""
 
     discs: NDArray[np.float32]  # [K, 3]: x, y, radius [m]
     near: NDArray[np.int32]  # indices of discs by padded cell, one list after another
@@ -115,9 +107,9 @@ def _on_arc(start, arc, half, t, offset):
 
 @part
 def keeps_off_disc(x, y, radius, body, way, p):
-    """Whether a body, a Sweep, keeps off a disc at (x, y) [m] between two samples of its motion.
+    """Whether a body, a Sweep, keeps off a disc at (x, y) [m] between two samples; way: of its fastest point [m].
 
-    Conservative advancement: the body goes on along its arc by the room that it has. way: of its fastest point [m].
+    Conservative advancement: the body moves along its arc by the room that it has.
     """
     offset, t = p["offset"], ZERO
     arc = arc_of(body.start, body.end, offset)
@@ -134,32 +126,20 @@ def keeps_off_disc(x, y, radius, body, way, p):
 
 
 @part
-def _touches_disc(body, way, between, p, floor, discs):
-    """Return where a robot's body touches a disc in a motion, as `touches_shelf` does for shelves."""
+def passes_disc(body, way, p, floor, discs):
+    """Whether a robot's body, apart from all discs at two samples, touches one in between (as `sweep.passes_cell`)."""
     if discs is None:
-        return NOWHERE
-    (start, end), cell, where, r = (body.start, body.end), p["cell"], NOWHERE, p["radius"] + way
+        return False
+    (start, end), cell, r = (body.start, body.end), p["cell"], p["radius"] + way
     rows, columns = floor.solid.shape
     first_row, last_row = reached_rows(min(start.y, end.y) - r, max(start.y, end.y) + r, rows, cell)
     left, right = reached_columns(min(start.x, end.x) - r, max(start.x, end.x) + r, columns, cell)
     for row in range(first_row, last_row + 1):
         for k in range(discs.first[row, left], discs.first[row, right + 1]):
             e = discs.near[k]
-            x, y, radius = discs.discs[e, 0], discs.discs[e, 1], discs.discs[e, 2]
-            if squared_distance_to(x, y, end) <= radius * radius:
-                return AT_END
-            if between and where == NOWHERE and not keeps_off_disc(x, y, radius, body, way, p):
-                where = BETWEEN
-    return where
-
-
-@inline
-def touches_obstacle(body, way, between, p, floor):
-    """Return where a robot's body touches a shelf, the rim or a disc in a motion; see `touches_shelf`."""
-    at_shelf = touches_shelf(body, way, between, p, floor)
-    if at_shelf == AT_END:
-        return AT_END
-    return max(at_shelf, _touches_disc(body, way, between, p, floor, floor.discs))
+            if not keeps_off_disc(discs.discs[e, 0], discs.discs[e, 1], discs.discs[e, 2], body, way, p):
+                return True
+    return False
 
 
 @part

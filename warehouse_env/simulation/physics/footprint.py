@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from warehouse_env.kernel import inline
-from warehouse_env.simulation.physics.discs import meets_disc, reached_rows
+from warehouse_env.simulation.physics.discs import meets_disc, passes_disc, reached_rows
 from warehouse_env.simulation.physics.floor import FINE, UNIT
 from warehouse_env.simulation.physics.geometry import Rectangle, half_box, rectangles_touch, square_at
+from warehouse_env.simulation.physics.sweep import passes_cell
 from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO, sin_cos
 
 _FINE = np.float32(FINE)
@@ -15,14 +16,14 @@ _UNIT = np.float32(UNIT)
 _THIRD = np.float32(1.0 / 3.0)
 _TWO_THIRDS = np.float32(2.0 / 3.0)
 _SWEEP_STEP = np.float32(0.12)  # [m] of the front axle between two checked poses, on a gentle arc
-_SWEEP_TURN = np.float32(0.06)  # [rad] between two checked poses, on a sharp one; less where the margin is narrow, so
-_TURN_PER_MARGIN = np.float32(1.25)  # [rad/m] that no corner slips past another deeper than half the margin,
-_LEAST_TURN = np.float32(0.001)  # [rad] but not without end
+_SWEEP_TURN = np.float32(0.06)  # [rad] between two checked poses, on a sharp one; less if the margin is narrow,
+_TURN_PER_MARGIN = np.float32(1.25)  # [rad/m] so that no corner passes another deeper than half the margin,
+_LEAST_TURN = np.float32(0.001)  # [rad] but at least this
 
 
 @inline
 def cell_at(x, cell, count):
-    """Return which of `count` cells in a line [m] holds a place [m], or is nearest to it where it lies beyond them."""
+    """Return which of `count` cells of a side [m] holds a coordinate [m], or is nearest to it."""
     return min(max(int(x / cell), 0), count - 1)
 
 
@@ -50,8 +51,17 @@ def body_touches_shelf(body, floor):
 
 @inline
 def meets_obstacle(body, floor):
-    """Return what `body_touches_shelf` does, without a first look at the clearance field."""
+    """Return the same as `body_touches_shelf`, without the clearance field."""
     return meets_cell(body, floor) or meets_disc(body, floor, floor.discs)
+
+
+@inline
+def passes_obstacle(body, way, p, floor):
+    """Whether a body that touches nothing at both samples of its Sweep touches a shelf, the rim or a disc in between.
+
+    way: the longest path of any point of it [m].
+    """
+    return passes_cell(body, way, p, floor.solid) or passes_disc(body, way, p, floor, floor.discs)
 
 
 @inline
@@ -72,14 +82,14 @@ def meets_cell(body, floor):
 
 @inline
 def body_room(body, floor):
-    """Return metres that no point of a body can be moved into a shelf; none or negative: not known."""
+    """Return a distance [m] that any point of a body can move without touching a shelf; unknown if not positive."""
     room = clearance_at(body.x, body.y, floor) - np.sqrt(body.length * body.length + body.width * body.width)
     return room if room > ZERO else disc_room(body, floor)
 
 
 @inline
 def disc_room(body, floor):
-    """Return the room [m] as `body_room` does of a body near shelves: that of three discs which cover it."""
+    """Return the room [m] as `body_room`, for a body near shelves: that of three discs that cover it."""
     third = body.length * _THIRD
     shift = body.length * _TWO_THIRDS
     nearest = min(
@@ -94,9 +104,8 @@ def disc_room(body, floor):
 def sweep_is_free(start, bend, distance, margin, p, floor):
     """Return whether the body keeps `margin` [m] from shelves along an arc of curvature `bend` [1/m] from a Pose.
 
-    `distance` [m] is signed (negative: backwards).
-    The pose at the start is not checked: a robot that stands too close must be able to leave.
-    Poses that are nearer to a checked one than its room allows are free as well, and passed over.
+    `distance` [m] is signed (negative: backwards). The start is not checked: a robot that stands too close must be able
+    to leave. Poses within the room of a checked one are free and skipped.
     """
     x, y, c, s = start.x, start.y, start.c, start.s
     half_length = p["half_length"] + margin

@@ -1,8 +1,7 @@
-"""Motions of the protective field: a step as commanded and then a full stop; outlined, sampled, compared.
+"""Motions for the shield: one step as commanded, then a full stop; outlined, sampled, compared.
 
-Most motions are far from everything, which their outlines tell. Those that are not are sampled at every substep, by the
-same arithmetic with which contact.py moves the bodies; between two samples sweep.py looks, where one could touch what
-it does not at either.
+Outlines show that most motions are far from everything. The others are sampled at every substep by the arithmetic of
+contact.py; sweep.py checks between two samples.
 """
 
 from __future__ import annotations
@@ -11,8 +10,7 @@ import numpy as np
 
 from warehouse_env.kernel import inline, part
 from warehouse_env.simulation.physics.contact import COS, HEADING, SIN, SPEED, STEER, X, Y
-from warehouse_env.simulation.physics.discs import touches_obstacle
-from warehouse_env.simulation.physics.footprint import body_room, body_touches_shelf
+from warehouse_env.simulation.physics.footprint import body_room, body_touches_shelf, meets_obstacle, passes_obstacle
 from warehouse_env.simulation.physics.geometry import (
     Rectangle,
     body_at,
@@ -31,30 +29,29 @@ from warehouse_env.simulation.physics.kinematics import (
     roll,
     way_driven,
 )
-from warehouse_env.simulation.physics.sweep import NOWHERE, Sweep, touch_between, turns_back
+from warehouse_env.simulation.physics.sweep import Sweep, touch_between, turns_back
 from warehouse_env.simulation.physics.trigonometry import HALF, ZERO, sin_cos
 
-REST = np.float32(1e-6)  # [m/s] under which a stop is over: what rounding leaves of a speed
+REST = np.float32(1e-6)  # [m/s] below which a robot stands: the rounding error of a speed
 _EIGHTH = np.float32(0.125)
 _ROOT_2 = np.float32(1.4142137)
-SLACK = np.float32(1e-3)  # [m] for what rounding adds up to where poses are not the samples themselves
-# The field's arrays (see field.scratch). paths float32[N + 1, T + 1, PLACE]: the body's centre and heading now, and
-# after each substep of the committed motions, and the way [m] of any point of it in that substep at most; the last row
-# is that of the motion on trial.
+SLACK = np.float32(1e-3)  # [m] for rounding where poses are not the samples themselves
+# Arrays of shield.scratch. paths float32[N + 1, T + 1, PLACE]: the body's centre and heading now and after each substep
+# of the committed motion, and the longest path [m] of any point in that substep. The last row is the motion on trial.
 CENTRE_X, CENTRE_Y, BODY_COS, BODY_SIN, WAY = range(5)
 PLACE = 5
-# outlines float32[OUTLINE, N + 1]: a rectangle around all that a motion sweeps [m], half its diagonal; if the motion
-# has been sampled, how far any point of the body moves at most in one of its substeps, and leaves its arc [m].
+# outlines float32[OUTLINE, N + 1]: a rectangle around all that a motion sweeps [m], half its diagonal; once sampled,
+# the longest path of any point in one substep, and how far the body passes the ends of its arcs [m].
 MIDDLE_X, MIDDLE_Y, AXIS_COS, AXIS_SIN, LONG, WIDE, REACH, PACE, TURNS_BACK = range(9)
 OUTLINE = 9
-# marks int32[MARK, N + 1]: samples of a path, 0 where it has not been needed yet; has the robot committed in this step?
+# marks int32[MARK, N + 1]: samples of a path, 0 if not sampled yet; the robot has committed in this step
 SAMPLES, COMMITTED = 0, 1
 MARK = 2
 
 
 @inline
 def stopping_distance(speed, p):
-    """Return the way [m] of a full stop, negative backwards; a little more, since the last step may brake gently."""
+    """Return the distance [m] of a full stop, negative backwards; a bound, since the last step may brake gently."""
     hardest, step = p["max_acceleration"], p["time_step"]
     way = HALF * speed * speed / hardest + _EIGHTH * hardest * step * step
     return ZERO if speed == ZERO else way if speed > ZERO else -way
@@ -62,11 +59,11 @@ def stopping_distance(speed, p):
 
 @inline
 def draw_outline(row, pose, way, bend, before, outlines, p):
-    """Write the rectangle that holds all of a stop of `way` [m] from a pose, and of how the body came there.
+    """Write the rectangle around a stop of `way` [m] from a pose, and around the motion before it.
 
-    Its axis is the heading half-way. From there the front axle drives way / 2 at most along it and bend way^2 / 8 to
-    its side, and the body turns by bend way / 2. pose: x, y, heading, its cosine and sine; before: how far it had
-    driven and turned until then at most [m], [rad].
+    Its axis is the heading half-way. From there the front axle drives at most way / 2 along it and bend way^2 / 8 to
+    its side, and the body turns by bend way / 2. pose: x, y, heading, its cosine and sine; before: bounds of the
+    distance [m] and turn [rad] driven until then.
     """
     x, y, heading, c, s = pose
     driven, turned = before
@@ -135,7 +132,7 @@ def outline_of(row, outlines):
 
 @inline
 def outlines_meet(one, row, other, gap, outlines):
-    """Whether the outline `one` of a row comes within `gap` [m] of that in the row `other`."""
+    """Whether the outline `one` of a row comes within `gap` [m] of the outline in row `other`."""
     reach, theirs = outlines[REACH, row] + outlines[REACH, other] + gap, outline_of(other, outlines)
     return squared_distance(one, theirs) <= reach * reach and rectangles_touch(grown(one, gap), theirs)
 
@@ -150,7 +147,7 @@ def sampled(row, n, paths, p):
 
 @inline
 def _touch_before(a, k, i, b, m, j, motions, pair):
-    """Whether the motions in rows a and b touch between their samples k and m and those before, i and j."""
+    """Whether the motions in rows a and b touch between samples i and k of a, and j and m of b."""
     (paths, outlines), (p, q) = motions, pair
     one = Sweep(sampled(a, i, paths, p), sampled(a, k, paths, p), outlines[TURNS_BACK, a])
     other = Sweep(sampled(b, j, paths, q), sampled(b, m, paths, q), outlines[TURNS_BACK, b])
@@ -159,11 +156,10 @@ def _touch_before(a, k, i, b, m, j, motions, pair):
 
 @part
 def least_separation(a, b, paths, outlines, marks, p, q):
-    """Return the least separation [m] of two motions at equal times; one over the margin may not be the least.
+    """Return the least separation [m] of two motions at equal times; above the margin it is only a bound.
 
-    p, q: the parameters of the robots in rows a and b.
-    Substeps in which they cannot come within the margin are passed over: a separation is at least 0.7 of the distance.
-    Where they touch between two samples it is not over 0: the least that it can have been.
+    p, q: parameters of the robots in rows a and b. Skips substeps in which they cannot come within the margin: a
+    separation is at least 0.7 of the distance. If they touch between two samples, the result is at most 0.
     """
     most = outlines[PACE, a] + outlines[PACE, b]
     last_a, last_b = marks[SAMPLES, a] - 1, marks[SAMPLES, b] - 1
@@ -171,11 +167,11 @@ def least_separation(a, b, paths, outlines, marks, p, q):
     while n <= last:
         k, m = min(n, last_a), min(n, last_b)
         gap = separation(sampled(a, k, paths, p), sampled(b, m, paths, q))
-        if n > 0 or last == 0:  # where they are now is no motion's doing
+        if n > 0 or last == 0:  # the present poses are no choice of a motion
             least = min(least, gap)
         both = before + gap if min(before, gap) > ZERO else np.float32(np.inf)
         if both <= most:
-            i, j = k - 1 if n <= last_a else k, m - 1 if n <= last_b else m  # who moves no more has none before
+            i, j = k - 1 if n <= last_a else k, m - 1 if n <= last_b else m  # a body at rest has no sample before
             way = paths[a, k, WAY] if n <= last_a else ZERO
             if n <= last_b:
                 way += paths[b, m, WAY]
@@ -191,7 +187,7 @@ def least_separation(a, b, paths, outlines, marks, p, q):
 
 @part
 def meets_shelf(row, paths, outlines, marks, p, floor):
-    """Whether the body touches a shelf anywhere along a sampled motion."""
+    """Whether the body touches an obstacle anywhere along a sampled motion."""
     pace = outlines[PACE, row]
     n, count, before = 1, marks[SAMPLES, row], ZERO
     while n < count:
@@ -200,9 +196,11 @@ def meets_shelf(row, paths, outlines, marks, p, floor):
         way, near = paths[row, n, WAY], room <= ZERO
         room = max(room, ZERO)
         between = before + room <= way
-        if near or between:
+        if near and meets_obstacle(body, floor):
+            return True
+        if between:
             swept = Sweep(sampled(row, n - 1, paths, p), body, outlines[TURNS_BACK, row])
-            if touches_obstacle(swept, way, between, p, floor) != NOWHERE:
+            if passes_obstacle(swept, way, p, floor):
                 return True
         n, before = n + 1, room
         if room > pace:
@@ -213,7 +211,7 @@ def meets_shelf(row, paths, outlines, marks, p, floor):
 
 @inline
 def outline_trial(i, acceleration, steer_rate, motion, outlines, p):
-    """Outline robot i's motion at a command, in the last row."""
+    """Write the outline of robot i's motion at a command into the last row."""
     x, y, heading, c, s = motion[X, i], motion[Y, i], motion[HEADING, i], motion[COS, i], motion[SIN, i]
     speed, steer, dt, chassis = motion[SPEED, i], motion[STEER, i], p["dt"], chassis_of(p)
     driven, turned = ZERO, ZERO

@@ -1,8 +1,8 @@
-"""Do bodies touch between two samples of their motion, in which each drives on an arc as kinematics.roll drives it?
+"""Do bodies touch between two samples of their motion, on the arcs of kinematics.roll?
 
-Bodies that are apart at both ends along one and the same axis are apart in between: a corner leaves its chord by the
-arc's bow at most, and where both move it is before or behind where it would be at even speed by the blur at most. Where
-no axis says so, the arcs are cut into ever shorter pieces.
+If one axis separates two bodies at both ends, they are apart in between: a corner leaves its chord by at most the bow
+of the arc, and if both bodies move, it leads or lags even speed by at most the blur. If no axis separates them, the
+arcs are cut into shorter pieces.
 """
 
 from __future__ import annotations
@@ -12,26 +12,25 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from warehouse_env.kernel import inline, part
-from warehouse_env.simulation.physics.geometry import half_box, rectangles_touch, square_at
+from warehouse_env.simulation.physics.geometry import half_box, square_at
 from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO
 
 _EIGHTH = np.float32(0.125)
 _TWO = np.float32(2.0)
 _TINY = np.float32(1e-9)
 ROUNDING = np.float32(2e-7)  # [m], of gaps
-_ON_FLOOR = np.float32(1e-4)  # [m] for what rounds places on the floor
-LEVELS = 3  # of pieces of the arcs, each a quarter of those before, until bodies that seem to touch do
-NOWHERE, BETWEEN, AT_END = range(3)  # a body touches a shelf
+_ON_FLOOR = np.float32(1e-4)  # [m] for the rounding of places on the floor
+LEVELS = 3  # of pieces of the arcs, each a quarter of the one before; bodies that still seem to touch then do
 
 
 @inline
 def turn_bound(c0, s0, c1, s1):
-    """Return at least the angle [rad] between two headings, and little more of a small one."""
+    """Return an upper bound of the angle [rad] between two headings, tight for small ones."""
     return _TWO * abs(c0 * s1 - s0 * c1) / max(ONE + c0 * c1 + s0 * s1, _TINY)
 
 
 class Sweep(NamedTuple):
-    """A body at two samples of its motion, and how far it may go beyond the arc's ends [m] (`turns_back`)."""
+    """A body at two samples of its motion, and how far it may pass the ends of the arc [m] (`turns_back`)."""
 
     start: Any  # Rectangle
     end: Any
@@ -39,7 +38,7 @@ class Sweep(NamedTuple):
 
 
 class _Pair(NamedTuple):
-    """Two bodies at one moment: from the one to the other [m], and both headings."""
+    """Two bodies at one moment: vector from one to the other [m], and both headings."""
 
     x: Any
     y: Any
@@ -50,7 +49,7 @@ class _Pair(NamedTuple):
 
 
 class _Sizes(NamedTuple):
-    """Half the lengths and widths of two bodies [m], and from the axle of each to its centre [m]."""
+    """Half lengths and half widths of two bodies [m], and the offset of each axle from the centre [m]."""
 
     a_length: Any
     a_width: Any
@@ -61,7 +60,7 @@ class _Sizes(NamedTuple):
 
 
 class Arc(NamedTuple):
-    """An arc of an axle: its chord [m], cosine and sine of half the angle by which it turns."""
+    """An arc of an axle: chord [m], cosine and sine of half its turn."""
 
     x: Any
     y: Any
@@ -71,7 +70,7 @@ class Arc(NamedTuple):
 
 @inline
 def _half_widths(ux, uy, pair, sizes):
-    """Return how far the two bodies reach, of half of each, along a unit axis [m]."""
+    """Return half the extent [m] of each body along a unit axis."""
     return (
         sizes.a_length * abs(ux * pair.ac + uy * pair.as_) + sizes.a_width * abs(uy * pair.ac - ux * pair.as_),
         sizes.b_length * abs(ux * pair.bc + uy * pair.bs) + sizes.b_width * abs(uy * pair.bc - ux * pair.bs),
@@ -80,7 +79,7 @@ def _half_widths(ux, uy, pair, sizes):
 
 @inline
 def _gap_along(ux, uy, start, end, sizes):
-    """Return the lesser of the gaps [m] along a unit axis at both ends; negative where they are on different sides."""
+    """Return the smaller gap [m] along a unit axis at both ends; negative if the bodies change sides."""
     first, second = start.x * ux + start.y * uy, end.x * ux + end.y * uy
     if first < ZERO:
         first, second = -first, -second
@@ -92,10 +91,10 @@ def _gap_along(ux, uy, start, end, sizes):
 
 @part
 def _are_apart(start, end, sizes, blurs, bow):
-    """Whether an axis shows that two bodies, a _Pair at both ends, are apart all along a piece of their arcs.
+    """Whether an axis separates two bodies, a _Pair at both ends, all along a piece of their arcs.
 
-    The axes of both bodies at both ends are tried, and the one across their relative motion, which settles whatever
-    does not turn. blurs: (x, y, all ways) [m] of a, then of b.
+    Tries the axes of both bodies at both ends, and the one across their relative motion, which settles bodies that do
+    not turn. blurs: (x, y, all directions) [m] of a, then of b.
     """
     for k in range(9):
         if k < 4:
@@ -125,15 +124,15 @@ def halve(arc):
 
 @inline
 def turned(x, y, c, s):
-    """Return (x, y) turned by an angle of which c and s are cosine and sine."""
+    """Return (x, y) turned by the angle with cosine c and sine s."""
     return x * c - y * s, y * c + x * s
 
 
 @inline
 def turns_back(speed, next_speed, bend, p):
-    """Return how far a point of a body goes beyond the ends of its arc [m] in a substep in which it turns back, else 0.
+    """Return how far [m] a body passes the ends of its arc in a substep in which its speed changes sign, else 0.
 
-    bend: the arc's curvature [1/m].
+    bend: curvature of the arc [1/m].
     """
     if speed * next_speed >= ZERO:
         return ZERO
@@ -143,23 +142,20 @@ def turns_back(speed, next_speed, bend, p):
 
 @inline
 def _blur(x, y, turn, back, other_moves, p):
-    """Return how far a body may be before or behind where it would be at even speed, along x, y, and all ways [m].
-
-    Beside one that stands it does not matter when it is where.
-    """
+    """Return how far [m] a body may lead or lag even speed: along x, y, and in all directions; 0 beside one at rest."""
     way, blur = max(np.sqrt(x * x + y * y), _TINY), p["blur"] if other_moves else ZERO
     return blur * x / way, blur * y / way, min(blur * turn * (ONE + p["far"] / way), p["far"] * turn) + back
 
 
 @inline
 def bow_of(x, y, turn, p):
-    """Return how far any point of a body leaves its chord [m], of whose axle the chord is (x, y) [m]."""
+    """Return how far any point of a body leaves its chord [m]; (x, y): chord of its axle [m]."""
     return _EIGHTH * turn * (np.sqrt(x * x + y * y) + p["far"] * turn)
 
 
 @inline
 def arc_of(start, end, offset):
-    """Return the arc on which the axle of a body comes from one Rectangle to another."""
+    """Return the arc of the axle of a body from one Rectangle to another."""
     x, y = end.x - start.x + offset * (end.c - start.c), end.y - start.y + offset * (end.s - start.s)
     c = np.sqrt(max(HALF + HALF * (start.c * end.c + start.s * end.s), _TINY))
     return Arc(x, y, c, HALF * (start.c * end.s - start.s * end.c) / c)
@@ -173,7 +169,7 @@ def arc_bow(arc, p):
 
 @inline
 def _middles(axles, sizes):
-    """Return the _Pair of two bodies' centres from that of their axles."""
+    """Return the _Pair of two bodies' centres, from the _Pair of their axles."""
     return _Pair(
         axles.x - sizes.b_offset * axles.bc + sizes.a_offset * axles.ac,
         axles.y - sizes.b_offset * axles.bs + sizes.a_offset * axles.as_,
@@ -185,12 +181,12 @@ def _middles(axles, sizes):
 def _keep_apart(halvings, axles, a, b, sizes, blurs, p, q):
     """Whether two bodies are apart in each of 2^halvings pieces of their arcs.
 
-    axles: the _Pair of their axles at the start; a, b: the Arcs of these; all else: `touch_between`.
+    axles: the _Pair of their axles at the start; a, b: their Arcs; the rest as in `touch_between`.
     """
     for _ in range(halvings):
         a, b = halve(a), halve(b)
     bow = arc_bow(a, p) + arc_bow(b, q)
-    # each piece turns the chord, and the body, by as much again
+    # each piece turns chord and body by the same angle
     a_c, a_s, b_c, b_s = a.c * a.c - a.s * a.s, _TWO * a.c * a.s, b.c * b.c - b.s * b.s, _TWO * b.c * b.s
     ax, ay, bx, by, middles = a.x, a.y, b.x, b.y, _middles(axles, sizes)
     for _ in range(1 << halvings):
@@ -208,10 +204,9 @@ def _keep_apart(halvings, axles, a, b, sizes, blurs, p, q):
 
 @part
 def touch_between(a, b, b_offset, p, q):
-    """Whether a robot's body a and a body b touch between two samples of their motions, at which they do not.
+    """Whether a robot's body a and a body b, apart at two samples of their motions, touch in between.
 
-    a, b: Sweeps; b_offset: from the point of b that moves on an arc along b's heading, back to its centre [m]; p, q:
-    the parameters of a and of b, which of a cell, that stays where it is, may be any.
+    a, b: Sweeps; b_offset: from b's axle back to its centre [m]; p, q: parameters of a and b (any for a shelf's cell).
     """
     a0, a1, b0, b1, offset = a.start, a.end, b.start, b.end, p["offset"]
     ax, ay = a1.x - a0.x + offset * (a1.c - a0.c), a1.y - a0.y + offset * (a1.s - a0.s)  # chords of the axles
@@ -236,10 +231,9 @@ def touch_between(a, b, b_offset, p, q):
 
 @inline
 def _passes(along0, along1, across0, across1, long, wide):
-    """Whether two bodies are on the same side of each other at both ends: ahead or astern, or abeam.
+    """Whether two bodies are on the same side of each other at both ends.
 
-    along, across: from the middle of one to that of the other at both ends [m]; long, wide: the most at which they
-    come near [m].
+    along, across: from centre to centre at both ends [m]; long, wide: the distances from which they may be near [m].
     """
     return (
         min(along0, along1) > long or max(along0, along1) < -long
@@ -248,13 +242,20 @@ def _passes(along0, along1, across0, across1, long, wide):
 
 
 @part
-def _touch_cell(box, body, spare, p, solid):
-    """Whether a body touches one of the cells in a box (first row, last row, first column, last column) on the way.
+def passes_cell(body, way, p, solid):
+    """Whether a robot's body, apart from all shelves and the rim at two samples, touches one in between.
 
-    body: its Sweep. Most cells that are near it passes along its axes at the end.
+    body: its Sweep; way: the longest path of any point [m], which leaves its chord by at most way^2 / 8 far.
+    Only cells that meet the box around the body at both ends count; its own axes at the end settle most of these.
     """
-    first_row, last_row, first_column, last_column = box
     start, end, cell, half = body.start, body.end, p["cell"], HALF * p["cell"]
+    spare = _EIGHTH * way * way / p["far"] + body.back + ROUNDING
+    (ex0, ey0), (ex1, ey1) = half_box(start), half_box(end)
+    (rows, columns), scale, more = solid.shape, ONE / cell, spare + _ON_FLOOR
+    first_row = max(int((min(start.y - ey0, end.y - ey1) - more) * scale + ONE), 0)  # under 0 is rounded up, to the rim
+    last_row = min(int((max(start.y + ey0, end.y + ey1) + more) * scale) + 1, rows - 1)
+    first_column = max(int((min(start.x - ex0, end.x - ex1) - more) * scale + ONE), 0)
+    last_column = min(int((max(start.x + ex0, end.x + ex1) + more) * scale) + 1, columns - 1)
     c, s = abs(start.c * end.c + start.s * end.s), abs(start.c * end.s - start.s * end.c)
     length, width, corner = end.length, end.width, half * (abs(end.c) + abs(end.s)) + spare
     long, wide = max(length, length * c + width * s) + corner, max(width, length * s + width * c) + corner
@@ -270,30 +271,3 @@ def _touch_cell(box, body, spare, p, solid):
             ) and touch_between(body, Sweep(shelf, shelf, ZERO), ZERO, p, p):  # fmt: skip
                 return True
     return False
-
-
-@inline
-def touches_shelf(body, way, between, p, floor):
-    """Return where a robot's body touches a shelf or the rim in a motion: AT_END, else, if asked, BETWEEN, or NOWHERE.
-
-    body: its Sweep; way: of any point of it at most [m], which leaves its chord by an eighth of way^2 / far at most.
-    Along the axes of the floor a body is apart from all cells but those that the box around it at both ends meets.
-    """
-    start, end, cell, half = body.start, body.end, p["cell"], HALF * p["cell"]
-    spare = _EIGHTH * way * way / p["far"] + body.back + ROUNDING
-    (ex0, ey0), (ex1, ey1) = half_box(start), half_box(end)
-    (rows, columns), scale, more, near = floor.solid.shape, ONE / cell, spare + _ON_FLOOR, False
-    first_row = max(int((min(start.y - ey0, end.y - ey1) - more) * scale + ONE), 0)  # under 0 is rounded up, to the rim
-    last_row = min(int((max(start.y + ey0, end.y + ey1) + more) * scale) + 1, rows - 1)
-    first_column = max(int((min(start.x - ex0, end.x - ex1) - more) * scale + ONE), 0)
-    last_column = min(int((max(start.x + ex0, end.x + ex1) + more) * scale) + 1, columns - 1)
-    for row in range(first_row, last_row + 1):
-        for column in range(first_column, last_column + 1):
-            if floor.solid[row, column] != 0:
-                near = between
-                x, y = (np.float32(column) - HALF) * cell, (np.float32(row) - HALF) * cell
-                if rectangles_touch(end, square_at(x, y, half)):
-                    return AT_END
-    if near and _touch_cell((first_row, last_row, first_column, last_column), body, spare, p, floor.solid):
-        return BETWEEN
-    return NOWHERE
