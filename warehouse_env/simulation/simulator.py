@@ -1,4 +1,4 @@
-"""Simulator: the one stateful object around the kernels: config, random generators, state arrays, routes, tasks."""
+"""The Simulator, the one stateful object around the kernels: config, random generators, arrays, routes, tasks."""
 
 from __future__ import annotations
 
@@ -43,16 +43,24 @@ from warehouse_env.simulation.traffic import deadlock_recovery, decision, recove
 from warehouse_env.simulation.traffic.audit import raise_fault
 from warehouse_env.simulation.traffic.jams import Jams, jams_of
 from warehouse_env.simulation.traffic.path_ahead import COLUMNS, POSES
-from warehouse_env.simulation.worlds import Equipment, Features, Pool, Scratch, Setup, Vehicles, Worlds, make_scratch
+from warehouse_env.simulation.worlds import (
+    Equipment,
+    Features,
+    Setup,
+    ThreadScratch,
+    Vehicles,
+    Worlds,
+    make_scratch,
+)
 from warehouse_env.threads import MOST_THREADS, get_num_threads, side_by_side
 
-PARALLEL_FROM = 256  # robots in all from which waking other threads pays
-_PARTS = 2  # of the worlds for each thread: who is done early, or has a core for itself, does more of them
-_LEAST, _MOST = 32, 1024  # robots in a part: of more, what a step leaves in a core's cache is gone when it observes
+PARALLEL_FROM = 256  # robots in all from which other threads pay off
+_PARTS = 2  # parts of the worlds per thread, so that a thread that is done early does more
+_LEAST, _MOST = 32, 1024  # robots in a part: more do not stay in a core's cache from step to observation
 
 
 def _parts(worlds: int, share: int) -> list[tuple[int, int]]:
-    """Return the parts of `share` worlds into which so many fall: the first of each, and the first that is none."""
+    """Return (begin, end) of parts of `share` worlds."""
     return [(first, min(first + share, worlds)) for first in range(0, worlds, share)]
 
 
@@ -60,14 +68,13 @@ class Simulator(Portable):
     """B independent worlds of N robots in lock-step.
 
     Outputs are the simulator's own arrays, overwritten by the next step: `observation` float32[B, N, D], `reward`
-    float32[B, N], `reward_terms` float32[B, N, T] in the order of REWARD_TERMS, `terminated` bool[B, N] (not alive
-    any more), `truncated` bool[B] (max_steps reached; stepping on is allowed), the views `state` and `events`, and
-    `arrivals`, the tasks finished with the last step.
+    float32[B, N], `reward_terms` float32[B, N, T] in the order of REWARD_TERMS, `terminated` bool[B, N], `truncated`
+    bool[B] (max_steps reached; further steps are allowed), the views `state` and `events`, and `arrivals`, the tasks
+    finished in the last step.
     """
 
     bound = (
-        "state", "events", "_floor", "_rays", "_zones", "_compiled",
-        "_worlds", "setup", "_scratches", "_searches",
+        "state", "events", "_floor", "_rays", "_zones", "_compiled", "_worlds", "setup", "_scratch",
     )  # fmt: skip
 
     def __init__(
@@ -82,7 +89,7 @@ class Simulator(Portable):
     ) -> None:
         """Build the worlds; call `reset` before the first step.
 
-        grid, planner, orders: instead of those that the config names; routes: a RouteBook shared with other simulators.
+        grid, planner, orders: replace those that the config names; routes: a RouteBook shared with other simulators.
         """
         given.check_parts(config, grid, planner, routes)
         num_worlds = given.check_count("num_worlds", num_worlds)
@@ -110,7 +117,7 @@ class Simulator(Portable):
         self._weights = weight_vector(config.reward)
         self._reward_weights = config.reward
         self._planned = np.zeros((num_worlds, config.num_agents), dtype=state.ROBOT)
-        self.robots = self._planned.copy() if errs(config) else self._planned  # where they are, in truth
+        self.robots = self._planned.copy() if errs(config) else self._planned  # at their true poses
         self.people = People(planned, self.grid, num_worlds)
         self.dispatcher = Dispatcher(planned, routes, self._planned, self.people.persons, self._limits, orders)
         self._deviation = Deviation(config, num_worlds)
@@ -128,7 +135,7 @@ class Simulator(Portable):
         self.truncated = np.zeros(b, dtype=np.bool_)
         self.steps = np.zeros(b, dtype=np.int64)  # env steps since each world's reset
         self.arrivals: list[Arrival] = []
-        said = math.ceil(int(p["latency"][0]) / self.config.action_repeat)  # env steps ago, what comes into force now
+        said = math.ceil(int(p["latency"][0]) / self.config.action_repeat)  # env steps until a command takes effect
         self._commands = np.zeros((1 + said, b, n, 2), dtype=np.float32)
         self._choices = self.actions.no_choices(b, n)
         reach = float(p["pair_range"][0])
@@ -145,7 +152,7 @@ class Simulator(Portable):
             "most_pairs": state.most_pairs(n, reach, widest, planned),
             "bucket_rows": bucket_rows, "bucket_columns": bucket_columns, "bucket": side,
         }  # fmt: skip
-        self._true_params, self._true_kinds = self._limits  # of the bodies, where these are not what is planned
+        self._true_params, self._true_kinds = self._limits  # of the bodies, if they differ from the plan
         if self.robots is not self._planned:
             self._true_params = state.parameters_of(self.config, size)
             self._true_kinds = state.kinds_of(self.config, size)
@@ -162,20 +169,22 @@ class Simulator(Portable):
         self._bind()
 
     def _bind(self) -> None:
-        """Make the views and the floor, and keep the kernels' arguments ready."""
+        """Make the views, the floor and the kernels' arguments."""
         self.state, self.events = state.state_of(self.robots), state.events_of(self.robots)
         self._floor = floor_of(self.grid, self.config.sensor.lidar_range)
         self._zones = zones_of(self.grid, planned_config(self.config))
         self._rays = unit_vectors(self.config.sensor.rays)
-        self._compiled: dict[Callable[..., Any], Callable[..., Any]] = {}  # kernels, once a step asks for them
-        self._scratches = Pool(self.make_scratch)
-        self._searches = Pool(lambda: make_search_scratch(self.num_agents, self.config.people, POSES))
+        self._compiled: dict[Callable[..., Any], Callable[..., Any]] = {}  # kernels, compiled when first called
+        self._scratch = ThreadScratch(
+            lambda: make_scratch(self.setup, self.num_agents, self._decides),
+            lambda: make_search_scratch(self.num_agents, self.config.people, POSES),
+        )
         self._collect()
 
     def _collect(self) -> None:
-        """Keep the kernels' arguments ready: collecting them takes longer than a small world's step."""
+        """Collect the kernels' arguments once: to do so takes longer than a small world's step."""
         shifts, people, deviation, table = self.dispatcher.shifts, self.people, self._deviation, None
-        if self.config.sensor.predictions:  # what discrete actions mean to each kind of robots, float32[K, A, 2]
+        if self.config.sensor.predictions:  # commands of each kind of robots, float32[K, A, 2]
             actions, kinds = self.actions, planned_config(self.config).kinds
             table = np.stack([actions.commands_of(robot) for robot in kinds]) if len(kinds) > 1 else actions.table[None]
         self._worlds = Worlds(
@@ -190,33 +199,29 @@ class Simulator(Portable):
             Vehicles(*self._limits), Vehicles(self._true_params, self._true_kinds), self._floor,
         )  # fmt: skip
 
-    def make_scratch(self) -> Scratch:
-        """Return scratch for one kernel call at a time."""
-        return make_scratch(self.setup, self.num_agents, self._decides)
-
     @property
     def worlds(self) -> Worlds:
-        """The worlds' arrays; that of the routes is another one once a longer route has come."""
+        """The worlds' arrays; a longer route replaces the array of routes."""
         if self._worlds.routes is not self.dispatcher.routes:
             self._worlds = self._worlds._replace(routes=self.dispatcher.routes)
         return self._worlds
 
     def observe_into(self, observation: NDArray[np.float32]) -> None:
-        """Write observations into this array [B, N, D] from now on; the last one stays as it is, its holder's own."""
+        """Write observations into this array [B, N, D] from now on; the previous one is not touched again."""
         wanted = observation.shape == self.observation.shape and observation.dtype == np.float32
         if not (wanted and observation.flags.carray):
-            raise ConfigError(f"a whole array float32{list(self.observation.shape)} is needed to observe into")
+            raise ConfigError(f"the array to observe into must be a contiguous float32{list(self.observation.shape)}")
         self.observation = observation
         self._collect()
 
     @property
     def routes(self) -> NDArray[np.float32]:
-        """Way-points float32[B, N, R, 2] [m], of which state.route_points are valid; not to keep, as it grows."""
+        """Way-points float32[B, N, R, 2] [m], of which state.route_points are valid. Do not keep it: it is replaced."""
         return self.dispatcher.routes
 
     @property
     def route_book(self) -> RouteBook:
-        """Where routes come from; may be replaced by another simulator's for the same floor, planner and lanes."""
+        """The source of routes; can be replaced by that of a simulator with the same floor, planner and lanes."""
         return self.dispatcher.book
 
     @route_book.setter
@@ -225,7 +230,7 @@ class Simulator(Portable):
 
     @property
     def reward_weights(self) -> RewardWeights:
-        """The weights in force; may be set at any time (for schedules)."""
+        """The weights of the reward; can be set at any time (for schedules)."""
         return self._reward_weights
 
     @reward_weights.setter
@@ -255,7 +260,7 @@ class Simulator(Portable):
     def reset_to(
         self, assignments: Sequence[Assignment], seed: int | Sequence[int] | None = None
     ) -> NDArray[np.float32]:
-        """Start all worlds anew as `reset` does, robots and first goals of each as its assignment says."""
+        """Start all worlds anew as `reset` does, with the robots and first goals of the assignments."""
         check_assignments(assignments, self.num_worlds, self.num_agents, self.grid)
         return self._reset(assignments, seed)
 
@@ -297,7 +302,7 @@ class Simulator(Portable):
             self._deviation.begin(world, entropy, robots)
 
     def _show(self) -> None:
-        """Show outsiders where the bodies are, where that is not as planned."""
+        """Update the robots' true poses if they differ from the plan."""
         if self.robots is not self._planned:
             self._deviation.show(self.robots, self._planned)
 
@@ -305,8 +310,8 @@ class Simulator(Portable):
         """Put robots at poses float[B, N, 3] (x [m], y [m], heading [rad]) with speeds float[B, N] [m/s], or one for
         all, beside their routes, and observe. Call after a reset.
 
-        Returns bool[B]: whether no body of a world touches anything. ConfigError for what is not finite, for a front
-        axle off the floor, and for speeds beyond a robot's limits.
+        Returns bool[B]: whether no body of a world touches anything. Raises ConfigError for numbers that are not
+        finite, front axles off the floor, and speeds beyond a robot's limits.
         """
         placed = poses("pose", pose, (self.num_worlds, self.num_agents, 3), self.grid)
         driven = speeds(speed, self.num_worlds, self.config.robots)
@@ -319,7 +324,7 @@ class Simulator(Portable):
         return free
 
     def break_down(self, world: int, robot: int) -> None:
-        """Take a robot out of service until its world's reset: it brakes, and stands in the others' way for good."""
+        """Take a robot out of service until its world's reset: it brakes and then stands."""
         self.robots["task"]["alive"][world, robot] = self._planned["task"]["alive"][world, robot] = 0
         self.terminated[world, robot] = True
         if self.dispatcher.shifts is not None:
@@ -329,7 +334,7 @@ class Simulator(Portable):
         """Advance all worlds by one env step (action_repeat physics steps) and return the observation.
 
         actions: int[B, N] of a discrete config, or preferences float[B, N, A] (preferences.py); else float[B, N, 2]
-        in [-1, 1] (clipped). ActionError if of another shape, out of range or not finite.
+        in [-1, 1] (clipped). Raises ActionError for another shape, values out of range or not finite.
         """
         if len(self._commands) > 1:
             self._commands[1:] = self._commands[:-1]
@@ -354,37 +359,32 @@ class Simulator(Portable):
         return self.observation
 
     def _tell_needs(self) -> None:
-        """Write what robots are to know of their own work into their observations."""
+        """Write the slice `needs` of the observations."""
         if self.dispatcher.shifts is not None:
             self.dispatcher.shifts.write_needs(self.observation, self.layout.slices["needs"])
 
-    def _call(self, kernel: Callable[..., Any], *numbers: int, scratch: Scratch) -> Any:
-        """Call a kernel of the step with numbers, and arguments that never change their types."""
-        arguments = *numbers, self.worlds, self.setup, scratch
+    def _call(self, kernel: Callable[..., Any], *numbers: int) -> Any:
+        """Call a kernel of the step; the types of its arguments never change."""
+        arguments = *numbers, self.worlds, self.setup, self._scratch.step
         if kernel not in self._compiled:
             self._compiled[kernel] = compiled_for(kernel, *arguments)
         return self._compiled[kernel](*arguments)
 
     def _advance(self, begin: int, end: int) -> int:
-        """Advance the worlds from `begin` to before `end`, and observe those without arrivals; return how many.
+        """Advance the worlds from `begin` to before `end`; return the number of arrivals.
 
-        Where all robots look for better routes, a world waits with its observation until they have done so.
+        Observes worlds without arrivals, unless all robots look for better routes first.
         """
-        worlds, scratch = self.worlds, self._scratches.take()
-        if self._decides and self._call(decision.assign_right_of_way, begin, end, scratch=scratch):
-            search = self._searches.take()
-            deadlock_recovery.resolve_deadlocks(begin, end, worlds, self.search_setup, search)
-            self._searches.give_back(search)
+        worlds = self.worlds
+        if self._decides and self._call(decision.assign_right_of_way, begin, end):
+            deadlock_recovery.resolve_deadlocks(begin, end, worlds, self.search_setup, self._scratch.search)
         observe = 0 if self.dispatcher.all_look else step.OBSERVE
-        did: tuple[int, int] = self._call(step.run, begin, end, step.ADVANCE | observe, scratch=scratch)
+        did: tuple[int, int] = self._call(step.run, begin, end, step.ADVANCE | observe)
         arrivals, seeking = did
         if seeking:
-            search = self._searches.take()
-            recovery.seek(begin, end, worlds, self.search_setup, search, self._features.stopping)
-            self._searches.give_back(search)
+            recovery.seek(begin, end, worlds, self.search_setup, self._scratch.search, self._features.stopping)
             if observe:
-                self._call(step.run, begin, end, observe, scratch=scratch)
-        self._scratches.give_back(scratch)
+                self._call(step.run, begin, end, observe)
         return arrivals
 
     @property
@@ -396,19 +396,17 @@ class Simulator(Portable):
         return self.num_worlds > 1 and self.num_worlds * self.num_agents >= PARALLEL_FROM and get_num_threads() > 1
 
     def _each(self, work: Callable[[int, int], int]) -> list[int]:
-        """Do some work from one world to before another for all worlds, in parts."""
+        """Call work(begin, end) for all worlds, in parts."""
         return side_by_side(work, self._parts) if self._many() else [work(*part) for part in self._blocks]
 
     def _observe(self, worlds: int | list[int] | slice = slice(None)) -> None:
-        """Observe these worlds, and those that wait for it."""
+        """Observe these worlds, and all that wait for it."""
         self._waiting[worlds] = 1
         self._each(self._observe_waiting)
         self._tell_needs()
 
     def _observe_waiting(self, begin: int, end: int) -> int:
-        scratch = self._scratches.take()
-        self._call(step.run, begin, end, step.OBSERVE_WAITING, scratch=scratch)
-        self._scratches.give_back(scratch)
+        self._call(step.run, begin, end, step.OBSERVE_WAITING)
         return 0
 
     def episode_metrics(self, world: int = 0) -> dict[str, float]:
@@ -418,7 +416,7 @@ class Simulator(Portable):
         return row | self.dispatcher.work_row(world)
 
     def jams(self) -> Jams:
-        """Return whom each standing robot waits for, the wait cycles, and the stages (jams.jams_of)."""
+        """Return the robots for which each standing robot waits, the wait cycles and the stages (jams.jams_of)."""
         return jams_of(self.robots, self.routes, *self._limits)
 
     def global_state(self, world: int = 0) -> NDArray[np.float32]:

@@ -1,13 +1,15 @@
-"""What the kernels of a batch of worlds are given: tuples of arrays by what they are for, so that none are mixed up.
+"""Arguments of the kernels of a batch of worlds: tuples of arrays, by purpose.
 
-What a config has not is None, and not compiled: Numba leaves out a branch on an argument that is None. A field that may
-be None is therefore handed on as an argument to the function that asks.
+A feature that a config does not use is None and not compiled: Numba leaves out a branch on an argument that is None. So
+a field that may be None is passed on as an argument to the function that asks.
 """
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
-from typing import Any, Generic, Literal, NamedTuple, TypeVar
+from functools import cached_property
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,14 +26,14 @@ Floats = NDArray[np.float32]
 
 
 class Features(NamedTuple):
-    """What a config has: True, or None where it has not."""
+    """Features of a config: True, or None if it does not use one."""
 
     followed: Literal[True] | None  # actions are commands to the path follower, not raw
-    stopping: Literal[True] | None  # robots arrive at their goals when they stand there (driver/arrival.py)
+    stopping: Literal[True] | None  # robots stop at their goals (driver/arrival.py)
     walking: Literal[True] | None  # people
     guarded: Literal[True] | None  # the protective field
     checked: Literal[True] | None  # and looked for faults (audit.py)
-    erring: Literal[True] | None  # bodies that are not quite where their robots have planned to be (deviation.py)
+    erring: Literal[True] | None  # bodies differ from their plans (deviation.py)
 
     @classmethod
     def of(cls, config: EnvConfig) -> Features:
@@ -46,20 +48,20 @@ class Features(NamedTuple):
 class Worlds(NamedTuple):
     """The arrays of B worlds of N robots and M people."""
 
-    robots: NDArray[np.void]  # ROBOT[B, N], as they have planned to be
+    robots: NDArray[np.void]  # ROBOT[B, N], as planned
     routes: Floats  # [B, N, R, 2] [m]
     arcs: Floats  # [B, N, ARCS, 2], their manoeuvres (manoeuvre.py)
     commands: Floats  # [S, B, N, 2], the latest first: speed [m/s] and offset [m], or raw acceleration, steering rate
     persons: NDArray[np.void]  # PERSON[B, M]
     ways: Floats  # [B, M, H, W], see people.People
     limits: NDArray[np.void] | None  # PARAMETERS[B, N], of robots under loads (tasks/shifts.py)
-    actual: NDArray[np.void]  # BODY[B, N], where erring bodies are, and
-    errors: NDArray[Any]  # what they err by (deviation.py)
+    actual: NDArray[np.void]  # BODY[B, N] of bodies that err, and
+    errors: NDArray[Any]  # their errors (deviation.py)
     stamps: NDArray[np.int32]  # [B, N, K, 2], see contact_episodes.judge_pairs
     steps: NDArray[np.int64]  # [B], since the reset
     truncated: NDArray[np.bool_]  # [B]
     terminated: NDArray[np.bool_]  # [B, N]
-    waiting: NDArray[np.int32]  # [B], arrivals, whose worlds are observed once the Simulator has given out new tasks
+    waiting: NDArray[np.int32]  # [B], arrivals; these worlds are observed after the Simulator has assigned new tasks
     faults: NDArray[np.int32]  # [B, 3], see audit.find_fault
     paths: Floats  # [B, N + 1, POSES, COLUMNS], kept from one decision to the next (traffic/path_ahead.py)
     choices: Floats  # [B, N, K, 3], see senses/preferences.py
@@ -76,7 +78,7 @@ class Vehicles(NamedTuple):
 
 
 class Equipment(NamedTuple):
-    """How robots sense, and what their floor demands of them."""
+    """Sensors, rewards and zones."""
 
     starts: Starts  # of the slices of an observation
     rays: Floats  # [2, R], unit vectors in the robot's frame
@@ -86,25 +88,25 @@ class Equipment(NamedTuple):
 
 
 class Setup(NamedTuple):
-    """What stays the same from step to step."""
+    """Arguments that stay the same from step to step."""
 
     features: Features
     equipment: Equipment
-    planned: Vehicles  # as robots plan with
-    bodies: Vehicles  # as they are (deviation.py)
+    planned: Vehicles  # of the robots as planned
+    bodies: Vehicles  # of their bodies (deviation.py)
     floor: Floor
 
 
 class Scratch(NamedTuple):
-    """Arrays that a world's step writes before it reads them."""
+    """Arrays that the step of a world writes before it reads them."""
 
     places: Any  # buckets.scratch
     motions: Any  # contact.scratch
-    near: NDArray[np.int64]  # [1], how many pairs of robots may meet
+    near: NDArray[np.int64]  # [1], number of pairs of robots that may meet
     guards: Any  # shield.scratch
     own: Floats  # the motions of the bodies, where these err (deviation.py); else those of `motions`
     sights: tuple[Floats, Floats, Floats]  # sensing.scan_shelves' and prediction.write_predictions': turned, legs, path
-    order: NDArray[np.int32]  # [N], robots by their right
+    order: NDArray[np.int32]  # [N], robots by right of way
     found: NDArray[np.int64]  # waits.scratch
     meetings: Any  # reservations.scratch
 
@@ -124,22 +126,18 @@ def make_scratch(setup: Setup, count: int, decides: bool) -> Scratch:
     )  # fmt: skip
 
 
-Made = TypeVar("Made")
+class ThreadScratch(threading.local):
+    """The scratch of each thread, made when it first asks."""
 
+    def __init__(self, make_step: Callable[[], Scratch], make_search: Callable[[], Any]) -> None:
+        self._make_step, self._make_search = make_step, make_search
 
-class Pool(Generic[Made]):
-    """Sets of scratch: one is made only where all others are in use. For several threads."""
+    @cached_property
+    def step(self) -> Scratch:
+        """Return the scratch of a step."""
+        return self._make_step()
 
-    def __init__(self, make: Callable[[], Made]) -> None:
-        self._make, self._free = make, list[Made]()
-
-    def take(self) -> Made:
-        """Return a set that nobody else has until it is given back."""
-        try:
-            return self._free.pop()
-        except IndexError:
-            return self._make()
-
-    def give_back(self, made: Made) -> None:
-        """Let others have a set."""
-        self._free.append(made)
+    @cached_property
+    def search(self) -> Any:
+        """Return the scratch of a search for manoeuvres (driver/scratch.py)."""
+        return self._make_search()

@@ -1,25 +1,27 @@
-"""Scratch is lent to one caller at a time, and used again."""
+"""Each thread has its scratch, and uses it again."""
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
 
 from warehouse_env.simulation.driver.scratch import make_search_scratch
-from warehouse_env.simulation.worlds import Pool
+from warehouse_env.simulation.worlds import ThreadScratch
 
 
 def memory(arrays: Any) -> int:
     return arrays.nbytes if isinstance(arrays, np.ndarray) else sum(map(memory, arrays))
 
 
-def test_two_callers_at_once_get_two_sets_and_the_next_one_gets_one_of_them() -> None:
-    pool = Pool(lambda: make_search_scratch(3, 1, 32))
-    one, other = pool.take(), pool.take()
-    assert one.nodes.poses is not other.nodes.poses
-    pool.give_back(one)
-    assert pool.take() is one
+def test_a_thread_gets_its_own_scratch_again() -> None:
+    scratch = ThreadScratch(list, list)  # type: ignore[arg-type]
+    with ThreadPoolExecutor(1) as other:
+        theirs = [other.submit(lambda: scratch.search).result() for _ in range(2)]
+    assert theirs[0] is theirs[1]
+    assert scratch.search is scratch.search
+    assert scratch.search is not theirs[0]
 
 
 def test_a_set_takes_about_a_megabyte_and_little_more_for_each_robot() -> None:

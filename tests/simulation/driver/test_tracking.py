@@ -349,7 +349,7 @@ def test_nobody_searches_for_who_is_parked_or_gets_another_route(field: str) -> 
     for asks, found in ((False, False), (True, True)):
         simulator.robots["manoeuvre"]["seeks"] = ALONE
         field_of(simulator.robots, field)[...] = asks if field == "alive" else not asks
-        scratch = simulator._searches.take()
-        recovery.seek(0, 1, simulator._at_hand(), simulator._search_setup, scratch, None)
+        scratch = simulator._scratch.search
+        recovery.seek(0, 1, simulator.worlds, simulator.search_setup, scratch, None)
         assert bool(simulator.robots["manoeuvre"]["arcs"][0, 0] > 0) == found
         assert simulator.robots["manoeuvre"]["seeks"][0, 0] == 0

@@ -32,7 +32,7 @@ def resolve(world: World) -> list[int]:
     """Let them make room; return who has a manoeuvre."""
     sim = world.simulator
     if waits.look(world.robots, waits.scratch(len(world.robots))):
-        deadlock_recovery.resolve_deadlocks(0, 1, sim._at_hand(), sim._search_setup, sim._searches.take())
+        deadlock_recovery.resolve_deadlocks(0, 1, sim.worlds, sim.search_setup, sim._scratch.search)
     return [int(k) for k in np.flatnonzero(world.robots["manoeuvre"]["arcs"])]
 
 
