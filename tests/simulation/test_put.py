@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.simulation.worlds import drawn
 from warehouse_env.config import EnvConfig, FleetPart, RobotSpec, SensorSpec
 from warehouse_env.errors import ConfigError
 from warehouse_env.maps.layouts import make_layout
@@ -34,23 +33,6 @@ def test_who_is_put_somewhere_sees_what_one_that_drove_there_sees() -> None:
     assert straight.sum() >= 5
     np.testing.assert_allclose(standing.observation[0, straight], driven.observation[0, straight], atol=2e-3)
     assert np.abs(driven.robots["on_route"]["lateral"]).min() > 1e-3
-
-
-def test_where_a_robot_is_on_its_route() -> None:
-    simulator = Simulator(CONFIG.replace(num_agents=1, keep_right=0.0), 2, grid=drawn(["." * 20] * 5))
-    simulator.reset_to([Assignment(np.array([(0.9, 2.5, 0.0)]), np.array([(2, 19)]))] * 2, 0)
-    pose = np.array([[(10.5, 3.1, 0.1)], [(7.25, 1.5, -0.2)]])
-    assert simulator.put(pose, 1.5).tolist() == [True, True]
-    r = simulator.robots[:, 0]
-    assert r["on_route"]["position"] == pytest.approx([10.0, 6.75], abs=1e-4)
-    assert r["on_route"]["lateral"] == pytest.approx([0.6, -1.0], abs=1e-4)
-    assert r["on_route"]["bearing"] == pytest.approx([-0.1, 0.2], abs=1e-4)
-    assert (
-        r["commanded"]["follow_steer"][0] > 0 > r["commanded"]["follow_steer"][1]
-    )  # rear wheels: to the right, then to the left
-    ego = simulator.layout.slices["ego"].start
-    assert simulator.observation[:, 0, ego] == pytest.approx([1.0, 1.0])
-    assert simulator.observation[:, 0, ego + 4] == pytest.approx([0.6, -1.0], abs=1e-4)
 
 
 # of a feature set that test_fleet compiles as well
@@ -85,7 +67,7 @@ def test_what_robots_cannot_be_put_to_is_refused(pose: Any, speed: Any, says: st
     assert simulator.robots.tobytes() == before
 
 
-@pytest.mark.parametrize("turns", [1, -1, 2, 150, -150])
+@pytest.mark.parametrize("turns", [-1, 150])
 def test_a_heading_of_many_turns_is_that_of_the_remainder(turns: int) -> None:
     heading, seen = np.pi / 2, []
     config = CONFIG.replace(num_agents=1, arrival="pose", sensor=SensorSpec())

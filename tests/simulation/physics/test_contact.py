@@ -24,23 +24,6 @@ def x_of(simulator: Simulator, robot: int = 0) -> float:
     return float(simulator.robots[0, robot]["motion"]["x"])
 
 
-def test_a_wall_stops_a_robot_at_the_substep_before_it() -> None:
-    # Nose at 2.15, wall at 9: substeps of 1.2 m/s * 0.05 s = 0.06 m; 6.85 / 0.06 = 114.2, so 114 are driven.
-    simulator = stage(room(5, 9), (2.0, 2.5, EAST, 1.2))
-    coast(simulator, 57)
-    assert totals(simulator, "hits_shelf") == [0]
-    assert simulator.state.speed[0, 0] == pytest.approx(1.2)
-    coast(simulator, 1)
-    assert simulator.events.hit_shelf[0, 0] == 1
-    assert simulator.events.touching[0, 0] == 1
-    assert simulator.state.speed[0, 0] == 0.0
-    assert x_of(simulator) == pytest.approx(2.0 + 114 * 0.06, abs=2e-5)
-    coast(simulator, 10)
-    assert totals(simulator, "hits_shelf") == [1]
-    assert totals(simulator, "hits_robot") == [0]
-    assert x_of(simulator) == pytest.approx(2.0 + 114 * 0.06, abs=2e-5)
-
-
 def test_a_collision_counts_once_for_the_pair() -> None:
     # Two head on, noses 0.7 m apart, 1 m/s each: they close 0.1 m a substep, and the seventh would bring them together.
     simulator = stage(room(5, 12), (4.0, 2.5, EAST, 1.0), (4.0 + 2 * FRONT + 0.7 + 1e-3, 2.5, WEST, 1.0))

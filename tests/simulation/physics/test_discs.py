@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -43,18 +42,6 @@ def gaps(x: float, y: float, heading: float, discs: NDArray[np.float64] = DISCS)
 def touches(cx: float, cy: float, heading: float) -> bool:
     body = Rectangle(*map(F, (cx, cy, math.cos(heading), math.sin(heading), 0.45, 0.3)))
     return bool(body_touches_shelf(body, FLOOR))
-
-
-@pytest.mark.parametrize("gap", [-1e-5, 1e-5])
-def test_just_touching_a_disc(gap: float) -> None:
-    # the first disc reaches from (3.5, 3) to (4.5, 3): the nose, a flank, and a corner at 45 degrees
-    assert touches(4.5 + 0.45 + gap, 3.0, 0.0) == (gap < 0)
-    assert touches(3.9, 2.5 - 0.3 - gap, math.pi) == (gap < 0)
-    aside = 0.5 * math.sqrt(0.5) + gap
-    assert touches(4.0 - aside - 0.3, 3.0 + aside + 0.45, math.pi / 2) == (gap < 0)
-    # a body turned by 45 degrees lies against it with its flank
-    along = (0.5 + 0.3 + gap) * math.sqrt(0.5)
-    assert touches(4.0 - along, 3.0 - along, -math.pi / 4) == (gap < 0)
 
 
 @given(inside, st.floats(-math.pi, math.pi))

@@ -1,4 +1,4 @@
-"""Motion against circles, stopping distances and tail swings worked out by hand; L = 0.6 m throughout."""
+"""Motion against a fine integration, limits and tail swings worked out by hand; L = 0.6 m throughout."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ from warehouse_env.simulation.physics.kinematics import Chassis, drive
 from warehouse_env.simulation.simulator import Simulator
 
 F = np.float32
-ANGLES = [math.radians(a) for a in (-60, -30, -10, 10, 30, 60)]
 
 
 def moved(x, y, heading, speed, next_speed, steering, next_steering, dt=0.05):  # type: ignore[no-untyped-def]
@@ -31,34 +30,6 @@ def pose(simulator: Simulator, robot: int = 0) -> tuple[float, float, float]:
     return x, y, heading
 
 
-@pytest.mark.parametrize("steering", ANGLES)
-@pytest.mark.parametrize("speed", [1.5, 0.7, -0.5])
-def test_constant_steering_drives_a_circle(steering: float, speed: float) -> None:
-    # Rear wheels to the left (positive) turn the nose right: the centre lies R = L / tan(d) to the right.
-    radius = WHEELBASE / math.tan(steering)  # signed, positive to the right
-    x, y, heading = 3.0, -2.0, 0.4
-    centre = (x + radius * math.sin(heading), y - radius * math.cos(heading))
-    for step in range(1, 201):
-        x, y, heading = moved(x, y, heading, speed, speed, steering, steering)
-        assert math.hypot(x - centre[0], y - centre[1]) == pytest.approx(abs(radius), abs=2e-4)
-        turned = 0.4 - step * 0.05 * speed / radius
-        assert math.remainder(heading - turned, 2 * math.pi) == pytest.approx(0.0, abs=1e-4)
-        # the robot is tangent to the circle, its centre abeam of the front axle
-        assert centre[0] == pytest.approx(x + radius * math.sin(heading), abs=4e-4)
-
-
-@pytest.mark.parametrize("speed", [1.5, 1.0, 0.6, 0.1])
-@pytest.mark.parametrize(("repeat", "substeps"), [(1, 1), (1, 2), (2, 2), (1, 5)])
-def test_stopping_distance_is_half_v_squared_over_a(speed: float, repeat: int, substeps: int) -> None:
-    simulator = stage(room(9, 9), (2.0, 4.0, 0.0, speed), action_repeat=repeat, substeps=substeps)
-    braking = math.ceil(round(speed / 0.1) / repeat) * repeat  # physics steps at 1 m/s^2, or a little less
-    deceleration = speed / (0.1 * braking)
-    for _ in range(braking // repeat):
-        simulator.step(raw(simulator, (-deceleration, 0.0)))
-    assert simulator.state.speed[0, 0] == pytest.approx(0.0, abs=1e-6)
-    assert pose(simulator)[0] - 2.0 == pytest.approx(speed**2 / (2 * deceleration), abs=1e-5)
-
-
 def test_speed_keeps_its_limits_and_grows_at_the_limit_of_acceleration() -> None:
     simulator = stage(room(6, 30), (2.0, 3.0, 0.0))
     seen = [0.0]
@@ -71,13 +42,6 @@ def test_speed_keeps_its_limits_and_grows_at_the_limit_of_acceleration() -> None
         simulator.step(raw(simulator, (-1.0, 0.0)))
     assert simulator.state.speed[0, 0] == -0.5
     assert simulator.robots["totals"]["hits_shelf"].sum() == 0
-
-
-def test_commands_beyond_the_limits_are_clipped() -> None:
-    simulator = stage(room(9, 9), (4.0, 4.0, 0.0))
-    simulator.step(np.array([[[50.0, -50.0]]]))
-    assert simulator.state.speed[0, 0] == pytest.approx(0.1, abs=1e-6)
-    assert simulator.state.steer[0, 0] == pytest.approx(-0.15, abs=1e-6)
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
@@ -137,7 +101,7 @@ def test_a_substep_agrees_with_a_fine_integration(
     assert math.remainder(got[2] - b, 2 * math.pi) == pytest.approx(0.0, abs=1.5e-3)
 
 
-@pytest.mark.parametrize("steering", ANGLES)
+@pytest.mark.parametrize("steering", [math.radians(angle) for angle in (-60, -10, 30)])
 def test_the_steered_wheels_of_a_front_steered_vehicle_roll_where_they_point(steering: float) -> None:
     """Ahead of the fixed axle they are turned by minus the angle: no wheel may slide sideways."""
     robot = RobotSpec(front_overhang=0.75)

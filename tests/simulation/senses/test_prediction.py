@@ -6,7 +6,6 @@ import math
 from typing import Any
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -14,7 +13,6 @@ from numpy.typing import NDArray
 from tests.simulation.reference import OFFSET, rectangle, separation
 from tests.simulation.worlds import room, stage
 from warehouse_env.config import RobotSpec, SensorSpec
-from warehouse_env.simulation.senses.prediction import travel
 from warehouse_env.simulation.simulator import Simulator
 
 F = np.float32
@@ -30,13 +28,6 @@ def metres(speed: float, target: float, t: float) -> float:
     return float(
         np.sum(np.where(target > speed, np.minimum(speed + at, target), np.maximum(speed - at, target))) * t / n
     )
-
-
-@pytest.mark.parametrize("speed", [0.0, 1.3, -0.4, 0.5])
-@pytest.mark.parametrize("target", SPEEDS)
-@pytest.mark.parametrize("t", [0.1, 0.6, 2.4])
-def test_travel_by_summing_up(speed: float, target: float, t: float) -> None:
-    assert float(travel(F(speed), F(target), F(1.0), F(t))) == pytest.approx(metres(speed, target, t), abs=1e-4)
 
 
 def scene(
@@ -60,21 +51,6 @@ def scene(
 def predictions(simulator: Simulator) -> NDArray[np.float64]:
     """[speed level, lateral offset], shares of 2.4 s."""
     return simulator.observation[0, 0, simulator.layout.slices["predictions"]].astype(np.float64).reshape(4, 5)
-
-
-def test_a_robot_standing_ahead_by_hand() -> None:
-    # Nose to tail 1.5 m, own speed 1 m/s. At 1.3 m/s: 0.045 + 1.3 (t - 0.3) + 0.3 m have been driven at t > 0.3,
-    # which with the margin 0.03 + 0.05 t is 1.5 m at t = 1.14: free at 0.9 s (3 of 8), not at 1.2 s.
-    simulator = scene((12.0, 20.0, 0.0, 1.0), (12.0 + 0.15 + 1.5 + 0.75, 20.0, 0.0))
-    got = predictions(simulator)
-    assert got[3, 0] == 3 / 8
-    # at 0.5 m/s: 0.375 m in 0.5 s, then 0.5 m/s; with the margin it is 1.5 m at t = 2.63 s: after the horizon
-    assert got[2, 0] == 1.0
-    # braking takes half a metre, backing leads away
-    assert got[1].tolist() == [1.0] * 5
-    assert got[0].tolist() == [1.0] * 5
-    # the widest offsets pass it
-    assert got[3, 1:].tolist() == pytest.approx([3 / 8, 3 / 8, 1.0, 1.0])
 
 
 def own_body(own: tuple[float, ...], speed: float, side: float, t: float, back: float) -> NDArray[np.float64]:

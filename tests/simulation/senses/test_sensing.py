@@ -1,4 +1,4 @@
-"""What a robot perceives: lidar by formula and by brute force, neighbours, ego and route by hand."""
+"""What a robot perceives: lidar and neighbours by brute force, ego and route by hand."""
 
 from __future__ import annotations
 
@@ -60,31 +60,6 @@ def assert_lidar(simulator: Simulator, robot: int) -> None:
     assert got.max() <= simulator.config.sensor.lidar_range + 1e-4
 
 
-def test_walls_of_a_room_by_formula() -> None:
-    # Centre at (3, 2.25) in a room of 9 x 5 m, heading east.
-    simulator = stage(room(5, 9), (3.3, 2.25, 0.0))
-    got = lidar(simulator)
-    assert got[0] == pytest.approx(6.0, abs=1e-4)
-    assert got[8] == pytest.approx(2.75, abs=1e-5)
-    assert got[16] == pytest.approx(3.0, abs=1e-5)
-    assert got[24] == pytest.approx(2.25, abs=1e-5)
-    for k, (far, angle) in {3: (2.75, 3 * math.pi / 16), 29: (2.25, 3 * math.pi / 16)}.items():
-        assert got[k] == pytest.approx(far / math.sin(angle), abs=1e-4)
-    assert got[14] == pytest.approx(3.0 / math.cos(math.pi / 8), abs=1e-5)
-    # 1 / (1 + d) is what the observation holds
-    assert look(simulator, "lidar")[24] == pytest.approx(1 / 3.25, abs=1e-6)
-
-
-def test_a_robot_ahead_and_one_abeam_by_formula() -> None:
-    simulator = stage(room(20, 20), (10.3, 10.5, 0.0), (13.0, 10.5, math.pi), (10.0, 13.8, math.pi / 2))
-    got = lidar(simulator)
-    assert got[0] == pytest.approx(3.3 - 0.45, abs=1e-5)  # its centre is at 13.3, its nose at 12.85
-    assert got[8] == pytest.approx(3.0 - 0.45, abs=1e-5)  # centre at (10, 13.5), tail at 13.05
-    assert got[4] == pytest.approx(6.0, abs=1e-4)
-    # the corners of the one abeam reach x = 9.7..10.3 at 2.55 m: ray 7 (78.75 degrees) passes them
-    assert got[7] == pytest.approx(6.0, abs=1e-4)
-
-
 @pytest.mark.parametrize(
     "pose", [(3.3, 2.0, 0.0), (3.0, 2.0 + 0.3, math.pi / 2), (3.3, 2.0, 1e-9), (2.7, 2.0, math.pi)]
 )
@@ -118,30 +93,14 @@ def scattered(seed: int, robots: int, grid: GridMap, **changes: Any) -> Simulato
     return simulator
 
 
-@settings(max_examples=25)
-@given(st.integers(0, 10**6), st.sampled_from([0.6, 1.0, 1.7]), st.sampled_from([5, 32]))
-def test_lidar_agrees_with_brute_force_among_robots(seed: int, cell: float, rays: int) -> None:
-    grid = drawn(MAP, cell)
-    simulator = scattered(seed, 6, grid, sensor=SensorSpec(rays=rays))
+@settings(max_examples=40)
+@given(st.integers(0, 10**6), st.sampled_from([0.1, 0.25, 0.45]), st.sampled_from([0.6, 1.0, 1.7]))
+def test_lidar_agrees_with_brute_force_among_robots(seed: int, share: float, cell: float) -> None:
+    """On floors with shelves at random: no edge that counts is left out."""
+    occupied: NDArray[np.bool_] = np.random.default_rng(seed).random((9, 12)) < share
+    occupied[0], occupied[:, 0] = False, False  # so that there is a floor to drive on
+    simulator = scattered(seed, 6, GridMap(occupied, cell_size=cell), sensor=SensorSpec(rays=16))
     assert_lidar(simulator, seed % 6)
-
-
-def test_neighbours_by_hand() -> None:
-    # Own centre (10, 10), heading north, 0.5 m/s. One robot 2 m ahead drives west at 1 m/s; one stands 3 m to the
-    # right, facing north; one is out of range.
-    half = math.pi / 2
-    simulator = stage(
-        room(20, 20),
-        (10.0, 10.3, half, 0.5),
-        (13.0, 10.3, half, 0.0),
-        (9.7, 12.0, math.pi, 1.0),
-        (10.0, 2.0, half, 1.5),
-    )
-    near, second, *others = look(simulator, "neighbours").reshape(-1, 7)
-    # west is left: heading +90 degrees off the own, velocity (ahead 0 - 0.5, left 1)
-    assert near == pytest.approx([2 / 6, 0, 0, 1, -0.5 / 1.5, 1 / 1.5, 1], abs=1e-6)
-    assert second == pytest.approx([0, -3 / 6, 1, 0, -0.5 / 1.5, 0, 1], abs=1e-6)
-    assert not np.any(others)
 
 
 @settings(max_examples=20)
