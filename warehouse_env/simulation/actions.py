@@ -29,15 +29,15 @@ def _look_up(table, actions, commands):
 
 
 class ActionDecoder:
-    """What the numbers of an action mean under a config.
+    """Decode actions of a config.
 
-    discrete: the index of a (speed level, lateral offset) pair, offsets running fastest; or for each of these how much
-        it is liked (preferences): the one liked best is driven, and right of way may take the others.
+    discrete: the index of a (speed level, lateral offset) pair, offsets running fastest; or a preference for each pair:
+        the robot drives the preferred one, unless right of way takes another.
     continuous: two numbers in [-1, 1] around cruising on the route: the speed from min_speed over the fastest level
         (at 0) to max_speed, and the offset in units of the largest one.
     raw: acceleration and steering rate in units of their limits.
 
-    In a fleet of several kinds the limits are each robot's own, and speed levels are cut off there.
+    In a fleet of several kinds, each robot has its own limits, which also cap the speed levels.
     """
 
     def __init__(self, config: EnvConfig) -> None:
@@ -57,13 +57,13 @@ class ActionDecoder:
             self.space = gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32)
 
     def _of_each(self, limit: str) -> Any:
-        """Return a limit of the robots: a number where all are alike, else float64[N]."""
+        """Return a limit of the robots: a number if all are alike, else float64[N]."""
         robots = self._config.robots if self._fleet else (self._config.robot,)
         each = np.array([getattr(robot, limit) for robot in robots])
         return each if self._fleet else float(each[0])
 
     def commands_of(self, robot: RobotSpec) -> NDArray[np.float32]:
-        """Return `table` as a robot carries it out, whose speeds may lie beyond its limits."""
+        """Return `table` with the speeds capped at a robot's limits."""
         table = self.table.copy()
         table[:, 0] = np.clip(table[:, 0], robot.min_speed, robot.max_speed)
         return table
@@ -77,7 +77,7 @@ class ActionDecoder:
         return np.zeros(2, dtype=np.float32)
 
     def no_choices(self, worlds: int, robots: int) -> NDArray[np.float32]:
-        """Return choices float32[B, N, K, 3] (preferences.py) to be written: of none, unless there is right of way."""
+        """Return empty choices float32[B, N, K, 3] (preferences.py); K = 0 without right of way."""
         return np.zeros(
             (worlds, robots, 1 + len(self.sides) if self._config.traffic_spec.right_of_way else 0, 3), np.float32
         )
@@ -85,7 +85,7 @@ class ActionDecoder:
     def decode(self, actions: ArrayLike, commands: NDArray[np.float32], choices: NDArray[np.float32]) -> None:
         """Write commands float32[B, N, 2] of all robots, and their choices if there are any.
 
-        ActionError for a wrong shape, type, range or non-number.
+        Raises ActionError for a wrong shape, type or range.
         """
         kind = self._config.action_type
         try:
@@ -107,7 +107,7 @@ class ActionDecoder:
                 np.clip(speeds, self._slowest[:, None], self._fastest[:, None], out=speeds)
 
     def shortened(self, actions: ArrayLike) -> NDArray[Any]:
-        """Return actions in less memory that are decoded alike: of preferences their ranks, uint16[B, N, A]."""
+        """Return a compact form that decodes alike: preferences become ranks uint16[B, N, A]."""
         given = np.array(actions)
         if self._config.action_type != "discrete" or given.ndim != 3:
             return given

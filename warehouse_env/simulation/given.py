@@ -1,4 +1,4 @@
-"""Checks of what a user gives to a Simulator besides its config."""
+"""Check the arguments of a Simulator besides its config."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _MOST_SAMPLES = 4096  # substeps of a full stop: minutes of braking
 
 
 def check_parts(config: object, grid: object, planner: object, routes: object) -> None:
-    """Raise ConfigError for a part that is of a wrong type; all but the config may be None."""
+    """Raise ConfigError for a part of a wrong type; all but the config may be None."""
     for name, part, kind in (("config", config, EnvConfig), ("grid", grid, GridMap), ("routes", routes, RouteBook)):
         if not isinstance(part, kind) and (part is not None or name == "config"):
             raise ConfigError(f"{name}={shown(part)} must be of type {kind.__name__}")
@@ -27,14 +27,14 @@ def check_parts(config: object, grid: object, planner: object, routes: object) -
 
 
 def check_count(what: str, count: object) -> int:
-    """Return a number of things as a Python int; ConfigError unless it is a whole number of at least 1."""
+    """Return a count as a Python int; ConfigError unless it is a whole number of at least 1."""
     if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or count < 1:
         raise ConfigError(f"{what}={shown(count)} must be a whole number of at least 1")
     return int(count)
 
 
 def check_memory(worlds: int, robots: int, size: int, bytes_a_robot: int, people: int, cells: int) -> None:
-    """Raise ConfigError for more than the machine's memory can hold; size: of an observation; cells: of the floor."""
+    """Raise ConfigError if the worlds exceed the machine's memory; size: of an observation; cells: of the floor."""
     needed = worlds * robots * (bytes_a_robot + 4 * (size + robots))  # an observation, and a stamp for every other
     needed += worlds * people * 4 * cells  # the ways to their goals
     there = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
@@ -47,7 +47,7 @@ def check_memory(worlds: int, robots: int, size: int, bytes_a_robot: int, people
 
 
 def check_pace(config: EnvConfig, cell: float) -> None:
-    """Raise ConfigError for robots so fast that between two contact checks they could leap over a shelf or the rim."""
+    """Raise ConfigError for robots that could jump over a shelf or the rim between two contact checks."""
     for robot in config.bodies:
         distance = max(robot.max_speed, -robot.min_speed) * config.time_step / config.substeps  # [m]
         turn = distance * math.tan(robot.max_steering) / robot.wheelbase  # [rad]
@@ -60,7 +60,7 @@ def check_pace(config: EnvConfig, cell: float) -> None:
 
 
 def check_stop(config: EnvConfig, samples: int) -> None:
-    """Raise ConfigError if a protective field would look at more substeps of each stop than anybody waits for."""
+    """Raise ConfigError if the shield would check too many substeps of each stop."""
     if config.traffic_spec.shield and samples > _MOST_SAMPLES:
         hardest = min(robot.max_acceleration for robot in config.bodies)
         raise ConfigError(
@@ -77,7 +77,7 @@ def listed(values: object) -> list[Any] | None:
 
 
 def seeds_of(seed: object, worlds: int) -> list[list[int]] | list[None]:
-    """Return each world's entropy, or None for each: see Simulator.reset; ConfigError for what is no seed."""
+    """Return each world's entropy, or None for each (see Simulator.reset); ConfigError for a bad seed."""
     if seed is None:
         return [None] * worlds
     given = listed(seed)

@@ -1,7 +1,7 @@
-"""The state of all robots, and of people: one structured array each, and the named views of it that others read.
+"""The state of all robots and people: one structured array each, and its named views.
 
-ROBOT is one array of nested records, one for each part of the simulation that writes it. Ten arrays instead of one
-would cost a step of one robot 2% for unpacking them, and gain nothing: a record of twice the size is as fast.
+ROBOT nests one record for each part of the simulation that writes it. Ten arrays instead of one would cost a step of
+one robot 2% for unpacking and gain nothing.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from warehouse_env.config import EnvConfig, RobotSpec
 
 F, I, B = np.float32, np.int32, np.int8  # noqa: E741
 
-NOBODY = -1  # where a robot is named: vetoed_by, yields_to
-ALONE, AROUND_OTHERS = 1, 2  # what manoeuvre a robot seeks: to its route, or that round the others' bodies
+NOBODY = -1  # no robot, in vetoed_by and yields_to
+ALONE, AROUND_OTHERS = 1, 2  # manoeuvre that a robot seeks: to its route, or also around other bodies
 
 
 def _record(*fields: tuple[str, Any]) -> np.dtype[Any]:
@@ -123,27 +123,26 @@ PARAMETERS = np.dtype(
     align=True,
 )  # fmt: skip
 
-# What is that of the largest in the records of all kinds of robots: the radius, half the length and half the width that
-# a robot takes another for whose body it does not know, and within what it looks for others
+# Parameters for which all kinds of robots have the largest value: the size assumed of unknown robots, and search ranges
 LARGEST = ("widest", "widest_length", "widest_width", "pair_range", "field_range", "stop_samples")
 ACTION_TYPES = ("discrete", "continuous", "raw")
 GAP_HORIZON = 0.5  # [m] up to which gaps between robots are measured
 
 
 def parameters_of(config: EnvConfig, cell: float) -> NDArray[Any]:
-    """Return the record of numbers that the kernels take, as a [1] structured array: of `robot`, in its fleet."""
+    """Return the kernels' parameters PARAMETERS[1] of `config.robot`."""
     return every_kind(config, cell)[:1]
 
 
 def kinds_of(config: EnvConfig, cell: float) -> NDArray[Any] | None:
-    """Return the parameters of each robot, PARAMETERS[N]; None where all are alike."""
+    """Return the parameters of each robot, PARAMETERS[N]; None if all are alike."""
     return every_kind(config, cell)[list(config.kind_of)] if config.fleet else None
 
 
 def every_kind(config: EnvConfig, cell: float, bodies: Sequence[RobotSpec] | None = None) -> NDArray[Any]:
     """Return the parameters of the kinds of robots, PARAMETERS[K].
 
-    bodies: to which lengths are in proportion, if not those of the config: where errors are planned for, it has larger.
+    bodies: true bodies for the length and width scales, if the config's are enlarged for errors.
     """
     kinds = [_parameters_of_one(config, robot, cell) for robot in config.kinds]
     p = np.concatenate(kinds)
@@ -156,7 +155,7 @@ def every_kind(config: EnvConfig, cell: float, bodies: Sequence[RobotSpec] | Non
 
 
 def _parameters_of_one(config: EnvConfig, robot: RobotSpec, cell: float) -> NDArray[Any]:
-    """Return PARAMETERS[1] of a kind of robots, as if all were of it."""
+    """Return PARAMETERS[1] of one kind of robots, regardless of the others."""
     sensor, traffic = config.sensor, config.traffic_spec
     p = np.zeros(1, dtype=PARAMETERS)
     half_length, half_width = robot.length / 2, robot.width / 2
@@ -199,14 +198,14 @@ def _parameters_of_one(config: EnvConfig, robot: RobotSpec, cell: float) -> NDAr
 
 
 def latency_steps(config: EnvConfig) -> int:
-    """Return the physics steps from when a robot says what it will do until it does it."""
+    """Return the physics steps between a command and its effect."""
     if config.traffic_spec.shield is not True:
         return 0
     return math.ceil(config.uncertainty_spec.bounds.latency / config.time_step - 1e-9)
 
 
 def stop_samples(config: EnvConfig) -> int:
-    """Return the most substeps of a motion of the protective field: a physics step as commanded, and a full stop."""
+    """Return the most substeps of a motion under the shield: a physics step as commanded, then a full stop."""
     return max(_stop_samples(config, robot) for robot in config.kinds)
 
 
@@ -216,7 +215,7 @@ def _stop_samples(config: EnvConfig, robot: RobotSpec) -> int:
 
 
 class State(NamedTuple):
-    """Views of what the robots are; [B, N] and the trailing axes named. Read, do not write."""
+    """Read-only views of the robots' state, [B, N] and trailing axes."""
 
     pose: NDArray[np.float32]  # [B, N, 3]: front axle x [m], y [m], heading [rad]
     speed: NDArray[np.float32]  # [m/s]
@@ -230,7 +229,7 @@ class State(NamedTuple):
 
 
 class Events(NamedTuple):
-    """Views of what happened in the last env step; all [B, N]."""
+    """Read-only views of the last env step's events, [B, N]."""
 
     progress: NDArray[np.float32]  # [m] along the route
     driven: NDArray[np.float32]  # [m] of the front axle, in any direction
@@ -244,7 +243,7 @@ class Events(NamedTuple):
 
 
 def field_of(robots: NDArray[Any], name: str) -> NDArray[Any]:
-    """Return the view of a field of ROBOT[...], whichever record it is in."""
+    """Return the view of a field of ROBOT[...], in whichever record it is."""
     found: NDArray[Any] = robots[OWNER[name]][name]
     return found
 
@@ -270,12 +269,12 @@ def events_of(robots: NDArray[Any]) -> Events:
 
 
 def goal_of(r: Any) -> tuple[int, int]:
-    """Return the cell (row, column) that a robot is on its way to."""
+    """Return the goal cell (row, column) of a robot."""
     return int(r["task"]["goal_row"]), int(r["task"]["goal_col"])
 
 
 def global_view(robots: NDArray[Any], side: float, config: EnvConfig) -> NDArray[np.float32]:
-    """Return float32[N * 8] of the robots ROBOT[N] of one world (see Simulator.global_state); side [m]: the longer."""
+    """Return float32[N * 8] of robots ROBOT[N] (see Simulator.global_state); side: the map's longer one [m]."""
     size, limits = np.float32(side), [(robot.max_speed, robot.max_steering) for robot in config.robots]
     fastest, lock = np.array(limits, np.float32).T
     motion, task = robots["motion"], robots["task"]
@@ -285,18 +284,18 @@ def global_view(robots: NDArray[Any], side: float, config: EnvConfig) -> NDArray
 
 
 def most_near(robots: int, config: EnvConfig) -> int:
-    """Return how many robots can at most be within near_miss_gap of one, or have just been: bodies never overlap."""
+    """Return how many robots can be, or have just been, within near_miss_gap of one; bodies never overlap."""
     diagonal = max(math.hypot(robot.length, robot.width) for robot in config.kinds)
     reach = max(config.near_miss_gap, GAP_HORIZON) + 1.5 * diagonal  # around half of its own
     return max(1, min(robots - 1, math.ceil(math.pi * reach**2 / _least_area(config))))
 
 
 def _least_area(config: EnvConfig) -> float:
-    """Return the floor [m^2] that the smallest body covers."""
+    """Return the area [m^2] of the smallest body."""
     return min(robot.length * robot.width for robot in config.kinds)
 
 
 def most_pairs(robots: int, reach: float, radius: float, config: EnvConfig) -> int:
-    """Return how many pairs of a world's robots can at most be within reach [m]; for bodies never overlap."""
+    """Return how many pairs of robots can be within reach [m]; bodies never overlap."""
     area = math.pi * (reach + radius) ** 2 / _least_area(config)
     return max(1, min(robots * (robots - 1) // 2, robots * (math.ceil(area) // 2 + 1)))

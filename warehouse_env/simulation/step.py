@@ -49,7 +49,7 @@ def _begin(r):
 
 @inline
 def _take_raw(at, r, acceleration, steer_rate, limits, p):
-    """Return a raw command [m/s^2], [rad/s] of a robot that is not parked: as it is, or as its load lets it speed up.
+    """Return a robot's raw command [m/s^2], [rad/s] within the limits of its load; a parked robot brakes.
 
     at: (world, robot); limits: see _command.
     """
@@ -85,7 +85,7 @@ def _follow(r, route, arcs, first, second, stopping, p, floor):
 
 @inline
 def _park(r, p):
-    """Take a robot out of service: at once, but under the field it brakes first, as the others count on."""
+    """Take a robot out of service: at once, but under the shield it brakes first, as others expect."""
     r["task"]["alive"] = 0
     if p["field"] == 0:
         r["motion"]["speed"] = ZERO
@@ -131,7 +131,7 @@ def _total(r, p):
 
 @inline
 def _move(robots, persons, near, motions, walking, guarded, vehicles, floor):
-    """Carry out the motions of one physics step, but for those that would end in a shelf, a person or another robot."""
+    """Carry out the motions of one physics step, except those into a shelf, a person or another robot."""
     (p, kinds), (pairs, motion, flags, lanes) = vehicles, motions
     for _ in range(p["substeps"]):
         contact.try_motion(motion, flags, lanes, p, kinds)
@@ -146,8 +146,8 @@ def _move(robots, persons, near, motions, walking, guarded, vehicles, floor):
 def _command(at, worlds, command, limits, followed, stopping, p, floor):
     """Return (acceleration [m/s^2], steering rate [rad/s]) of robot i of world b, at = (b, i), for a physics step.
 
-    command: (speed [m/s], the most that zones allow, offset [m]), or what is raw in their places; limits PARAMETERS[B,
-    N]: of robots under loads, None where nobody carries any.
+    command: (speed [m/s], the highest that zones allow, offset [m]), or the raw command in their places; limits
+    PARAMETERS[B, N]: of robots under loads, None without loads.
     """
     r, (first, most, second) = worlds.robots[at], command
     if followed is None:
@@ -171,7 +171,7 @@ def _guard(worlds, b, scratch, guarded, walking, vehicles, floor):
 def _choose(worlds, b, commands, setup, scratch):
     """Choose the motion of each robot of world b for one physics step; commands: those in force, float32[N, 2].
 
-    Robots under loads have limits of their own, but contact and field count on those without.
+    Robots under loads have limits of their own; contact and shield use those without.
     """
     features, (params, kinds), masks, floor = setup.features, setup.planned, setup.equipment.zones, setup.floor
     p, robots, motion = params[0], worlds.robots[b], scratch.motions[1]
@@ -189,7 +189,7 @@ def _choose(worlds, b, commands, setup, scratch):
 
 @inline
 def _move_as_planned(worlds, b, scratch, guarded, walking, erring, vehicles, floor):
-    """Carry out the motions chosen in world b with bodies that are where their robots have planned to be."""
+    """Carry out the motions chosen in world b with bodies that follow their plans exactly."""
     if erring is None:
         robots = worlds.robots[b]
         _move(robots, worlds.persons[b], scratch.near[0], scratch.motions, walking, guarded, vehicles, floor)
@@ -223,7 +223,7 @@ def _check(worlds, b, clock, checked, vehicles, floor):
 
 @inline
 def _count_step(worlds, b, p):
-    """Count the env step of world b, and say which of its robots it ended."""
+    """Count the env step of world b, and update its ends."""
     worlds.steps[b] += 1
     worlds.truncated[b] = worlds.steps[b] >= p["max_steps"]
     if p["one_shot"] != 0 or p["collision_ends"] != 0:
@@ -256,7 +256,7 @@ def _step(worlds, at, setup, scratch):
 
 @inline
 def _rank(robots, guarded, order):
-    """Write the order in which robots commit to motions under the field."""
+    """Write the order in which robots commit to motions under the shield."""
     if guarded is not None:
         right_of_way.rank(robots, order)
 
@@ -283,7 +283,7 @@ def _advance(begin, end, worlds, setup, scratch):
 
 @inline
 def _predict(row, starts, table, sights, p):
-    """Write the predictions, where a config has them."""
+    """Write the predictions if the config has them."""
     if table is not None:
         _, legs, path = sights
         prediction.write_predictions(row, starts, table[p["kind"]], legs, path, p)
@@ -317,9 +317,9 @@ def _observe_world(worlds, b, setup, scratch):
 def run(begin, end, what, worlds, setup, scratch):
     """Do `what` with the worlds from `begin` to before `end`; return (arrivals, robots that seek a manoeuvre).
 
-    what: ADVANCE by one env step; then OBSERVE, that is write observations, rewards and their terms of the worlds that
-    are not `waiting`, unless a robot seeks a manoeuvre; or OBSERVE_WAITING, which then are no more. worlds, setup,
-    scratch: see worlds.py. One kernel does all, since to unpack these takes as long as to step a robot.
+    what: ADVANCE by one env step; then OBSERVE: write observations, rewards and their terms of the worlds that are not
+    `waiting`, unless a robot seeks a manoeuvre; or OBSERVE_WAITING: of those that are. worlds, setup, scratch: see
+    worlds.py. One kernel does all, since unpacking these takes as long as a step of one robot.
     """
     arrivals, seeking = 0, 0
     if what & ADVANCE:

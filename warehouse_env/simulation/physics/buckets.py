@@ -1,4 +1,4 @@
-"""Broad phase: a uniform grid of buckets, the robots sorted into it, so that cost per robot does not grow with N."""
+"""Broad phase: robots sorted into a uniform grid of buckets, so that the cost per robot does not grow with N."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ BODY = 6
 
 
 def bucket_grid(num_robots: int, width: float, height: float, reach: float) -> tuple[int, int, float]:
-    """Return (rows, columns, side [m]) of the buckets for a floor of width x height [m], looked around `reach` [m]."""
+    """Return (rows, columns, side [m]) of the buckets for a floor of width x height [m] and a search radius [m]."""
     if num_robots <= FEW:
         return 1, 1, 2.0 * max(width, height)
     side = reach / SEARCH
@@ -49,7 +49,7 @@ def _bucket_of(r, own, p):
 
 @part
 def sort(robots, p, kinds, starts, order, bodies):
-    """Sort all robots by the bucket of their body's centre, and lay what others see of them side by side.
+    """Sort all robots by the bucket of their body's centre, and write what others see of them.
 
     starts int32[rows x columns + 2]: where a bucket begins in `order` int32[N], the robots' indices, ascending within
     a bucket; so the buckets of one row from column a to b hold order[starts[row, a]:starts[row, b + 1]].

@@ -1,7 +1,7 @@
 """Count contact episodes and near misses of pairs of robots, and contact episodes with shelves.
 
-A contact episode begins with a touch and ends when the gap exceeds `near_miss_gap`: a robot that keeps pushing another
-counts once, however often it is put back. A near miss is a gap under `near_miss_gap` that opens again without a touch.
+A contact episode begins with a touch and ends when the gap exceeds `near_miss_gap`. So a robot that keeps pushing
+counts once. A near miss is a gap under `near_miss_gap` that opens again without a touch.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ NEAR, CONTACT = 1, 2  # status of a pair: near and untouched, in a contact episo
 
 @inline
 def _known(stamps, j, clock):
-    """Return (the place for what is known of robot j, its status when last looked at: 0 if it was not near).
+    """Return (the slot of robot j, its last status, 0 if it was not near).
 
-    The first place that is free is taken, so that behind one that was never taken there are none.
+    The first free slot is taken, so behind a slot that was never taken there are none.
     """
     free = -1
     for slot in range(stamps.shape[0]):
@@ -41,10 +41,10 @@ def _known(stamps, j, clock):
 
 @inline
 def judge_pairs(robots, motion, pairs, count, stamps, clock, p, kinds):
-    """Measure the gaps, and begin and end contact episodes and near misses.
+    """Measure the gaps; begin and end contact episodes and near misses.
 
-    stamps int32[N, K, 2]: the pairs in which a robot comes first, listed with the lower number of robots (see
-    state.most_near): the other's, and 4 x clock + status when they were last near, so that nothing must be cleared.
+    stamps int32[N, K, 2]: for each pair in which a robot comes first, the other's number, and 4 x clock + status when
+    they were last near, so that nothing must be cleared. K: see state.most_near.
     """
     for k in range(count):
         i, j = pairs[k, 0], pairs[k, 1]
@@ -82,7 +82,7 @@ def judge_pairs(robots, motion, pairs, count, stamps, clock, p, kinds):
 
 @inline
 def end_shelf_contacts(robots, p, kinds, floor):
-    """A shelf episode ends when the body, widened by near_miss_gap, is free again."""
+    """End shelf episodes of bodies that, widened by near_miss_gap, are free again."""
     wide = p["near_miss_gap"]
     for i in range(robots.shape[0]):
         r = robots[i]

@@ -1,14 +1,14 @@
 """The true motion of robots whose localisation and actuators err.
 
-Rules, path follower and shield work on the *planned* motion, as if it came true: ROBOT holds it. Here each body follows
-the plan of its robot, steered back to it by its believed pose. The true pose is what touches, and what outsiders see. A
-planned robot is larger than its body and has narrower limits, by the declared errors of UncertaintySpec
-(`planned_config`). Within these bounds no point of a body is ever farther than `tube` from its plan, so what holds for
-planned robots holds for bodies (tube-based control: Langson, Chryssochoos, Rakovic and Mayne 2004).
+Rules, path follower and shield work on the *planned* motion in ROBOT as if it were exact. Each body follows the plan of
+its robot, steered back to it by its believed pose. Contacts and outsiders depend on the true pose. A planned robot is
+larger than its body and has narrower limits, by the declared errors of UncertaintySpec (`planned_config`). Within these
+bounds no point of a body is farther than `tube` from its plan, so what holds for planned robots holds for bodies
+(tube-based control: Langson, Chryssochoos, Rakovic and Mayne 2004).
 
-A robot's odometry is exact, and its localisation corrects the believed pose by a share per metre: while it stands,
-nothing drifts. A robot that believes to be off its plan by more than errors within the bounds allow brakes, and
-publishes its pose again once it stands. So beyond the bounds it drives in jerks, and contacts are possible.
+Odometry is exact. Localisation corrects the believed pose by a share per metre, so nothing drifts while a robot stands.
+A robot that believes to be farther off its plan than the bounds allow brakes, and plans from its believed pose once it
+stands. So beyond the bounds it drives in jerks, and contacts are possible.
 """
 
 from __future__ import annotations
@@ -34,8 +34,7 @@ F = np.float32
 BODY = np.dtype(
     [
         ("motion", MOTION),
-        ("error_x", F), ("error_y", F), ("error_heading", F),  # of where it believes to be [m], [rad]
-        ("off", F), ("strays", np.int32),  # [m] that any point of it seems to be off its plan; how often too far
+        ("error_x", F), ("error_y", F), ("error_heading", F),  # of the believed pose [m], [rad]
     ],
     align=True,
 )  # fmt: skip
@@ -43,10 +42,7 @@ POSE_X, POSE_Y, POSE_HEADING, ACCELERATING, STEERING = range(5)  # columns of er
 ERRORS = 5
 OFF_PLAN = 0.03  # [m] that a point of a body may seem to be off its plan
 _RESERVE, _LESS_STEERING = 0.02, 0.05  # shares of the limits that are kept for steering back, beside all errors
-_DRIFT, _PERIOD = (
-    0.7,
-    20.0,
-)  # share of an error that drifts, the rest is new at each step; [s] to drift through all of it
+_DRIFT, _PERIOD = 0.7, 20.0  # share of an error that drifts, the rest is new each step; [s] to drift through all of it
 _STREAM = 5  # behind the world's own entropy, see messages.py
 _TRUSTS = 0.5  # [m] of its way after which a robot believes its localisation, as much as to 1 - 1/e
 _PER_METRE = np.float32(1.0 / _TRUSTS)
@@ -63,13 +59,13 @@ def errs(config: EnvConfig) -> bool:
 
 
 def tube(config: EnvConfig, robot: RobotSpec) -> float:
-    """Return how far [m] any point of a robot's body is at most from where it is planned, by the declared bounds."""
+    """Return the farthest [m] that any point of a robot's body is off its plan within the declared bounds."""
     spec = config.uncertainty_spec.bounds
     return spec.pose_error + (robot.farthest + _TRUSTS) * spec.heading_error + OFF_PLAN
 
 
 def planned_config(config: EnvConfig) -> EnvConfig:
-    """Return the config of robots as planned: larger by the tube, within limits that leave room to steer back."""
+    """Return the config of planned robots: larger by the tube, with limits that leave room to steer back."""
     if not (errs(config) and config.traffic_spec.shield):
         return config
     parts = tuple(replace(part, robot=_planned(config, part.robot)) for part in config.fleet)
@@ -89,10 +85,10 @@ def _planned(config: EnvConfig, robot: RobotSpec) -> RobotSpec:
 
 
 class Deviation:
-    """The bodies BODY[B, N] of robots that err, and what the errors of the env step to come are.
+    """The bodies BODY[B, N] of robots that err, and the errors of the next env step.
 
     errors float32[B, repeat, N, ERRORS]: of the believed x, y [m] and heading [rad] after each physics step, and of
-    accelerating and steering in it, as shares. Each drifts within its bound, and jitters.
+    acceleration and steering in it, as shares. Each drifts within its bound, and jitters.
     """
 
     def __init__(self, config: EnvConfig, worlds: int) -> None:
@@ -109,9 +105,9 @@ class Deviation:
         self._rngs: defaultdict[int, np.random.Generator] = defaultdict(np.random.default_rng)
 
     def begin(self, world: int, entropy: list[int] | None, robots: NDArray[Any]) -> None:
-        """Begin a world's episode: its robots ROBOT[N] are where they believe to be, not quite where their bodies are.
+        """Begin a world's episode: robots ROBOT[N] stand where they believe, not quite where their bodies are.
 
-        entropy: what its generator is seeded with; None: it goes on.
+        entropy: seeds its generator; None: it continues.
         """
         if entropy is not None:
             self._rngs[world] = np.random.default_rng(np.random.SeedSequence([*entropy, _STREAM]))
@@ -127,7 +123,7 @@ class Deviation:
         _place(self.bodies[world], robots)
 
     def draw(self) -> None:
-        """Draw the errors of the env step to come."""
+        """Draw the errors of the next env step."""
         worlds, repeats, robots, _ = self.errors.shape
         for world in range(worlds):
             both = self._rngs[world].uniform(-1.0, 1.0, (repeats, 2, robots, ERRORS))
@@ -137,7 +133,7 @@ class Deviation:
                 self.errors[world, repeat] = (_DRIFT * self._drift[world] + (1 - _DRIFT) * jitter) * self._bounds
 
     def show(self, robots: NDArray[Any], planned: NDArray[Any]) -> None:
-        """Make `robots` ROBOT[B, N] what is `planned`, but where their bodies are, and as fast as these."""
+        """Make `robots` ROBOT[B, N] equal to `planned`, with the poses and speeds of their bodies."""
         robots[...] = planned
         robots["motion"] = self.bodies["motion"]
 
@@ -150,7 +146,7 @@ def _place(bodies, robots):
         body["motion"]["x"], body["motion"]["y"] = motion["x"] - body["error_x"], motion["y"] - body["error_y"]
         body["motion"]["heading"] = wrap(motion["heading"] - body["error_heading"])
         body["motion"]["sin"], body["motion"]["cos"] = sin_cos(body["motion"]["heading"])
-        body["motion"]["speed"], body["motion"]["steer"], body["off"] = motion["speed"], motion["steer"], ZERO
+        body["motion"]["speed"], body["motion"]["steer"] = motion["speed"], motion["steer"]
 
 
 @inline
@@ -162,10 +158,7 @@ def _off(x, y, heading, c, s, body):
 
 @inline
 def _back_to_plan(r, body, next_speed, next_steer, p):
-    """Return (speed [m/s], steering [rad]) that a body tries to have after the step, to come back to its plan.
-
-    As one that is aside comes back to a line: critically damped over the way.
-    """
+    """Return (speed [m/s], steering [rad]) that brings a body back to its plan, critically damped over the distance."""
     motion = r["motion"]
     if next_speed == ZERO:
         return ZERO, next_steer
@@ -179,17 +172,16 @@ def _back_to_plan(r, body, next_speed, next_steer, p):
 
 @inline
 def _changed(value, wanted, error, most, p):
-    """Return what changes a value per second, for it to be as wanted after a physics step, by actuators that err."""
+    """Return the rate that takes a value to the wanted one in a physics step, with the actuator's error."""
     rate = min(max((wanted - value) / p["time_step"], -most), most)
     return min(max(rate * (ONE + error), -most), most)
 
 
 @inline
 def load(robots, bodies, planned, errors, own, params, kinds, floor):
-    """Take the bodies and what they do in this physics step into `own`; planned: where their robots will be.
+    """Load the bodies and their commands of this physics step into `own`; planned: where their robots will be.
 
-    bodies: BODY[N]; planned, own: float32[MOTION, N]; errors: float32[N, ERRORS]; params: of the bodies; kinds: of
-    each, see kinds.py.
+    bodies: BODY[N]; planned, own: float32[MOTION, N]; errors: float32[N, ERRORS]; params, kinds: of the bodies.
     """
     for i in range(robots.shape[0]):
         body, p = bodies[i], kind_of(i, params, kinds)
@@ -210,7 +202,7 @@ def load(robots, bodies, planned, errors, own, params, kinds, floor):
 
 @inline
 def plan(motion, flags, lanes, p, kinds):
-    """Carry out what is planned for a physics step, float32[MOTION, N], and nothing bars."""
+    """Carry out the planned motion float32[MOTION, N] of a physics step without contacts."""
     for _ in range(p["substeps"]):
         contact.try_motion(motion, flags, lanes, p, kinds)
         for i in range(motion.shape[1]):
@@ -220,7 +212,7 @@ def plan(motion, flags, lanes, p, kinds):
 
 @inline
 def _localise(body, dx, dy, errors):
-    """Go on believing after a way (dx, dy) [m]: counted exactly from where the body believed to be, then corrected."""
+    """Update the believed pose after a move (dx, dy) [m]: exact odometry, then the correction by localisation."""
     s, c = sin_cos(body["error_heading"])
     body["error_x"] += c * dx - s * dy - dx
     body["error_y"] += s * dx + c * dy - dy
@@ -231,8 +223,8 @@ def _localise(body, dx, dy, errors):
 
 
 @inline
-def _say_place_anew(r, body):
-    """Plan from where a body believes to be."""
+def _replan_here(r, body):
+    """Plan from the body's believed pose."""
     motion = r["motion"]
     motion["x"], motion["y"] = body["motion"]["x"] + body["error_x"], body["motion"]["y"] + body["error_y"]
     motion["heading"] = wrap(body["motion"]["heading"] + body["error_heading"])
@@ -243,7 +235,7 @@ def _say_place_anew(r, body):
 
 @inline
 def store(robots, bodies, planned, errors, own, guarded, p, kinds):
-    """Write a physics step back into robots and bodies, and find the robots that are off their plans."""
+    """Write a physics step back into robots and bodies, and mark robots off their plans."""
     contact.store(robots, planned)
     for i in range(robots.shape[0]):
         r, body = robots[i], bodies[i]
@@ -253,11 +245,9 @@ def store(robots, bodies, planned, errors, own, guarded, p, kinds):
         body["motion"]["cos"], body["motion"]["sin"] = own[contact.COS, i], own[contact.SIN, i]
         body["motion"]["speed"], body["motion"]["steer"] = own[SPEED, i], own[STEER, i]
         ahead, aside, turned = _off(motion["x"], motion["y"], motion["heading"], motion["cos"], motion["sin"], body)
-        body["off"] = np.sqrt(ahead * ahead + aside * aside) + kind_of(i, p, kinds)["far"] * abs(turned)
-        if body["off"] > OFF_PLAN and shield["off_plan"] == 0:
-            body["strays"] += 1
+        if np.sqrt(ahead * ahead + aside * aside) + kind_of(i, p, kinds)["far"] * abs(turned) > OFF_PLAN:
             shield["off_plan"] = 1
         if shield["off_plan"] != 0 and (
             guarded is None or (motion["speed"] == ZERO and body["motion"]["speed"] == ZERO)
         ):
-            _say_place_anew(r, body)
+            _replan_here(r, body)

@@ -58,13 +58,13 @@ def grown(one, margin):
 
 @inline
 def square_at(x, y, half):
-    """Return a square along the axes of the floor, of twice `half` [m]."""
+    """Return an axis-aligned square of side 2 x `half` [m]."""
     return Rectangle(x, y, ONE, ZERO, half, half)
 
 
 @inline
 def half_box(one):
-    """Return half the width and half the height of the box around a rectangle, along the axes of the floor [m]."""
+    """Return half the width and half the height [m] of the axis-aligned box around a rectangle."""
     return one.length * abs(one.c) + one.width * abs(one.s), one.length * abs(one.s) + one.width * abs(one.c)
 
 
@@ -92,9 +92,9 @@ def rectangles_touch(one, other):
 
 @inline
 def separation(one, other):
-    """Return the widest gap [m] that an axis of either of two rectangles shows between them.
+    """Return the widest gap [m] between two rectangles along an axis of either.
 
-    Over 0 where `rectangles_touch` is False, and then between 0.7 of their distance and all of it.
+    It is positive where `rectangles_touch` is False, and then between 0.7 and 1 times their distance.
     """
     dx, dy = other.x - one.x, other.y - one.y
     c = abs(one.c * other.c + one.s * other.s)

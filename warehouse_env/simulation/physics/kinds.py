@@ -1,4 +1,4 @@
-"""Whose limits and whose body: of a fleet of several kinds each robot has its own, else all have those of the world."""
+"""Limits and body of a robot: its own in a fleet of several kinds, else those of the world."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from warehouse_env.kernel import inline
 
 @inline
 def kind_of(i, p, kinds):
-    """Return the parameters of robot i: its own of kinds PARAMETERS[N], or p where these are None, for all are alike.
+    """Return the parameters of robot i: of kinds PARAMETERS[N], or p if kinds is None.
 
-    Which of both is known when this is compiled, so that a fleet of one kind pays nothing.
+    The choice is made when this is compiled, so a fleet of one kind pays nothing.
     """
     if kinds is None:
         return p

@@ -1,13 +1,13 @@
 """People on foot among the robots: discs that walk from endpoint to endpoint.
 
-A person takes the shortest way to its goal, rests there, keeps its distance from robots and passes them on the right.
-Where there is no way past, it stands, steps back from robots that come too near, and turns away after a few seconds.
-Robots make way for a person whom they keep from walking (traffic/pedestrian_yield.py). No person walks into a robot, so
-each contact is the robot's fault. People ignore each other.
+A person takes the shortest path to its goal, rests there, keeps its distance from robots and passes them on the right.
+If there is no way past, it stands, steps back from robots that come too near, and picks another goal after a few
+seconds. Robots make way for people they block (traffic/pedestrian_yield.py). People never walk into robots, so each
+contact is the robot's fault. People ignore each other.
 
-Robots see people in their lidar. The shield knows where people are, but not where they will go: a robot may drive only
-if it stands before anybody can be where its body will be (passive motion safety: Bouraine, Fraichard and Salhi 2012).
-Live routes lead around standing people; right of way grants nothing across people.
+Robots see people by lidar. The shield knows where people are, but not where they will go: a robot may drive only if it
+can stop before anybody could reach its body (passive motion safety: Bouraine, Fraichard and Salhi 2012). Live routes
+avoid standing people; right of way grants nothing across people.
 """
 
 from __future__ import annotations
@@ -35,15 +35,14 @@ NOTHING, ARRIVED, GIVEN_UP = 0, 1, 2
 
 RADIUS = np.float32(PERSON_RADIUS)  # [m]
 PACE = np.float32(1.2)  # [m/s]
-KEEP = np.float32(0.4)  # [m] that they keep from robots: from less the field would not let one drive on
-HURRY = np.float32(1.0)  # [s] without coming on from which on they stand
+KEEP = np.float32(0.4)  # [m] that people keep from robots: closer, the shield would not let a robot drive on
+HURRY = np.float32(1.0)  # [s] without progress after which a person counts as standing
 AT_GOAL = np.float32(0.2)  # [m] from the goal's centre
-PATIENCE = np.float32(3.0)  # [s] without coming on until they want to be elsewhere
+PATIENCE = np.float32(3.0)  # [s] without progress until a person gives its goal up
 RESTS = (5.0, 15.0)  # [s] at a goal, evenly drawn
-_TURNS_AWAY, _TOWARDS = 1.3, 0.5  # [m] from points of a robot, and cosine to them, that a person walks no more then
+_TURNS_AWAY, _TOWARDS = 1.3, 0.5  # [m] to a robot and cosine of its direction: there a person that gave up does not go
 START = 2.0  # [m] from the centre of any robot, at the beginning
-# ways tried around what is in the way, as (cosine, sine): straight on, then more and more to the right or the left, at
-# last back, and about
+# Directions tried, as (cosine, sine): straight on, then further and further right or left, then back
 _TURNS = np.array([
     (np.cos(eighths * np.pi / 8), np.sin(eighths * np.pi / 8)) for eighths in (0, -1, 1, -2, 2, -4, 4, 8, -7, 7, -6, 6)
 ], dtype=np.float32)  # fmt: skip
@@ -52,22 +51,24 @@ _STREAM = 2  # behind the world's own entropy; 1 is that of messages.py
 
 
 class People:
-    """The people of all worlds: persons PERSON[B, M], and ways float32[B, M, H, W], the cells that each has to its
-    goal, inf where there is no way; rows count from the south, as in the kernels.
+    """The people of all worlds.
+
+    persons: PERSON[B, M]; ways: float32[B, M, H, W], cells from each cell to the goal of each, inf if there is no path,
+    rows from the south as in the kernels.
     """
 
     def __init__(self, config: EnvConfig, grid: GridMap, worlds: int) -> None:
         self.persons = np.zeros((worlds, config.people), dtype=PERSON)
         self.ways = np.zeros((worlds, config.people, *grid.shape), dtype=np.float32)
         self._grid, self._reaches = grid, np.array([robot.rear_reach for robot in config.robots], np.float32)
-        self._turned_away = np.zeros((worlds, config.people), dtype=np.bool_)  # the goal is only out of somebody's way
+        self._turned_away = np.zeros((worlds, config.people), dtype=np.bool_)  # its goal only gets it out of the way
         # made when first used, as the Dispatcher's
         self._rngs: defaultdict[int, np.random.Generator] = defaultdict(np.random.default_rng)
 
     def begin(self, world: int, entropy: list[int] | None, robots: NDArray[np.void]) -> None:
-        """Stand people on the floor, away from robots ROBOT[N]; entropy: what their generator is seeded with, if any.
+        """Place people on the floor, away from robots ROBOT[N]; entropy: seeds their generator, None: it continues.
 
-        Raises ConfigError where there is no room.
+        Raises ConfigError if there is no room.
         """
         if entropy is not None:
             self._rngs[world] = np.random.default_rng(np.random.SeedSequence([*entropy, _STREAM]))
@@ -86,10 +87,10 @@ class People:
             o["cos"] = ONE
 
     def stand(self, world: int, points: ArrayLike) -> None:
-        """Move the people of a world to points float[M, 2] [m], each on the way elsewhere. Call after `begin`.
+        """Move the people of a world to points float[M, 2] [m], each with a new goal. Call after `begin`.
 
-        ConfigError or MapError for points off the floor or in shelves. The caller sees to it that they lie in the
-        largest region, and off robots.
+        Raises ConfigError or MapError for points off the floor or in shelves. The caller keeps them in the largest
+        region and off robots.
         """
         places = poses("people", points, (self.persons.shape[1], 2), self._grid)
         for person, (x, y) in enumerate(places):
@@ -99,15 +100,16 @@ class People:
             o["x"], o["y"] = x, y
 
     def leave(self, world: int) -> None:
-        """Take all people off the floor: the first routes of an episode do not go round those of the last one."""
+        """Take all people off the floor, so that the first routes of an episode ignore those of the last one."""
         self.persons[world] = np.zeros((), dtype=PERSON)
         self._turned_away[world] = False
 
     def send_on(self, robots: NDArray[np.void]) -> None:
-        """Give another goal to all who want one: who has arrived rests first, who has given up turns away from the
-        robots ROBOT[B, N] that bar the way.
+        """Give a new goal to each person that wants one.
+
+        One that has arrived rests first. One that has given up turns away from the robots ROBOT[B, N] in its way.
         """
-        if not self.persons.size:  # asked at every step: the search below takes longer than a small world needs for one
+        if not self.persons.size:  # the search below takes longer than a small world's step
             return
         for world, person in np.argwhere(self.persons["wants"] != NOTHING).tolist():
             o = self.persons[world, person]
@@ -121,7 +123,7 @@ class People:
                 self._send(world, person)
 
     def _turn_away(self, world: int, person: int, robots: NDArray[np.void]) -> None:
-        """Send a person somewhere past no robot, first away from those that are near; else past them; else anywhere."""
+        """Send a person where it passes no robot: away from near ones if possible, else anywhere."""
         o = self.persons[world, person]
         row, column = self._grid.nearest_cell((o["x"], o["y"])).tolist()
         for away in (True, False):
@@ -134,9 +136,7 @@ class People:
         self._send(world, person)
 
     def _past_robots(self, o: np.void, robots: NDArray[np.void], away: bool) -> GridMap:
-        """Return the floor for a person to go past no robot: the cells that robots are on are none of it, nor if it
-        goes `away` those beside its own towards a robot that is near.
-        """
+        """Return the floor without the cells of robots and, with `away`, neighbour cells towards near robots."""
         occupied, here = self._grid.occupied.copy(), np.array([o["x"], o["y"]], dtype=np.float64)
         own = self._grid.nearest_cell(here)
         beside = own + MOVES[((own + MOVES >= 0) & (own + MOVES < occupied.shape)).all(axis=-1)]
@@ -154,7 +154,7 @@ class People:
         return GridMap(occupied, cell_size=self._grid.cell_size, one_way=one_way)
 
     def _send(self, world: int, person: int, cells: list[Cell] | None = None, floor: GridMap | None = None) -> Cell:
-        """Give a person one of these cells as its goal by chance, and return it; None: of all endpoints, of the map."""
+        """Draw a person's goal from these cells (default: all endpoints) and return it; floor: the map by default."""
         if cells is None:
             _, _, cells = self._grid.endpoints
         goal = cells[int(self._rngs[world].integers(len(cells)))]
@@ -181,7 +181,7 @@ def gap_to(x, y, r, p):
 
 @inline
 def _may_step(o, x, y, robots, p, kinds, floor):
-    """Whether a person may step to (x, y) [m]: off the shelves, and off robots, or farther off than it is."""
+    """Whether a person may step to (x, y) [m]: clear of shelves, and KEEP from robots or at least not closer."""
     if body_touches_shelf(square_at(x, y, RADIUS), floor):
         return False
     for i in range(robots.shape[0]):
@@ -200,7 +200,7 @@ def _left(x, y, way, cell):
 
 @inline
 def _leads_on(x, y, way, floor, discs):
-    """Whether ways lead on from a point: in cells that discs close they do not, though there may be room."""
+    """Whether a path leads on from a point. Cells closed by discs have none, though there may be room."""
     if discs is not None:
         return _left(x, y, way, floor.cell) < np.inf
     return True
@@ -230,7 +230,7 @@ def _next_place(o, way, p):
 
 @inline
 def _step(o, way, robots, p, kinds, floor):
-    """Take a person one step of its way, around what is in it, or else away from a robot that is near."""
+    """Move a person one step along its path: around obstacles, or back from a near robot."""
     x, y = _next_place(o, way, p)
     dx, dy = x - o["x"], y - o["y"]
     left = np.sqrt(dx * dx + dy * dy)
@@ -249,9 +249,7 @@ def _step(o, way, robots, p, kinds, floor):
 
 @inline
 def _count_kept(o, robots, p, kinds):
-    """Count how long robots keep a person from walking: it wants to, does not come a metre, and one is as near as it
-    would stop before.
-    """
+    """Count how long robots block a person: it wants to walk, moves less than a metre, and a robot is close."""
     dx, dy = o["x"] - o["anchor_x"], o["y"] - o["anchor_y"]
     if o["rest"] > ZERO or dx * dx + dy * dy > ONE:
         o["anchor_x"], o["anchor_y"], o["kept"] = o["x"], o["y"], ZERO
@@ -262,9 +260,7 @@ def _count_kept(o, robots, p, kinds):
 
 @part
 def walk(persons, ways, robots, walking, p, kinds, floor):
-    """Move the people PERSON[M] of a world on by a physics step, if there are any (worlds.Features); ways float32[M, H,
-    W]: see People; kinds: kinds.py.
-    """
+    """Advance the people PERSON[M] of a world by a physics step. ways: float32[M, H, W], see People."""
     if walking is None:
         return
     for m in range(persons.shape[0]):
@@ -306,7 +302,7 @@ def keep_off_people(robots, persons, motion, flags, p, kinds):
 
 @inline
 def end_contacts(robots, persons, walking, p, kinds):
-    """An episode of contact with people, if there are any, ends when all are farther than near_miss_gap again."""
+    """End a robot's episode of contact with people once all are farther than near_miss_gap."""
     if walking is None:
         return
     for i in range(robots.shape[0]):
@@ -321,13 +317,13 @@ def end_contacts(robots, persons, walking, p, kinds):
 
 @inline
 def bars_ways(o):
-    """Whether a person stands: rests at its goal, or has not come on for a while."""
+    """Whether a person stands: it rests at its goal, or has made no progress for a while."""
     return o["rest"] > ZERO or o["blocked"] > HURRY
 
 
 @inline
 def anybody_near(persons, x, y, sweep, p):
-    """Whether anybody could come within `sweep` [m] of a point while a robot drives on for a step and stops."""
+    """Whether anybody could come within `sweep` [m] of a point while a robot drives a step and stops."""
     keep = max(p["field_margin"], p["stride"] + PACE * p["dt"])
     reach = sweep + RADIUS + keep + PACE * np.float32(p["stop_samples"]) * p["dt"]
     for o in persons:
@@ -356,7 +352,7 @@ def could_meet(persons, path, samples, pace, p):
 
 @inline
 def scan_people(persons, pose, walking, rays, out):
-    """Shorten the rays float32[2, R] from a pose (x, y [m], cosine, sine) that meet a person, if there are any."""
+    """Shorten the rays float32[2, R] from a pose (x, y [m], cosine, sine) that meet a person."""
     if walking is None:
         return
     cx, cy, c, s = pose

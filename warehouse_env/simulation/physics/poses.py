@@ -1,7 +1,7 @@
-"""Poses and speeds that users give: the one place where they are checked, and headings become the remainder of a turn.
+"""Check poses and speeds from users, and reduce headings to one turn.
 
-Kernels take for granted what leaves here: finite numbers, points on the floor, headings in [-pi, pi], speeds that the
-robots can have. Whoever lets poses in calls this; nothing else checks them.
+Kernels rely on the result: finite numbers, points on the floor, headings in [-pi, pi], speeds within the limits. No
+other code checks them.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def numbers(what: str, given: object, *shapes: tuple[int, ...], rule: str = "", 
     """
     array, found = np.empty(0), np.empty(0)
     with contextlib.suppress(TypeError, ValueError, OverflowError, RecursionError), np.errstate(all="ignore"):
-        array = np.asarray(given)  # fails on what is no table
+        array = np.asarray(given)  # fails unless it is a table
         found = array.astype(np.float64) if array.dtype.kind in "iuf" else found
     fits = any(
         len(shape) == found.ndim and all(wanted in (-1, have) for wanted, have in zip(shape, found.shape, strict=True))

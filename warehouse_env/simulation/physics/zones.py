@@ -1,10 +1,10 @@
-"""Zones: parts of the floor with a speed limit, which robots keep whatever they are commanded.
+"""Zones: parts of the floor with a speed limit, which robots keep whatever their commands.
 
 At a point p a robot may have the speed v with v^2 = min over the zones z of (v_z^2 + 2 b |p - z|): v_z is the zone's
 limit, |p - z| the distance to it (0 inside), and b a little less than full braking. Along any path v^2 falls by at most
-2 b a metre. So a robot that keeps this speed can brake for any zone that it comes to, without knowing its route.
-In every physics step a robot's command is lowered so that it is no faster than that, now and at the step's end. A
-robot that is too fast already brakes as hard as it can. Its place is the middle of its fixed axle, its pose.
+2 b a metre. So a robot that keeps this speed can brake for any zone ahead without knowing its route. Every physics step
+lowers the command to this speed, at the robot's pose now and at the step's end. A robot that is already too fast brakes
+as hard as it can.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.simulation.physics.kinematics import approach, curvature, roll
 from warehouse_env.simulation.physics.trigonometry import ONE, ZERO
 
-STEP = 0.125  # [m] between samples at most, but on floors so large that it takes more than
+STEP = 0.125  # [m] between samples at most, unless the floor needs more than
 _MOST = 4096  # samples along a side
 _BRAKING = 0.9  # share of the full deceleration that zones are braked for with
-_ABOVE = 1.1  # times the robots' highest speed that stands for any
+_ABOVE = 1.1  # times the highest speed of any robot: no limit
 
 
 class Zones(NamedTuple):
-    """The square of the speed that a robot may have, sampled; between the samples it is interpolated."""
+    """The square of the allowed speed, sampled; values between samples are interpolated."""
 
     squares: NDArray[np.float32]  # [H * K + 1, W * K + 1] [m^2/s^2], y up; the first sample is at (0, 0) m
     step: np.float32  # [m] between samples
@@ -71,7 +71,7 @@ def _square_at(x, y, zones):
 
 @inline
 def most_speed(r, zones, p):
-    """Return the most speed [m/s] that a robot may have at the end of a physics step, either way.
+    """Return the highest speed [m/s] allowed at the end of a physics step, in either direction.
 
     zones: None where the floor has none.
     """
@@ -85,7 +85,7 @@ def most_speed(r, zones, p):
 
 @inline
 def keep_under(r, acceleration, most, zones, p):
-    """Return an acceleration [m/s^2] that leads to no more speed than `most` [m/s], as hard as brakes have to."""
+    """Return the acceleration [m/s^2] limited so that the speed stays within `most` [m/s] if braking allows."""
     motion = r["motion"]
     if zones is None:
         return acceleration

@@ -20,14 +20,12 @@ def episode_row(
     """Return the metrics of one world.
 
     robots: ROBOT[N]; seconds since the reset; persons: PERSON[M], if any walk. A contact or near miss of two robots
-    counts once; `collisions_per_km` adds pairs, and contacts with shelves and people. `stuck`: share of robots that for
-    `stuck_after` seconds have not advanced 1 m on their route.
-    `path_length_m`: driven per goal reached; `path_length_ratio`: driven over planned, over reached goals.
-    `waiting_share`: of the robots' time until they were parked, standing; `longest_standing_s`: that any robot stayed
-    within a metre of one place, rocking there or not; `longest_without_goal_s`: that any was on the way to one goal.
-    `late_goals_per_robot_hour`: in the second half of `max_steps`, when jams have built up; `reroutes`: routes planned
-    anew under way.
-    Without a reached goal, or with a robot that has not arrived, the figures that need it are nan.
+    counts once; `collisions_per_km` adds pairs and contacts with shelves and people. `stuck`: share of robots that did
+    not advance 1 m on their route for `stuck_after` seconds. `path_length_m`: driven per goal reached;
+    `path_length_ratio`: driven over planned, for reached goals. `waiting_share`: share of the robots' time, until they
+    were parked, in which they stood. `longest_standing_s`: longest time of any robot within a metre of one place;
+    `longest_without_goal_s`: longest time on the way to one goal. `late_goals_per_robot_hour`: in the second half of
+    `max_steps`; `reroutes`: routes replanned on the way. Figures that need a goal or an arrival are nan without one.
     """
     kilometres = float(robots["totals"]["distance"].sum()) / 1000.0
     columns = _columns(robots[None], np.array([seconds]), config)
@@ -44,10 +42,9 @@ def episode_row(
 
 
 def people_row(persons: NDArray[Any] | None) -> dict[str, float]:
-    """Return the metrics of the people PERSON[M] of one world; none where nobody walks.
+    """Return the metrics of the people PERSON[M] of one world, {} without people.
 
-    `longest_person_kept_s`: that any who wanted to walk had a robot about half a metre away or nearer, without coming a
-    metre.
+    `longest_person_kept_s`: longest time that a robot within about half a metre kept a person from walking a metre.
     """
     if persons is None or not len(persons):
         return {}
@@ -62,10 +59,10 @@ def late_seconds(seconds: ArrayLike, config: EnvConfig) -> NDArray[np.float64]:
 
 
 def robot_rows(robots: NDArray[Any], seconds: NDArray[np.float64], config: EnvConfig) -> list[dict[str, float]]:
-    """Return the metrics of each of some robots, whatever world they are in, as `episode_row` names and means them.
+    """Return the metrics of single robots, named as in `episode_row`.
 
-    robots: ROBOT[K]; seconds [K] since the resets of their worlds. Only the robot's own are counted: a contact or a
-    near miss with another robot counts one for each of the two. `distance_m`: driven in all, to goals or not.
+    robots: ROBOT[K]; seconds [K] since the resets of their worlds. A contact or near miss of two robots counts for
+    each. `distance_m`: driven in all.
     """
     columns = {"seconds": seconds, "distance_m": robots["totals"]["distance"]}
     columns |= _columns(robots[:, None], seconds, config)
@@ -74,7 +71,7 @@ def robot_rows(robots: NDArray[Any], seconds: NDArray[np.float64], config: EnvCo
 
 
 def _columns(robots: NDArray[Any], seconds: NDArray[np.float64], config: EnvConfig) -> Columns:
-    """Return what rows of worlds and of robots share, each [K]: of K groups ROBOT[K, M], `seconds` [K] after resets."""
+    """Return the shared columns [K] of K groups ROBOT[K, M], `seconds` [K] after their resets."""
     totals, count = robots["totals"], robots.shape[1]
     added = {name: totals[name].sum(axis=1).astype(np.float64) for name in totals.dtype.fields or ()}
     goals, gap = added["goals"], totals["min_gap"].min(axis=1).astype(np.float64)

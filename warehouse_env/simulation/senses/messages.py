@@ -1,16 +1,14 @@
-"""Message loss: in an env step nobody hears a silent robot, and the others go on with what they knew.
+"""Message loss: in an env step nobody hears a silent robot.
 
-The protocol, as vehicles would speak it: in each physics step a robot says to which motion it commits, one step as
-commanded and then a full stop. It drives that motion once all robots near it have acknowledged it; otherwise it brakes
-along the stop that it said last, on which the others count. So no robot takes ground that the others do not know of,
-and losses cost time, never a contact. A silent robot
+In each physics step a robot announces the motion to which it commits: one step as commanded, then a full stop. It
+drives that motion once all robots near it have acknowledged it; otherwise it brakes along the last announced stop. So
+losses cost time, never a contact. A silent robot
 
 - brakes within its stop, under the shield (traffic/shield.py);
-- appears only in lidar: it is no neighbour, and so in no prediction;
-- is granted its stretch by right of way unheard: the others know the one of the decision before.
+- appears only in lidar, not among neighbours or predictions;
+- gets a grant by right of way that the others do not know: they use the one of the decision before.
 
-Losses are drawn before each env step from a stream of the world's own, so that the same seed has the same tasks
-whatever is lost.
+Losses are drawn before each env step from a stream of each world, so that the same seed has the same tasks.
 """
 
 from __future__ import annotations
@@ -27,20 +25,20 @@ _STREAM = 1  # behind the world's own entropy
 
 
 class Messages:
-    """Draws the silent robots: on average a share `loss` of them, each for `burst` [s] at a time."""
+    """Draw the silent robots: a mean share `loss` of them, each for `burst` [s] at a time."""
 
     def __init__(self, config: EnvConfig, worlds: int) -> None:
         spec = config.uncertainty_spec
         loss = spec.loss
         self._lasts = max(1, round(spec.burst / (config.time_step * config.action_repeat)))  # env steps
         self._late = max(spec.latency - spec.bounds.latency, 0.0) / spec.latency if spec.latency else 0.0
-        self._begins = loss / (loss + self._lasts * (1.0 - loss))  # the chance in an env step of who is heard
-        self._left = np.zeros((worlds, config.num_agents), np.int64)  # env steps for which each is silent yet
+        self._begins = loss / (loss + self._lasts * (1.0 - loss))  # chance in an env step to fall silent
+        self._left = np.zeros((worlds, config.num_agents), np.int64)  # env steps for which each stays silent
         # made when first used, as the Dispatcher's
         self._rngs: defaultdict[int, np.random.Generator] = defaultdict(np.random.default_rng)
 
     def begin(self, world: int, entropy: list[int] | None) -> None:
-        """Begin a world's episode; entropy: what its generator is seeded with; None: it goes on."""
+        """Begin a world's episode; entropy: seeds its generator; None: it continues."""
         self._left[world] = 0
         if entropy is not None:
             self._rngs[world] = np.random.default_rng(np.random.SeedSequence([*entropy, _STREAM]))

@@ -1,9 +1,8 @@
-"""What would happen: for every (speed level, lateral offset), how long until the body would touch a predicted robot.
+"""Predictions: for every (speed level, lateral offset), the time until the body would touch a neighbour.
 
-An optional slice of the observation, made of the rest of it alone (route ahead, own motion, neighbours): the own body
-is carried along the route, from its present lateral offset to the commanded one, while the speed changes at the
-vehicle's acceleration; the others drive straight on, as large as the largest robot of the fleet. Both are wrong in
-part: what to make of it is left to the policy.
+An optional slice of the observation, computed from its other slices. The own body moves along the route, from its
+present lateral offset to the commanded one, while the speed changes at the vehicle's acceleration. Neighbours drive
+straight on and are as large as the largest robot of the fleet. Both are approximations.
 """
 
 from __future__ import annotations
@@ -23,10 +22,10 @@ from warehouse_env.simulation.physics.geometry import (
 from warehouse_env.simulation.physics.trigonometry import HALF, ONE, PI, ZERO, sin_cos
 
 HORIZON = np.float32(2.4)  # [s]
-SAMPLES = 8  # times looked at within the horizon
+SAMPLES = 8  # times within the horizon
 SETTLE = np.float32(1.5)  # [m] of driving in which a lateral offset is reached
-MARGIN = np.float32(0.03)  # [m] kept now
-MARGIN_RATE = np.float32(0.05)  # [m/s] more of it, the further ahead
+MARGIN = np.float32(0.03)  # [m] kept at first
+MARGIN_RATE = np.float32(0.05)  # [m/s] added to it over time
 TURNING = np.float32(1.2)  # [rad] of bearing from which the robot turns on the spot
 TURN_SIDE = np.float32(0.75)  # [m] half the side of the square that a turn on the spot may sweep
 _FIVE = np.float32(5.0)
@@ -38,10 +37,9 @@ _DIAGONAL = np.float32(1.4143)  # of a unit square, rounded up
 # its direction (x, y).
 FROM_X, FROM_Y, LEG_X, LEG_Y, ALONG_X, ALONG_Y = range(6)
 LEGS = 6
-# Where in `path` float32[PATH] the SAMPLES values begin that say where one speed leads: the time [s], metres driven,
-# and the same in legs, the front axle without an offset (x, y), the route's direction there (x, y), how much of the
-# present lateral offset is left, and whether the neighbour in question is near. Constants: the compiler sees that none
-# overlap.
+# Where the SAMPLES values of each quantity begin in `path` float32[PATH], for one speed: time [s], distance driven [m]
+# and in legs, the front axle without an offset (x, y), the route's direction there (x, y), the share of the present
+# lateral offset that is left, and whether the neighbour is near. Constants, so that the compiler sees no overlap.
 TIME, ALONG, LEGS_PASSED, PATH_X, PATH_Y, UNIT_X, UNIT_Y, LEFT, CLOSE = range(0, 9 * SAMPLES, SAMPLES)
 PATH = 9 * SAMPLES
 
@@ -74,7 +72,7 @@ def _lay_out_route(row, ego, route, p, legs):
 
 @inline
 def _lay_out_path(v0, speed, p, legs, path):
-    """Fill `path` for a speed: along the route where it leads ahead, along the heading where it leads back."""
+    """Fill `path` for a speed: along the route forwards, along the heading backwards."""
     acceleration, spacing, last = p["max_acceleration"], p["route_spacing"], p["route_points"] - 1
     for k in range(SAMPLES):
         t = HORIZON * np.float32(k + 1) / np.float32(SAMPLES)
@@ -82,7 +80,7 @@ def _lay_out_path(v0, speed, p, legs, path):
         path[TIME + k], path[ALONG + k] = t, along
         path[LEGS_PASSED + k] = max(along, ZERO) / spacing
         path[LEFT + k] = max(ZERO, ONE - along / SETTLE)
-    for k in range(SAMPLES):  # apart from the above, which the compiler makes vector instructions of
+    for k in range(SAMPLES):  # apart from the loop above, which compiles to vector instructions
         along, legs_passed = path[ALONG + k], path[LEGS_PASSED + k]
         at = min(int(legs_passed), last)
         part = min(legs_passed - np.float32(at), ONE)
@@ -127,9 +125,9 @@ def _offset_touches(path, k, lateral, offset, margin, other, p):
 
 @inline
 def _conflicts(out, commands, path, k, lateral, turning, other, p):
-    """Enter the conflicts at time k of commands that are all of one speed with one neighbour, a Rectangle.
+    """Enter the conflicts at time k of commands of one speed with one neighbour, a Rectangle.
 
-    out: the slice; commands: (table, the first, the first that is none).
+    out: the slice; commands: (table, begin, end).
     """
     table, at, end = commands
     share = np.float32(k) / np.float32(SAMPLES)
@@ -150,7 +148,7 @@ def _conflicts(out, commands, path, k, lateral, turning, other, p):
 
 @inline
 def _mark_close(x, y, vx, vy, bodies, offset, path):
-    """Mark in `path` when a body, now at (x, y), is within `bodies` [m] and the margin of it; return how often."""
+    """Mark in `path` when a body, now at (x, y), is within `bodies` [m] plus the margin; return the count."""
     count = np.int32(0)
     for k in range(SAMPLES):
         reach = bodies + _DIAGONAL * MARGIN_RATE * path[TIME + k]
@@ -163,7 +161,7 @@ def _mark_close(x, y, vx, vy, bodies, offset, path):
 
 @inline
 def _look(out, seen, commands, path, v0, lateral, turning, p):
-    """Enter all conflicts of commands with the neighbours `seen`; bodies far from the path are passed over.
+    """Enter all conflicts of commands with the neighbours `seen`, except those far from the path.
 
     out, commands: see `_conflicts`; v0 [m/s]: the own speed.
     """
@@ -189,12 +187,11 @@ def _look(out, seen, commands, path, v0, lateral, turning, p):
 
 @inline
 def write_predictions(row, starts, table, legs, path, p):
-    """Write the slice `predictions`: of each command the share of HORIZON until the body would touch a neighbour, 1 if
-    it would not.
+    """Write the slice `predictions`: the share of HORIZON until each command would touch a neighbour, 1 if none.
 
-    row: the observation float32[D], written but for this; starts: observation.Starts; table float32[K, 2]: the commands
-    (speed, offset), those of one speed together; legs, path: scratch. Braking, backing and turning on the spot do not
-    depend on the offset, so they are looked at once.
+    row: the observation float32[D] with all other slices; starts: observation.Starts; table float32[K, 2]: commands
+    (speed, offset) grouped by speed; legs, path: scratch. Braking, backing and turning on the spot do not depend on the
+    offset and are computed once.
     """
     ego, route, near, start = starts.ego, starts.route, starts.neighbours, starts.predictions
     others, out = 0, row[start : start + table.shape[0]]

@@ -1,6 +1,6 @@
-"""What a robot would like to do, best first: its lateral offsets in order, each with the speed it likes best there.
+"""Preferences of a robot: its lateral offsets, best first, each with its preferred speed.
 
-A policy gives one action, or a number for every action (logits, say). Right of way tries the offsets in this order.
+A policy gives one action, or a number for every action, such as logits. Right of way tries the offsets in this order.
 """
 
 from __future__ import annotations
@@ -11,11 +11,13 @@ from numpy.typing import NDArray
 from warehouse_env.kernel import inline, kernel
 from warehouse_env.simulation.physics.trigonometry import ZERO
 
-SIDE, SPEED, GOING = range(3)  # columns of choices: offset [m], the speed liked best with it, and the one above 0 [m/s]
+SIDE, SPEED, GOING = range(
+    3
+)  # columns of choices: offset [m], its preferred speed, and its preferred speed above 0 [m/s]
 
 
 def obey(commands: NDArray[np.float32], sides: NDArray[np.float32], choices: NDArray[np.float32]) -> None:
-    """Write choices float32[B, N, 1 + O, 3] of commands: as told, else at that speed with `sides` float32[O]."""
+    """Write choices float32[B, N, 1 + O, 3]: the command, then its speed with each of `sides` float32[O]."""
     choices[:, :, 0, SIDE] = commands[:, :, 1]
     choices[:, :, 1:, SIDE] = sides
     choices[:, :, :, SPEED] = choices[:, :, :, GOING] = commands[:, :, :1]
@@ -23,7 +25,7 @@ def obey(commands: NDArray[np.float32], sides: NDArray[np.float32], choices: NDA
 
 @inline
 def _best(table, liked, side, least):
-    """Return the best-liked action with an offset and a speed above `least` [m/s], the first of equals; -1: none."""
+    """Return the preferred action with an offset and a speed above `least` [m/s], the first of equals; -1: none."""
     best = -1
     for k in range(table.shape[0]):
         if table[k, 1] == side and table[k, 0] > least and (best < 0 or liked[k] > liked[best]):
@@ -33,7 +35,7 @@ def _best(table, liked, side, least):
 
 @inline
 def _sort(table, sides, liked, order):
-    """Write order int[O], the best-liked action of each offset, best first."""
+    """Write order int[O]: the preferred action of each offset, best first."""
     for n in range(sides.size):
         best, k = _best(table, liked, sides[n], -np.inf), n
         while k > 0 and liked[order[k - 1]] < liked[best]:
@@ -67,7 +69,7 @@ def rank(table, sides, preferences, commands, choices):
 
 @inline
 def speed_of(r, choices, speed, urged):
-    """Return the speed [m/s] that a robot likes with the offset that it has, else `speed`; one above 0 if urged."""
+    """Return the preferred speed [m/s] at the granted offset, else `speed`; above 0 if urged."""
     for n in range(choices.shape[0]):
         if choices[n, SIDE] == r["traffic"]["side"]:
             speed = choices[n, SPEED]

@@ -21,7 +21,7 @@ def weight_vector(weights: RewardWeights) -> NDArray[np.float32]:
 
 @inline
 def write_terms(r, p, weights, terms):
-    """Write a robot's terms, already weighed, in the order of REWARD_TERMS; return their sum. A parked one has none.
+    """Write a robot's weighted terms in the order of REWARD_TERMS; return their sum, 0 for a parked robot.
 
     progress [m]; arrival 0|1; collision: contact episodes that began; contact 0|1; proximity: 1 at gap 0, 0 from
     near_miss_gap x 3 on; time 1; smoothness: change of commanded speed / max_speed + of steering / max_steering;

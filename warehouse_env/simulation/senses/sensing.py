@@ -1,7 +1,6 @@
-"""What a robot perceives: lidar against shelves and robots, and its nearest robots. One call a robot.
+"""Perception of a robot: lidar against shelves and robots, and its nearest robots. One call per robot.
 
-The lidar asks of each edge and each robot where all rays meet it, at once: loops over rays without a branch, which
-the compiler turns into vector instructions.
+For each edge and each robot, the lidar loops over all rays without a branch, which compiles to vector instructions.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ from warehouse_env.simulation.physics.trigonometry import ONE, PI, ZERO
 
 _TWENTY = np.float32(20.0)
 _FIVE = np.float32(5.0)
-_SEAM = np.float32(2e-6)  # of the range, by which edges are longer at both ends: no ray slips through where two meet
+_SEAM = np.float32(2e-6)  # share of the range added to both ends of an edge, so that no ray slips between two
 RAY_X, RAY_Y, PER_X, PER_Y = 0, 1, 2, 3  # rows of `turned`
 TURNED = 4
 
@@ -33,7 +32,7 @@ def unit_vectors(rays: int) -> NDArray[np.float32]:
 
 @inline
 def _padded_cell(x, y, cell, first):
-    """Return (row, column) of the cell of a padded floor that holds a point [m], the nearest one for a point off it."""
+    """Return (row, column) of the padded floor's cell that holds a point [m], or is nearest to it."""
     row, column = int(y / cell) + 1, int(x / cell) + 1
     return min(max(row, 0), first.shape[0] - 1), min(max(column, 0), first.shape[1] - 1)
 
@@ -70,7 +69,7 @@ def scan_shelves(eye, p, edges, rays, turned, out):
 
 @inline
 def _meet(line, low, high, per_across, beside, out):
-    """Shorten the rays that meet an edge, all relative to their start. 0 x inf is nan: no comparison takes it."""
+    """Shorten the rays that meet an edge, all relative to their start. 0 x inf is nan: comparisons are False."""
     for k in range(per_across.shape[0]):
         distance = line * per_across[k]
         at = distance * beside[k]
@@ -92,7 +91,7 @@ def scan_robot(x, y, c, s, p, rays, out):
 
 @inline
 def _comes_before(squared, dx, dy, out, at):
-    """Is a robot nearer than the one remembered at `at`? Equally near ones go by where they are, not by index."""
+    """Whether a robot is nearer than the one remembered at `at`; ties go by position, not by index."""
     if squared != out[at] or squared == np.float32(np.inf):
         return squared < out[at]
     return dx > out[at + 2] or (dx == out[at + 2] and dy > out[at + 3])
