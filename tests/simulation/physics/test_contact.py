@@ -24,22 +24,6 @@ def x_of(simulator: Simulator, robot: int = 0) -> float:
     return float(simulator.robots[0, robot]["motion"]["x"])
 
 
-def test_a_collision_counts_once_for_the_pair() -> None:
-    # Two head on, noses 0.7 m apart, 1 m/s each: they close 0.1 m a substep, and the seventh would bring them together.
-    simulator = stage(room(5, 12), (4.0, 2.5, EAST, 1.0), (4.0 + 2 * FRONT + 0.7 + 1e-3, 2.5, WEST, 1.0))
-    coast(simulator, 3)
-    assert totals(simulator, "hits_robot") == [0, 0]
-    coast(simulator, 1)
-    assert simulator.events.hit_robot[0].tolist() == [1, 1]
-    assert simulator.events.touching[0].tolist() == [1, 1]
-    assert totals(simulator, "speed") == [0.0, 0.0]
-    assert x_of(simulator, 0) == pytest.approx(4.0 + 7 * 0.05, abs=1e-5)  # 0.7 m closed, 1 mm left
-    coast(simulator, 20)
-    assert totals(simulator, "hits_robot") == [1, 1]
-    assert totals(simulator, "hits_shelf") == [0, 0]
-    assert simulator.episode_metrics()["collisions_robot"] == 1.0
-
-
 def pressed(gap: float, speed: float, acceleration: float, steps: int) -> tuple[int, float]:
     """(contact episodes, gap left [m]) of a robot that presses on along a line, by contact.py's definition."""
     dt, count = 0.05, 0

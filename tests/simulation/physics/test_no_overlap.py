@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -56,17 +55,7 @@ def shake(simulator: Simulator, rng: np.random.Generator, steps: int, hold: int)
     return contacts, chains
 
 
-@settings(max_examples=14)
-@given(st.integers(0, 10**6), st.sampled_from([1, 2, 3]), st.sampled_from([1, 6]))
-def test_random_commands_in_a_crowded_maze(seed: int, substeps: int, hold: int) -> None:
-    rng = np.random.default_rng(seed)
-    grid = drawn(MAZE)
-    simulator = stage(grid, *crowd(rng, grid, 14, 0.02), substeps=substeps)
-    shake(simulator, rng, 40, hold)
-
-
-def test_the_crowds_do_collide_in_chains() -> None:
-    # The property above would be empty if nobody met.
+def test_a_crowd_that_collides_in_chains() -> None:
     rng = np.random.default_rng(5)
     grid = drawn(MAZE)
     simulator = stage(grid, *crowd(rng, grid, 14, 0.02))
@@ -88,39 +77,6 @@ def test_more_robots_than_one_bucket_holds(seed: int) -> None:
     simulator = stage(grid, *poses)
     assert simulator._params["bucket_rows"][0] > 1
     shake(simulator, rng, 25, 5)
-
-
-@pytest.mark.parametrize(
-    "robot",
-    [
-        RobotSpec(length=1.4, width=0.4, front_overhang=0.1, max_speed=3.0, min_speed=-3.0, max_acceleration=6.0),
-        RobotSpec(length=0.5, width=0.5, front_overhang=0.45, wheelbase=0.3),
-    ],
-    ids=["long and fast", "square, axle at the tail"],
-)
-def test_robots_of_other_shapes_do_not_overlap_either(robot: RobotSpec) -> None:
-    half_length, half_width = robot.length / 2, robot.width / 2
-    back = half_length - robot.front_overhang
-    grid = room(15, 15)
-    walls = shelves(grid.occupied)
-    first, second = np.triu_indices(16, 1)
-    for seed in range(4):
-        rng = np.random.default_rng(seed)
-        centres = [(2.0 + 3.6 * (k % 4), 2.0 + 3.6 * (k // 4), rng.uniform(-3, 3)) for k in range(16)]
-        poses = [(x + back * math.cos(a), y + back * math.sin(a), a, rng.choice([-0.5, 1.5])) for x, y, a in centres]
-        simulator = stage(grid, *poses, robot=robot)
-        commands = rng.choice([-1.0, 1.0], (1, 16, 2))
-        for _ in range(80):
-            commands = np.where(rng.random((1, 16, 1)) < 0.1, rng.choice([-1.0, 1.0], (1, 16, 2)), commands)
-            simulator.step(commands)
-            polygons = np.array(
-                [
-                    rectangle(x - back * math.cos(a), y - back * math.sin(a), a, half_length, half_width)
-                    for x, y, a in simulator.state.pose[0].tolist()
-                ]
-            )
-            assert separation(polygons[first], polygons[second]).min() > -DEEP
-            assert separation(polygons[:, None], walls[None]).min() > -DEEP
 
 
 def test_long_tails_that_swing_into_each_other_from_afar() -> None:

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tests.simulation.reference import FRONT, REAR
-from tests.simulation.worlds import coast, drawn, room, stage
+from tests.simulation.worlds import drawn, room, stage
 from warehouse_env.config import EnvConfig, RewardWeights
 from warehouse_env.simulation.record.metrics import episode_row, robot_rows
 from warehouse_env.simulation.simulator import Simulator
@@ -167,13 +166,6 @@ def test_a_robot_without_a_metre_of_progress_is_stuck() -> None:
         simulator.step(cruise)
     assert simulator.episode_metrics()["stuck"] == 0.0
     assert simulator.robots["clocks"]["waiting_time"][0, 0] == 0.0
-
-
-@pytest.mark.parametrize(("gap", "share"), [(0.03, 0.9), (0.15, 0.5), (0.29, 1 / 30), (0.31, 0.0), (0.45, 0.0)])
-def test_proximity_fades_out_at_three_near_miss_gaps(gap: float, share: float) -> None:
-    simulator = stage(room(5, 12), (4.0, 2.5, 0.0), (4.0 + FRONT + REAR + gap, 2.5, 0.0), reward=HARD)
-    coast(simulator, 1)
-    assert simulator.reward_terms[0, :, 4].tolist() == [pytest.approx(-0.5 * share, abs=2e-5)] * 2
 
 
 def test_terms_by_an_independent_sum_over_a_busy_episode() -> None:
