@@ -52,7 +52,7 @@ class World:
         """Grant paths; everybody cruises unless told otherwise."""
         sim = self.simulator
         told = np.full((1, len(self.robots)), int(sim.cruise_action)) if actions is None else actions
-        sim._actions.decode(told, sim._commands[0], sim._choices)
+        sim.actions.decode(told, sim._commands[0], sim._choices)
         p, kinds = sim._params[0], sim._kinds
         self.table = reservations.ReservationTable(sim._paths[0], *reservations.scratch(len(self.robots)))
         self.activate_rules()

@@ -121,7 +121,7 @@ def test_commands_are_cut_off_at_the_own_limits(action_type: Any, action: Any, w
         layout="open", num_agents=2, planner="astar", action_type=action_type, fleet=parts(LONG, count=1)
     )
     simulator = Simulator(config)
-    simulator._actions.decode(np.array([[action, action]]), simulator._commands[0], simulator._choices)
+    simulator.actions.decode(np.array([[action, action]]), simulator._commands[0], simulator._choices)
     np.testing.assert_allclose(simulator._commands[0, 0, :, 0], wanted, rtol=1e-6)
 
 

@@ -114,7 +114,7 @@ def test_of_two_head_on_the_later_one_takes_another_side() -> None:
 
 @pytest.mark.parametrize("liked", [1.2, -1.2])
 def test_sides_are_tried_in_the_order_of_preference(liked: float) -> None:
-    table = World((5.0, 10.0, 0.0)).simulator._actions.table
+    table = World((5.0, 10.0, 0.0)).simulator.actions.table
     preferences = np.zeros((1, 2, len(table)), np.float32)
     preferences[0, :, np.flatnonzero((table == (1.5, 0.0)).all(axis=1))] = 3.0
     preferences[0, :, np.flatnonzero((table == np.array((0.5, liked), np.float32)).all(axis=1))] = 2.0
