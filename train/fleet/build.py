@@ -77,8 +77,8 @@ def _map_of(fleet: HeardFleet, grid: GridMap) -> tuple[str, list[str]]:
     """Return the map whose positions are used, the floor's own name or the most frequent one, and notes on it."""
     count: Counter[str] = Counter()
     for vehicle in fleet.vehicles.values():
-        for number, times in Counter(vehicle.map).items():
-            count[vehicle.maps[number]] += times
+        numbers = vehicle.reports[:, 4]
+        count.update({each: int((numbers == number).sum()) for each, number in vehicle.maps.items()})
     name = grid.name if grid.name in count or not count else count.most_common(1)[0][0]
     others, notes = sum(count.values()) - count[name], []
     if others:

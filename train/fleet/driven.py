@@ -65,31 +65,28 @@ class FleetEpisode(Episode):
             yield shown
 
 
-class FleetPlayback:
+class FleetPlayback(FleetFigures):
     """The parts of a simulator that pages and pictures use, for a fleet that is not simulated."""
 
     def __init__(self, driven: FleetEpisode) -> None:
-        self.config, self.grid = driven.config, driven.grid
-        self._lines, count = driven.lines, driven.config.num_agents
-        self._figures = FleetFigures(driven.config)
-        self.robots = self._figures.robots
+        super().__init__(driven.config)
+        self.config, self.grid, self._lines = driven.config, driven.grid, driven.lines
+        count = driven.config.num_agents
         self.state, self.events = state_of(self.robots), events_of(self.robots)
         self.routes = np.zeros((1, count, max(map(len, driven.lines)), 2), np.float32)
         self.people = SimpleNamespace(persons=np.zeros((1, 0), PERSON))
         self.reward_terms = np.zeros((1, count, len(REWARD_TERMS)), np.float32)
-        self.carries = np.zeros(count, np.bool_)
         self.dispatcher = SimpleNamespace(shifts=(self,))
-        self._present = np.zeros(count, np.bool_)
+        self.carries = self._present = np.zeros(count, np.bool_)
         self._line = np.full(count, -1)
 
     def take(self, pose: NDArray[np.float32], moment: NDArray[Any]) -> None:
         """Take the next moment."""
-        self._figures.take(pose, moment)
+        super().take(pose, moment)
         robots = self.robots[0]
         self.state.pose[0] = pose
         robots["task"]["goal_row"], robots["task"]["goal_col"] = np.divmod(moment["goal"], self.grid.shape[1])
-        self.carries = (moment["bits"] & LOADED) != 0
-        self._present = (moment["bits"] & PRESENT) != 0
+        self.carries, self._present = (moment["bits"] & LOADED) != 0, (moment["bits"] & PRESENT) != 0
         for i in np.flatnonzero(moment["line"] != self._line).tolist():
             line = self._lines[moment["line"][i]]
             self.routes[0, i, : len(line)] = line
@@ -104,13 +101,9 @@ class FleetPlayback:
         """Return no waits: messages do not tell who waits for whom."""
         return Jams(*(np.full(self.robots.shape, NOBODY, np.int32) for _ in range(3)))
 
-    def seconds(self, world: int) -> float:
-        """Time since the first moment [s]."""
-        return self._figures.seconds
-
     def episode_metrics(self, world: int = 0) -> dict[str, float]:
         """Return the metrics so far."""
-        return episode_row(self.robots[0], self._figures.seconds, self.config)
+        return episode_row(self.robots[0], self.seconds(), self.config)
 
 
 def load_episode(path: str | Path) -> Episode:

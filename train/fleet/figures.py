@@ -42,9 +42,8 @@ class FleetFigures:
         self._pose: NDArray[np.float64] | None = None
         self._was: NDArray[Any] | None = None
 
-    @property
-    def seconds(self) -> float:
-        """Time since the first moment [s]."""
+    def seconds(self, world: int = 0) -> float:
+        """Return the time since the first moment [s]."""
         return self.moments * self._config.time_step
 
     def take(self, pose: NDArray[np.float32], moment: NDArray[Any]) -> None:
@@ -114,7 +113,7 @@ class FleetFigures:
             totals["longest_age"][i], task["age"][i] = max(totals["longest_age"][i], task["age"][i]), 0
             totals["planned"][i] = planned[i]
             totals["driven_to_goals"][i] += totals["distance"][i] - totals["distance_at_goal"][i]
-            totals["distance_at_goal"][i], totals["finish_time"][i] = totals["distance"][i], self.seconds
+            totals["distance_at_goal"][i], totals["finish_time"][i] = totals["distance"][i], self.seconds()
 
     def _look_at_pairs(self, bits: NDArray[np.uint8]) -> None:
         """Begin and end near misses and contacts of pairs; of pairs that end, those that never touched are near misses.

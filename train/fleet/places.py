@@ -38,13 +38,11 @@ class EvenTimes(NamedTuple):
 
 def places_of(vehicle: HeardVehicle, name: str, grid: GridMap) -> Track:
     """Return where a vehicle was on a map; of two reports of one moment the later one."""
-    order = np.argsort(np.frombuffer(vehicle.seconds), kind="stable")
-    number = vehicle.maps.index(name) if name in vehicle.maps else -1
-    there = np.frombuffer(vehicle.map, np.uint16)[order] == number
-    seconds, x, y, theta = (
-        np.frombuffer(values)[order][there] for values in (vehicle.seconds, vehicle.x, vehicle.y, vehicle.theta)
-    )
-    last = np.append(np.diff(seconds) > 0, True) if len(seconds) else np.zeros(0, np.bool_)
+    reports = vehicle.reports
+    reports = reports[np.argsort(reports[:, 0], kind="stable")]
+    there = reports[:, 4] == vehicle.maps.get(name, -1)
+    seconds, x, y, theta = reports[there, :4].T
+    last = np.append(np.diff(seconds) > 0, True)[: len(seconds)]
     pose = np.stack([x - grid.origin[0], y - grid.origin[1], np.unwrap(theta)], axis=-1)[last]
     elsewhere = np.diff(np.cumsum(~there)[there][last]) > 0
     seconds = seconds[last]

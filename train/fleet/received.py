@@ -10,6 +10,9 @@ from array import array
 from collections import Counter
 from typing import Any, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from train.fleet.figures import AT_PERSON, AT_ROBOT, AT_SHELF, LOADED
 from train.fleet.log import Bad, LogEntry, moment_of, version_of
 from train.fleet.vehicle import CONTACTS
@@ -17,6 +20,7 @@ from warehouse_env.errors import WarehouseError
 
 MOST_REPORTS = 5_000_000  # positions, and states
 _MOST_VEHICLES = 2_000
+_MOST_MAPS = 1_000  # of a vehicle
 _MOST_NODES = 5_000  # of an order
 _FARTHEST = 1e7  # [m]
 _BITS = dict(zip(CONTACTS, (AT_ROBOT, AT_SHELF, AT_PERSON), strict=True))
@@ -46,9 +50,8 @@ class HeardVehicle:
     """What one vehicle has said."""
 
     def __init__(self) -> None:
-        self.seconds, self.x, self.y, self.theta = array("d"), array("d"), array("d"), array("d")
-        self.maps: list[str] = []
-        self.map = array("H")
+        self._reports = array("d")
+        self.maps: dict[str, int] = {}  # their numbers in reports
         self.told: list[Told] = []
         self.factsheet: dict[str, Any] = {}
         self.connection: dict[str, Any] = {}  # the last message
@@ -57,9 +60,14 @@ class HeardVehicle:
         self._latest = -math.inf  # moment of any message so far
 
     @property
+    def reports(self) -> NDArray[np.float64]:
+        """Return float64[K, 5]: the time [s] since 1970, x, y [m], heading [rad] and map of each position, as heard."""
+        return np.array(self._reports).reshape(-1, 5)
+
+    @property
     def spoke(self) -> bool:
         """Whether it has sent a message that only a present vehicle sends."""
-        return bool(self.connection or self.seconds or self.told)
+        return bool(self.connection or self._reports or self.told)
 
     def connect(self, payload: dict[str, Any], state: str) -> None:
         """Keep a connection message. A broken connection is reported with a timestamp from before the connection."""
@@ -71,16 +79,10 @@ class HeardVehicle:
         self.connected.append((moment, state))
 
     def place(self, seconds: float, pose: tuple[float, float, float], name: str) -> None:
-        """Keep a position."""
-        if name not in self.maps:
-            if len(self.maps) == 1000:
-                return
-            self.maps.append(name)
-        self.seconds.append(seconds)
-        for values, value in zip((self.x, self.y, self.theta), pose, strict=True):
-            values.append(value)
-        self.map.append(self.maps.index(name))
-        self._latest = max(self._latest, seconds)
+        """Keep a position; those on more than _MOST_MAPS maps are dropped."""
+        if name in self.maps or len(self.maps) < _MOST_MAPS:
+            self._reports.extend((seconds, *pose, self.maps.setdefault(name, len(self.maps))))
+            self._latest = max(self._latest, seconds)
 
     def tell(self, seconds: float, payload: dict[str, Any]) -> None:
         """Keep what a state says about its order, load and errors."""
