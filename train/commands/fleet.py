@@ -38,35 +38,35 @@ PATIENCE = 60.0  # [s]
 
 @dataclass(frozen=True)
 class FleetCommand(Checked):
-    """Speak VDA 5050 2.1.0: write a recorded episode as messages, check a log of messages (--check), or make an episode
-    of what a real fleet says (--listen) and judge it like evaluate."""
+    """Speak VDA 5050 2.1.0: write a recorded episode as messages, check a log of messages (--check), or turn the
+    messages of a real fleet into an episode (--listen) with the figures of an evaluation."""
 
     episode: tyro.conf.Positional[Path | None] = None
-    """A file of `warehouse record`, to be written as messages."""
+    """Episode to write as messages, a file of `warehouse record`."""
     out: Path | None = None
     """Folder for messages.jsonl and the floor, or with --listen for episode.npz (results/fleet; with --mqtt, nothing is
     written unless a folder is named)."""
     mqtt: str | None = None
-    """Broker, HOST or HOST:PORT, to which the messages are published when they are due."""
+    """Broker, HOST or HOST:PORT, to which each message is published when it is due."""
     speed: float | None = None
-    """With --mqtt, simulated seconds a second (1)."""
+    """With --mqtt, simulated seconds per second (1)."""
     check: Path | None = None
-    """Check a log, a file or a folder with messages.jsonl: schemas, headers, orders, states. Exit code 1 for faults."""
+    """Log to check, a file or folder with messages.jsonl: schemas, headers, orders, states. Exit code 1 for faults."""
     listen: str | None = None
-    """Make an episode of what vehicles say: a log, or a broker, HOST or HOST:PORT."""
+    """Source of a real fleet's messages: a log, or a broker, HOST or HOST:PORT."""
     layout: Annotated[str | None, BY_MAP] = None
     """With --listen, the floor: a name of `warehouse layouts`, a file NAME.map, NAME.yaml of map_server in the
     vehicles' frame, or FILE.py:FUNCTION."""
     beside: Path | None = None
-    """With --listen, a recorded episode whose figures are shown beside the fleet's."""
+    """With --listen, a recorded episode whose figures stand beside the fleet's."""
     every: float | None = None
     """Seconds between two visualization messages of a vehicle (each step); with --listen, the episode's time step (as
     often as vehicles report)."""
     seconds: float | None = None
-    """With --listen HOST, end after so many seconds (when all vehicles are offline)."""
+    """With --listen HOST, stop after so many seconds (when all vehicles are offline)."""
     patience: float | None = None
-    """With --listen HOST, end if nothing comes for so many seconds (60). A lost connection is retried for as long; exit
-    code 3 if that fails."""
+    """With --listen HOST, stop after so many seconds without a message (60). A lost connection is retried for as long;
+    exit code 3 if that fails."""
     interface: str = "uagv"
     """First part of the topics."""
     user: str | None = None
@@ -80,7 +80,7 @@ class FleetCommand(Checked):
     key: Path | None = None
     """Private key of --cert, in PEM format, without a passphrase."""
     json: Path | None = None
-    """Write a row about the result to this file as JSON lines."""
+    """File for a row about the result, as JSON lines."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -1,4 +1,4 @@
-"""Turn what vehicles said at moments of their own into an episode: all vehicles at even moments, on a floor."""
+"""Turn the messages of vehicles into an episode: all vehicles on one floor at even moments."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _MOST, _LONGEST = 5_000_000, 200_000  # moments of all vehicles; of one
 
 
 def episode_of(fleet: HeardFleet, grid: GridMap, config: EnvConfig, every: float | None = None) -> FleetEpisode:
-    """Return the episode of what a fleet said; config: names the floor.
+    """Return the episode of a fleet's messages; config: names the floor.
 
     every: seconds between two moments (None: as often as vehicles report). Raises WarehouseError if there are too few
     positions, or too long a time.
@@ -120,7 +120,7 @@ def _at(places: Track, clock: EvenTimes) -> NDArray[np.float64]:
 
 
 class _Timeline:
-    """What one vehicle said of its orders, at even moments."""
+    """The orders of one vehicle at even moments."""
 
     def __init__(self, vehicle: HeardVehicle, places: Track, grid: GridMap, clock: EvenTimes, works: bool) -> None:
         """works: only orders with an action count as goals, since some vehicle reports actions."""
@@ -161,7 +161,7 @@ class _Timeline:
         return out
 
     def _present(self, times: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Return bool[F]: whether its place is known."""
+        """Return bool[F]: whether the vehicle's place is known."""
         first, until = self._places.seconds[[0, -1]] - self._clock.begin
         half = self._clock.step / 2
         found = (times >= first - half) & (times <= until + half)

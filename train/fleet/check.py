@@ -24,7 +24,7 @@ _SHOWN = 100  # faults that are kept; the others are counted
 
 
 class LogFault(NamedTuple):
-    """What is wrong, and where."""
+    """A fault in a log."""
 
     line: int
     vehicle: str
@@ -71,7 +71,7 @@ def check_log(given: Path, moved: Callable[[], object] = lambda: None) -> LogChe
 
 
 class _Vehicle:
-    """What is known of one vehicle."""
+    """The state of the check of one vehicle."""
 
     def __init__(self) -> None:
         self.versions: set[str] = set()  # odd ones, reported once each
@@ -85,7 +85,7 @@ class _Vehicle:
     def overdue(self, now: float) -> Iterator[tuple[str, str]]:
         """Yield a fault if a state was due."""
         if self.stated is not None and now - self.stated > _LATEST + 1e-3:
-            yield "time", f"it told no state for {now - self.stated:.1f} s"
+            yield "time", f"no state for {now - self.stated:.1f} s"
 
 
 class _Checker:
@@ -181,7 +181,7 @@ class _Checker:
             vehicle.headers[name] = number
         whose = (payload.get("manufacturer"), payload.get("serialNumber"))
         if whose != (parts[2], parts[3]):
-            yield "header", f"it names vehicle {shown(whose)}, its topic another"
+            yield "header", f"it names vehicle {shown(whose)}, its topic another one"
         level, version = parts[1], payload["version"]
         wrong = not _VERSION.fullmatch(version), f"v{major_of(version)}" != level
         if any(wrong) and f"{level}/{version}" not in vehicle.versions:  # once a vehicle
@@ -190,10 +190,10 @@ class _Checker:
             yield "version", f"{shown(version)} {what}"
         now = moment_of(payload.get("timestamp"), zoned=True)
         if now is None:
-            yield "time", f"timestamp {shown(payload.get('timestamp'))} is none by ISO 8601 in UTC"
+            yield "time", f"timestamp {shown(payload.get('timestamp'))} is not ISO 8601 in UTC"
         elif payload.get("connectionState") != "CONNECTIONBROKEN":  # which is as old as the connection
             if now < vehicle.times.get(name, now):
-                yield "time", f"the timestamp of this {name} lies before that of the last"
+                yield "time", f"the timestamp of this {name} is before that of the last"
             vehicle.times[name] = now
             self._first = now if self._first is None else min(self._first, now)
             self._last = max(self._last, now)
@@ -204,9 +204,9 @@ class _Checker:
             yield from vehicle.overdue(vehicle.times.get("connection", self._last))
             vehicle.stated = None
         if vehicle.online and state == "ONLINE":
-            yield "connection", "it is ONLINE once more, and was not gone"
+            yield "connection", "ONLINE again without having been offline"
         if not vehicle.online and state != "ONLINE" and payload["headerId"] == 0:
-            yield "connection", f"its first word is {state}"
+            yield "connection", f"its first connection message is {state}"
         vehicle.online = state == "ONLINE"
 
 

@@ -1,7 +1,7 @@
-"""What a real fleet drove, as an episode file: its poses, and what else its messages say.
+"""The episode of a real fleet, and its file.
 
-Such an episode cannot be run again, since its vehicles' commands are unknown; it is shown from what was kept. The file
-is one of `warehouse record` with empty actions, and further members of the archive hold the rest.
+It cannot be run again, since its vehicles' commands are unknown; poses and orders are shown as stored. The file is one
+of `warehouse record` with empty actions, and further members of the archive hold the orders.
 """
 
 from __future__ import annotations
@@ -136,7 +136,7 @@ def _driven(episode: Episode, archive: zipfile.ZipFile) -> FleetEpisode:
     good = (moments["goal"] >= 0) & (moments["goal"] < episode.grid.occupied.size)
     good &= (moments["line"] >= 0) & (moments["line"] < len(counts))
     if not good.all() or not np.isfinite(points).all() or not np.isfinite(episode.pose).all():
-        raise WarehouseError("some of its goals, lines or poses are none")
+        raise WarehouseError("some of its goals, lines or poses are out of range")
     lines = tuple(np.split(points.astype(np.float32), np.cumsum(counts)[:-1]))
     return FleetEpisode(
         episode.config, episode.grid, episode.seeds, episode.actions, episode.pose, episode.policy, None,

@@ -1,4 +1,4 @@
-"""What vehicles say, read from a log or heard from a broker; messages of a broker are logged as they come."""
+"""Receive the messages of vehicles from a log, or from a broker, which are logged at once."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ AGAIN = 1.0  # [s] between two attempts to reconnect
 
 
 class Heard(NamedTuple):
-    """What was heard, and how it ended."""
+    """The messages received, and how it ended."""
 
     fleet: HeardFleet
     why: str

@@ -1,4 +1,4 @@
-"""The rules of VDA 5050 for orders, and for what states say of them."""
+"""The rules of VDA 5050 for orders, and for the orders in states."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class OrderBook:
         self._open = bool(nodes or edges or undone) and number == self._id
         if not number:
             if nodes or edges:
-                yield "it has nodes or edges to come without an order"
+                yield "it has nodes or edges without an order"
             return
         if number != self._id or update not in self._nodes:
             if self._id is not None:
@@ -76,12 +76,12 @@ class OrderBook:
             return
         ordered = self._nodes[update]
         if (at, payload["lastNodeId"]) not in [node[:2] for node in ordered if node[2]]:
-            yield f"its last node {shown(payload['lastNodeId'])} with sequence id {at} is none of its base"
+            yield f"its last node {shown(payload['lastNodeId'])} with sequence id {at} is not in its base"
             return
         if nodes != [node for node in ordered if node[0] > at]:
-            yield f"its nodeStates are not the order's nodes behind sequence id {at}"
+            yield f"its nodeStates are not the order's nodes after sequence id {at}"
         if edges != [edge for edge in self._edges[update] if edge[0] > at]:
-            yield f"its edgeStates are not the order's edges behind sequence id {at}"
+            yield f"its edgeStates are not the order's edges after sequence id {at}"
 
 
 def _chain(payload: dict[str, Any], nodes: list[Point], edges: list[Point]) -> Iterator[str]:

@@ -1,4 +1,4 @@
-"""Where a vehicle was, also between its reports, from its positions and connection messages."""
+"""The track of a vehicle, also between its reports, from its positions and connection messages."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ def publish(
     """Publish messages when they are due, each vehicle over its own connection with a last will.
 
     sent: called after each message. A vehicle's orders use its connection as well, so they never overtake its states.
-    However it ends, vehicles that were online say OFFLINE. Raises WarehouseError if the broker cannot be reached,
+    At the end, also after an error, online vehicles say OFFLINE. Raises WarehouseError if the broker cannot be reached,
     LostError if it goes away.
     """
     publisher = _Publisher(broker, {serial: Sender(names, serial) for serial in serials}, speed, sent)
@@ -36,7 +36,7 @@ def publish(
         if not publisher.began:
             raise not_connected(broker, error) from None
         count = f"{publisher.count:,} messages were sent"
-        raise LostError(f"broker {broker.name} answers no more ({reason(error)}); {count}") from None
+        raise LostError(f"broker {broker.name} no longer answers ({reason(error)}); {count}") from None
 
 
 class _Publisher:

@@ -1,6 +1,6 @@
-"""What vehicles say in `state`, `visualization`, `factsheet` and `connection` messages, read leniently.
+"""Read `state`, `visualization`, `factsheet` and `connection` messages of any vehicle, leniently.
 
-Nothing here is trusted: usable parts of each message are kept, the rest is counted by its reason.
+The usable parts of each message are kept; the rest is counted by its reason.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _BITS = dict(zip(CONTACTS, (AT_ROBOT, AT_SHELF, AT_PERSON), strict=True))
 GONE = ("OFFLINE", "CONNECTIONBROKEN")  # version 3 writes CONNECTION_BROKEN
 _CONNECTIONS = ("ONLINE", *GONE)
 _POSITIONS = ("agvPosition", "mobileRobotPosition")  # until version 2, and from 3 on
-_IGNORED = ("order", "instantActions")  # states tell more about them
+_IGNORED = ("order", "instantActions")  # states hold more about them
 _READ = range(1, 4)  # major versions
 _PARKING = ("startCharging", "stopCharging")  # actions that are no goal's
 
@@ -36,7 +36,7 @@ Key = tuple[str, str]
 
 
 class Told(NamedTuple):
-    """What a state says besides the position."""
+    """A state without its position."""
 
     seconds: float
     order: str
@@ -47,7 +47,7 @@ class Told(NamedTuple):
 
 
 class HeardVehicle:
-    """What one vehicle has said."""
+    """The messages of one vehicle."""
 
     def __init__(self) -> None:
         self._reports = array("d")
@@ -85,12 +85,12 @@ class HeardVehicle:
             self._latest = max(self._latest, seconds)
 
     def tell(self, seconds: float, payload: dict[str, Any]) -> None:
-        """Keep what a state says about its order, load and errors."""
+        """Keep the order, load and errors of a state."""
         order = _text(payload.get("orderId"))
         listed = [payload.get(name) for name in ("nodeStates", "edgeStates")]
         nodes, edges = map(_objects, listed)
         left = len(nodes) + len(edges)
-        if not any(isinstance(one, list) for one in listed):  # it does not say what is left
+        if not any(isinstance(one, list) for one in listed):  # it does not list what is left
             left = self.told[-1].left if self.told and self.told[-1].order == order else int(order != "")
         new = self._last != (order, payload.get("orderUpdateId"))
         self._last = (order, payload.get("orderUpdateId"))
@@ -148,7 +148,7 @@ class HeardFleet:
             self._report(vehicle, name, entry.payload)
 
     def is_stale(self, entry: LogEntry) -> bool:
-        """Whether a retained connection message is of a vehicle that left before, or is repeated."""
+        """Return whether a connection message is retained from an earlier session, or repeated."""
         if not entry.retain or not entry.topic.endswith("/connection"):
             return False
         key = _key(entry)
@@ -159,12 +159,12 @@ class HeardFleet:
 
     @property
     def gone(self) -> bool:
-        """Whether vehicles spoke, and all of them are offline."""
+        """Whether vehicles have sent messages, and all of them are offline."""
         spoke = [vehicle for vehicle in self.vehicles.values() if vehicle.spoke]
         return bool(spoke) and all(one.connected and one.connected[-1][1] in GONE for one in spoke)
 
     def _is_read(self, entry: LogEntry) -> bool:
-        """Whether a message is of a version that is read, or names none; count it by its version."""
+        """Return whether a message names a version that is read, or none; count it by its version."""
         _, major = version_of(entry)
         if major is None:
             return True
@@ -182,7 +182,7 @@ class HeardFleet:
         return self.vehicles[key]
 
     def _report(self, vehicle: HeardVehicle, name: str, payload: dict[str, Any]) -> None:
-        """Keep the position, and for a state what else it says."""
+        """Keep the position, and the rest of a state."""
         seconds = moment_of(payload.get("timestamp"))
         if seconds is None:
             self.left_out["have no timestamp"] += 1

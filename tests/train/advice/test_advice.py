@@ -110,7 +110,7 @@ def advice(asked: RobotsNeeded | None = None, **changes: Any) -> Advice:
     (gap, *_), (rule,) = aisles(RACKS, (3, 2)), alternating(RACKS)
     effects = [Effect(gap, 4, base, interval(50.0, 10.0)), Effect(rule, 1, base, interval(5.0, 35.0))]
     plan = AdvicePlan(RACKS, ("greedy", "threaded_ppo"), "astar_turns", 300.0, 0, None, 64)
-    floor = FloorNotes(np.ones((7, 6)), np.empty((0, 2)), np.empty(0), 1.0)
+    floor = FloorNotes(np.ones((7, 6)), np.empty((0, 2)), 1.0)
     worst = [Bottleneck((3, 3), 3.5, 3.5, 30.0, 0.75, 0.25)]
     known = Advice(plan, CAPACITY.crew, CAPACITY, asked, floor, worst, np.zeros((7, 6)), effects, True)
     return known._replace(**changes)
@@ -189,6 +189,10 @@ def test_the_command_drives_answers_and_writes_a_page(
         ("--layout open --policy nobody", "unknown policy 'nobody'"),
         ("--layout open --episodes 1", "episodes=1 must be a whole number from 2"),
         ("--layout open --planner nobody", "unknown planner 'nobody'"),
+        ("--layout open --orders-per-hour 9 --goals 9", "--goals does not go with orders"),
+        ("--layout open --orders-per-hour 9 --seconds 300", "must be more than 900, when the first order is due"),
+        ("--layout open --orders nowhere.csv", "does not exist"),
+        ("--layout open --orders-per-hour 9 --in-time 2", "in_time=2.0 must be a number from 0.001"),
     ],
 )
 def test_bad_input_is_one_sentence(

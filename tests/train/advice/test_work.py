@@ -113,21 +113,3 @@ def test_the_command_carries_out_orders(tmp_path: Path, capsys: pytest.CaptureFi
     assert all(0.0 <= row["in_time_share"] <= 1.0 for row in rows)
     assert main([*command, "--resume"]) == 0
     assert read_rows(tmp_path / "rows.jsonl") == rows
-
-
-@pytest.mark.parametrize(
-    ("options", "reason"),
-    [
-        ("--orders-per-hour 9 --goals 9", "--goals does not go with orders"),
-        ("--orders-per-hour 9 --seconds 300", "--seconds 300 must be more than 900, when the first order is due"),
-        ("--orders nowhere.csv", "does not exist"),
-        ("--orders-per-hour 9 --in-time 2", "in_time=2.0 must be a number from 0.001"),
-    ],
-)
-def test_bad_input_is_one_sentence(
-    options: str, reason: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["advise", "--layout", "open", *options.split(), "--out", str(tmp_path / "out")]) == 2
-    error = capsys.readouterr().err
-    assert reason in error
-    assert error.count("\n") == 1

@@ -35,18 +35,18 @@ BREAKS: dict[str, tuple[Callable[[Log], object], str]] = {
     "topic's version": (lambda log: log[2].update(topic=log[2]["topic"].replace("v2", "v3")), "not that of the topic"),
     "odd version": (lambda log: _of(log, "order").update(version="v2.1.0"), "'v2.1.0' is not MAJOR.MINOR.PATCH"),
     "no version": (lambda log: _of(log, "order").pop("version"), "'version' is a required property"),
-    "back": (lambda log: _of(log, "state", 2).update(timestamp="2025-12-31T23:59:59Z"), "lies before"),
-    "zone": (lambda log: _of(log, "state").update(timestamp="2026-01-01T00:00:00"), "is none by ISO 8601"),
+    "back": (lambda log: _of(log, "state", 2).update(timestamp="2025-12-31T23:59:59Z"), "is before that of the last"),
+    "zone": (lambda log: _of(log, "state").update(timestamp="2026-01-01T00:00:00"), "is not ISO 8601"),
     "silent": (lambda log: [
         entry["payload"].update(timestamp="2026-01-01T00:01:00Z") for entry in log if entry["topic"].endswith("state")
-        and entry["payload"]["orderId"] == "00000-2"], "told no state for 5"),
+        and entry["payload"]["orderId"] == "00000-2"], "no state for 5"),
     "silent to the end": (lambda log: [
         _of(log, "connection").update(timestamp="2025-12-31T23:58:00Z"), _drop(log, "connection", 1),
         *(entry["payload"].update(timestamp="2025-12-31T23:59:00Z") for entry in log if entry["topic"][-5:] == "state"),
-    ], "told no state for 7"),
+    ], "no state for 7"),
     "quality": (lambda log: log[0].update(qos=0), "sent with QoS 0, not 1"),
     "topic": (lambda log: log[3].update(topic="a/b"), "is not INTERFACE"),
-    "online": (lambda log: _of(log, "connection", 1).update(connectionState="ONLINE"), "ONLINE once more"),
+    "online": (lambda log: _of(log, "connection", 1).update(connectionState="ONLINE"), "ONLINE again"),
     "stitch": (lambda log: _of(log, "order", 1)["nodes"][0].update(sequenceId=6), "order: "),
     "base": (lambda log: _of(log, "order", 0)["nodes"][1].update(released=False), "not followed by its horizon"),
     "update": (lambda log: _of(log, "order", 1).update(orderUpdateId=0), "update 0 of order '00000-1' comes after 0"),
@@ -54,10 +54,10 @@ BREAKS: dict[str, tuple[Callable[[Log], object], str]] = {
     "too early": (lambda log: _of(log, "order", 1).update(orderId="other"), "while '00000-1' is under way"),
     "nodes": (lambda log: _of(log, "state")["nodeStates"].pop(), "its nodeStates are not"),
     "states' edges": (lambda log: _of(log, "state")["edgeStates"].pop(0), "its edgeStates are not"),
-    "last node": (lambda log: _of(log, "state").update(lastNodeId="nowhere"), "is none of its base"),
+    "last node": (lambda log: _of(log, "state").update(lastNodeId="nowhere"), "is not in its base"),
     "unknown": (lambda log: _of(log, "state").update(orderUpdateId=5), "which was not sent"),
     "beyond": (lambda log: _of(log, "state").update(lastNodeSequenceId=6, lastNodeId="104.500,-19.500"),
-               "none of its base"),
+               "not in its base"),
 }  # fmt: skip
 
 
