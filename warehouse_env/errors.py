@@ -44,10 +44,6 @@ class LostError(WarehouseError):
     """
 
 
-class UnsafeError(RuntimeError):
-    """A robot cannot stop without contact although the shield is on: a fault of the program, not bad input."""
-
-
 def shown(value: Any) -> str:
     """Return a wrong value as text for an error message: on one line, cut if long."""
     try:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from tests.simulation.physics.test_no_overlap import DEEP
 from tests.simulation.reference import bodies, separation, shelves
+from tests.simulation.safe_stops import checked as checked  # a fixture
 from tests.simulation.worlds import plain_python, room, stage
 from warehouse_env.config import EnvConfig, FleetPart, RobotSpec, SensorSpec
 from warehouse_env.errors import ConfigError
@@ -34,9 +35,8 @@ OPTIONS: dict[str, dict[str, Any]] = {
 
 
 @pytest.fixture(autouse=True)
-def _checked(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Look for faults of the field in all tests: one kernel the less to compile."""
-    monkeypatch.setenv("WAREHOUSE_CHECK_FIELD", "1")
+def _checked(checked: None) -> None:
+    """Check in all tests that robots can stop."""
 
 
 def parts(*kinds: RobotSpec, count: int = 3) -> tuple[FleetPart, ...]:

@@ -40,7 +40,6 @@ from warehouse_env.simulation.tasks.orders import Order
 from warehouse_env.simulation.tasks.placement import Limits, put_all
 from warehouse_env.simulation.tasks.tasks import Arrival
 from warehouse_env.simulation.traffic import deadlock_recovery, decision, recovery
-from warehouse_env.simulation.traffic.audit import raise_fault
 from warehouse_env.simulation.traffic.jams import Jams, jams_of
 from warehouse_env.simulation.traffic.path_ahead import COLUMNS, POSES
 from warehouse_env.simulation.worlds import (
@@ -161,7 +160,6 @@ class Simulator(Portable):
                 for name, value in shared.items():
                     records[name] = value
         self._waiting = np.zeros(b, dtype=np.int32)
-        self._faults = np.zeros((b, 3), dtype=np.int32)
         self._features = Features.of(self.config)
         most, least = max(_MOST // n, 1), math.ceil(_LEAST / n)
         self._blocks = _parts(b, most)
@@ -190,7 +188,7 @@ class Simulator(Portable):
         self._worlds = Worlds(
             self._planned, self.routes, self.arcs, self._commands, people.persons, people.ways,
             None if shifts is None else shifts.limits, deviation.bodies, deviation.errors, self._stamps,
-            self.steps, self.truncated, self.terminated, self._waiting, self._faults, self._paths, self._choices,
+            self.steps, self.truncated, self.terminated, self._waiting, self._paths, self._choices,
             self.observation, self.reward_terms, self.reward,
         )  # fmt: skip
         self.setup = Setup(
@@ -287,7 +285,7 @@ class Simulator(Portable):
     def _reset_world(self, world: int, entropy: list[int] | None, assignment: Assignment | None = None) -> None:
         robots = self._planned[world]
         robots[...] = np.zeros((), dtype=state.ROBOT)
-        self._stamps[world] = self._faults[world] = self._commands[:, world] = self.steps[world] = 0
+        self._stamps[world] = self._commands[:, world] = self.steps[world] = 0
         self.arrivals = [arrival for arrival in self.arrivals if arrival.world != world]
         self.truncated[world] = self.terminated[world] = False
         robots["task"]["alive"] = 1
@@ -343,8 +341,6 @@ class Simulator(Portable):
         if self.robots is not self._planned:
             self._deviation.draw()
         arrivals = sum(self._each(self._advance))
-        if self._features.checked:
-            raise_fault(self._faults)
         self.people.send_on(self._planned)
         arrived = np.argwhere(self._planned["events"]["arrived"] != 0).tolist() if arrivals else []
         self.arrivals = self.dispatcher.arrive(self.steps, arrived)

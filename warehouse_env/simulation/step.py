@@ -21,7 +21,7 @@ from warehouse_env.simulation.physics.trigonometry import ONE, ZERO
 from warehouse_env.simulation.senses import prediction, sensing
 from warehouse_env.simulation.senses.rewards import write_terms
 from warehouse_env.simulation.state import GAP_HORIZON, NOBODY
-from warehouse_env.simulation.traffic import audit, right_of_way, shield, waits
+from warehouse_env.simulation.traffic import right_of_way, shield, waits
 
 ADVANCE, OBSERVE, OBSERVE_WAITING = 1, 2, 4
 _HORIZON = np.float32(GAP_HORIZON)
@@ -214,14 +214,6 @@ def _move_as_can(worlds, at, scratch, guarded, walking, erring, vehicles, floor)
 
 
 @inline
-def _check(worlds, b, clock, checked, vehicles, floor):
-    """Look for robots of world b that cannot stop clear any more (audit.py)."""
-    if checked is not None:
-        p, kinds = vehicles
-        audit.find_fault(worlds.robots[b], worlds.persons[b], clock, p, kinds, floor, worlds.faults[b])
-
-
-@inline
 def _count_step(worlds, b, p):
     """Count the env step of world b, and update its ends."""
     worlds.steps[b] += 1
@@ -246,7 +238,6 @@ def _step(worlds, at, setup, scratch):
     _move_as_can(worlds, at, scratch, guarded, walking, features.erring, (planned, true), floor)
     shield.settle(robots, guarded)
     people.walk(persons, worlds.ways[b], robots, walking, p, kinds, floor)
-    _check(worlds, b, clock, features.checked, planned, floor)
     contact_episodes.judge_pairs(robots, scratch.own, pairs, scratch.near[0], worlds.stamps[b], clock, *true)
     contact_episodes.end_shelf_contacts(robots, *true, floor)
     people.end_contacts(robots, persons, walking, p, kinds)

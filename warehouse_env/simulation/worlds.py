@@ -20,7 +20,7 @@ from warehouse_env.simulation.physics import buckets, contact, deviation
 from warehouse_env.simulation.physics.floor import Floor
 from warehouse_env.simulation.physics.zones import Zones
 from warehouse_env.simulation.senses import prediction, sensing
-from warehouse_env.simulation.traffic import audit, reservations, shield, waits
+from warehouse_env.simulation.traffic import reservations, shield, waits
 
 Floats = NDArray[np.float32]
 
@@ -32,16 +32,13 @@ class Features(NamedTuple):
     stopping: Literal[True] | None  # robots stop at their goals (driver/arrival.py)
     walking: Literal[True] | None  # people
     guarded: Literal[True] | None  # the protective field
-    checked: Literal[True] | None  # and looked for faults (audit.py)
     erring: Literal[True] | None  # bodies differ from their plans (deviation.py)
 
     @classmethod
     def of(cls, config: EnvConfig) -> Features:
         """Return the features of a config."""
-        field = config.traffic_spec.shield
-        checked = field and audit.is_wanted()
-        stopping = config.arrival != "pass"
-        has = (config.action_type != "raw", stopping, config.people > 0, field, checked, deviation.errs(config))
+        field, stopping = config.traffic_spec.shield, config.arrival != "pass"
+        has = (config.action_type != "raw", stopping, config.people > 0, field, deviation.errs(config))
         return cls(*(True if one else None for one in has))
 
 
@@ -62,7 +59,6 @@ class Worlds(NamedTuple):
     truncated: NDArray[np.bool_]  # [B]
     terminated: NDArray[np.bool_]  # [B, N]
     waiting: NDArray[np.int32]  # [B], arrivals; these worlds are observed after the Simulator has assigned new tasks
-    faults: NDArray[np.int32]  # [B, 3], see audit.find_fault
     paths: Floats  # [B, N + 1, POSES, COLUMNS], kept from one decision to the next (traffic/path_ahead.py)
     choices: Floats  # [B, N, K, 3], see senses/preferences.py
     observation: Floats  # [B, N, D]

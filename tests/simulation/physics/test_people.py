@@ -10,9 +10,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from tests.simulation.safe_stops import checked as checked  # a fixture
 from tests.simulation.worlds import coast, drawn, raw, room, stage
 from warehouse_env.config import EnvConfig, RobotSpec
-from warehouse_env.errors import ConfigError, UnsafeError, WarehouseError
+from warehouse_env.errors import ConfigError, WarehouseError
 from warehouse_env.maps.grid_map import Cell
 from warehouse_env.simulation.physics.people import (
     AT_GOAL,
@@ -26,17 +27,10 @@ from warehouse_env.simulation.physics.people import (
     People,
 )  # fmt: skip
 from warehouse_env.simulation.simulator import Simulator
-from warehouse_env.simulation.traffic import audit
 from warehouse_env.traffic_spec import TrafficSpec
 
 STEP = 0.1 * float(PACE)  # [m]
 FAR = (18.0, 5.0, 0.0)
-
-
-@pytest.fixture
-def checked(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Every Simulator looks for itself whether a safe stop exists, after each physics step."""
-    monkeypatch.setenv(audit.SWITCH, "1")
 
 
 def with_people(*where: Any, people: int = 1, **changes: Any) -> Simulator:
@@ -236,10 +230,10 @@ def test_whatever_people_and_robots_do_the_field_lets_nobody_be_hit(seed: int) -
 
 
 @pytest.mark.usefixtures("checked")
-def test_the_checked_mode_finds_a_robot_that_cannot_stop() -> None:
+def test_the_check_finds_a_robot_that_cannot_stop_before_a_person() -> None:
     simulator = with_people(room(10, 20), (5.0, 5.0, 0.0, 1.5), traffic=TrafficSpec(shield=True))
     still(simulator, 6.2, 5.0)  # put there, where no robot would have been so fast
-    with pytest.raises(UnsafeError, match="a person"):
+    with pytest.raises(AssertionError, match="a person"):
         simulator.step(raw(simulator, (1.0, 0.0)))
 
 

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from tests.simulation.physics.test_no_overlap import crowd
 from tests.simulation.rights import World
+from tests.simulation.safe_stops import assert_all_can_stop
 from tests.simulation.test_determinism import MAP, actions_for, bits
 from tests.simulation.worlds import drawn, raw, room, stage
 from warehouse_env.config import EnvConfig, SensorSpec
 from warehouse_env.simulation.simulator import Simulator
-from warehouse_env.simulation.traffic.audit import SWITCH
 from warehouse_env.traffic_spec import TrafficSpec, UncertaintySpec
 
 STANDING = ((5.0, 5.0, 0.0), (7.0, 5.0, math.pi))
@@ -68,15 +68,14 @@ def test_whatever_is_lost_nobody_touches_anything(seed: int, loss: float, burst:
     rng = np.random.default_rng(seed)
     grid = room(9, 9)
     changes = {"traffic": TrafficSpec(shield=True), "uncertainty": UncertaintySpec(loss=loss, burst=burst)}
-    with pytest.MonkeyPatch.context() as environment:
-        environment.setenv(SWITCH, "1")
-        simulator = stage(grid, *crowd(rng, grid, 12, 0.05), **changes)
+    simulator = stage(grid, *crowd(rng, grid, 12, 0.05), **changes)
     simulator._messages.begin(0, [seed])
     commands = np.zeros((1, simulator.num_agents, 2))
     for _ in range(80):
         fresh = rng.choice([-1.0, 0.0, 1.0], commands.shape, p=[0.2, 0.1, 0.7])
         commands = np.where(rng.random((*commands.shape[:2], 1)) < 0.3, fresh, commands)
         simulator.step(commands)
+        assert_all_can_stop(simulator)
     assert not simulator.robots["totals"]["hits_robot"].any()
     assert not simulator.robots["totals"]["hits_shelf"].any()
     assert simulator.robots["totals"]["distance"].sum() > 0.1

@@ -13,14 +13,14 @@ from hypothesis import strategies as st
 from agents import make_policy, policy_config
 from tests.simulation.physics.test_no_overlap import MAZE, crowd
 from tests.simulation.reference import bodies, separation
+from tests.simulation.safe_stops import checked as checked  # a fixture
 from tests.simulation.worlds import drawn, put, raw, room, stage
 from warehouse_env.config import EnvConfig, RobotSpec
-from warehouse_env.errors import ConfigError, UnsafeError
+from warehouse_env.errors import ConfigError
 from warehouse_env.simulation.physics import contact, stops
 from warehouse_env.simulation.physics.kinematics import braking
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.traffic import shield
-from warehouse_env.simulation.traffic.audit import SWITCH
 from warehouse_env.traffic_spec import TrafficSpec
 
 FULL = (1.0, 0.0)  # raw: accelerate, steering held
@@ -28,9 +28,8 @@ ROUNDING = 1e-5  # [m] that float32 at ten metres is allowed
 
 
 @pytest.fixture(autouse=True)
-def _checked(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Every Simulator of these tests looks for itself whether a safe stop exists, after each physics step."""
-    monkeypatch.setenv(SWITCH, "1")
+def _checked(checked: None) -> None:
+    """Check in all tests that robots can stop."""
 
 
 def guarded(grid: Any, *poses: Any, **changes: Any) -> Simulator:
@@ -277,7 +276,7 @@ def drive_on(simulator: Simulator) -> None:
 def test_the_check_finds_what_a_field_lets_through() -> None:
     simulator = guarded(room(3, 20), (2.0, 1.5, 0.0), (9.0, 1.5, 0.0))
     simulator._params["field_margin"] = -1.0  # a field that bodies may run through
-    with pytest.raises(UnsafeError, match=r"world 0, physics step \d+: robot 1 cannot stop clear of robot 0"):
+    with pytest.raises(AssertionError, match="world 0: robot 1 cannot stop clear of robot 0"):
         drive_on(simulator)
     assert untouched(simulator)  # found while there was still a way to go
     simulator.reset(seed=0)
@@ -287,18 +286,11 @@ def test_the_check_finds_what_a_field_lets_through() -> None:
 def test_the_check_finds_a_stop_that_ends_in_a_shelf() -> None:
     simulator = guarded(room(3, 20), (18.9, 1.5, 0.0))
     put(simulator, 0, (18.9, 1.5, 0.0, 1.5))
-    with pytest.raises(UnsafeError, match="robot 0 cannot stop clear of a shelf"):
+    with pytest.raises(AssertionError, match="robot 0 cannot stop clear of a shelf"):
         simulator.step(raw(simulator, FULL))
 
 
-def test_the_check_must_be_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(SWITCH, "0")
-    simulator = guarded(room(3, 20), (18.9, 1.5, 0.0, 1.5))
-    simulator.step(raw(simulator, FULL))
-
-
-def test_what_a_policy_sees_of_the_field(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(SWITCH, "0")
+def test_what_a_policy_sees_of_the_field() -> None:
     config = policy_config("ppo", EnvConfig(num_agents=3, planner="astar"))
     plain, under = Simulator(config), Simulator(config.replace(traffic=TrafficSpec(shield=True)))
     field = under.layout.slices["field"]
@@ -308,7 +300,6 @@ def test_what_a_policy_sees_of_the_field(monkeypatch: pytest.MonkeyPatch) -> Non
     under.reset(seed=1)
     np.testing.assert_array_equal(under.observation[..., : field.start], plain.observation)
     assert not under.observation[..., field].any()
-    monkeypatch.setenv(SWITCH, "1")
     simulator = guarded(room(3, 20), (2.0, 1.5, 0.0), (15.0, 1.5, 0.0), action_repeat=2)
     for _ in range(100):
         simulator.step(raw(simulator, FULL, (0.0, 0.0)))
@@ -317,8 +308,7 @@ def test_what_a_policy_sees_of_the_field(monkeypatch: pytest.MonkeyPatch) -> Non
     np.testing.assert_allclose(simulator.observation[0, :, -2:], [[1.0, min(seconds, 5.0) / 5.0], [0.0, 0.0]])
 
 
-def test_a_policy_trained_without_a_field_drives_under_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(SWITCH, "0")
+def test_a_policy_trained_without_a_field_drives_under_one() -> None:
     config = policy_config("ppo", EnvConfig(num_agents=3, planner="astar"))
     under = config.replace(traffic=TrafficSpec(shield=True))
     observation = Simulator(under).reset(seed=1)
@@ -353,11 +343,3 @@ def test_a_robot_that_is_held_where_it_stands_may_steer() -> None:
     assert held > 0
     assert simulator.robots["motion"]["x"][0, 0] > 5.05
     assert simulator.robots["totals"]["hits_robot"].sum() == 0
-
-
-def test_without_the_field_nothing_is_audited() -> None:
-    """Robots may collide there, whatever WAREHOUSE_CHECK_FIELD says, which these tests set."""
-    simulator = stage(room(12, 12), (4.0, 6.0, 0.0, 1.5), (6.0, 6.0, math.pi, 1.5), action_type="raw")
-    for _ in range(20):
-        simulator.step(np.zeros((1, 2, 2), np.float32))
-    assert simulator.robots["totals"]["hits_robot"].sum() > 0

@@ -1,18 +1,16 @@
-"""The checked mode: after every physics step, all robots must be able to stop at once without touching anything.
+"""The shield's promise, checked after every env step: all robots can stop at once without touching anything.
 
 It shares no code with shield.py: kinematics.drive drives every stop, and all pairs of robots are compared at every
-substep. It is slow, and meant for tests and doubts.
+substep.
 """
 
 from __future__ import annotations
 
-import os
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+import pytest
 
-from warehouse_env.errors import UnsafeError
 from warehouse_env.kernel import kernel, part
 from warehouse_env.simulation.physics.footprint import body_touches_shelf
 from warehouse_env.simulation.physics.geometry import body_at, rectangles_touch
@@ -20,30 +18,9 @@ from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.physics.kinematics import approach, chassis_of, drive
 from warehouse_env.simulation.physics.people import PACE, RADIUS, distance_to_body
 from warehouse_env.simulation.physics.trigonometry import ZERO, sin_cos
+from warehouse_env.simulation.simulator import Simulator
 
-STEP, FIRST, SECOND = 0, 1, 2  # of a fault: physics step since the reset, robot, the other robot or SHELF
-SHELF, NONE, PERSON = -1, -2, -3
-SWITCH = (
-    "WAREHOUSE_CHECK_FIELD"  # environment variable: 1 checks every Simulator with a protective field made from then
-)
-
-
-def is_wanted() -> bool:
-    """Return whether the checked mode is on."""
-    return os.environ.get(SWITCH, "0") not in ("", "0")
-
-
-def raise_fault(faults: NDArray[Any]) -> None:
-    """Raise UnsafeError for the first world that has a fault, int32[B, 3] as `find_fault` writes them."""
-    if not faults[:, STEP].any():
-        return
-    world = int(faults[:, STEP].argmax())
-    step, first, second = faults[world].tolist()
-    what = {SHELF: "a shelf", PERSON: "a person"}.get(second, f"robot {second}")
-    raise UnsafeError(
-        f"world {world}, physics step {step}: robot {first} cannot stop clear of {what}; "
-        "the protective field should not have let it come to this"
-    )
+NONE, SHELF, PERSON = -1, -2, -3
 
 
 @part
@@ -66,8 +43,8 @@ def _stop(r, p, stop):
 
 
 @kernel
-def find_fault(robots, persons, clock, p, kinds, floor, fault):
-    """Write (clock, i, j, SHELF or PERSON) into `fault` int32[3] for robots whose stops touch, unless one is there."""
+def _find_fault(robots, persons, p, kinds, floor):
+    """Return (robot, the other robot, SHELF or PERSON that its stop touches); NONE as the other if no stop does."""
     stops = np.empty((robots.shape[0], p["stop_samples"], 4), np.float32)
     for i in range(robots.shape[0]):
         _stop(robots[i], kind_of(i, p, kinds), stops[i])
@@ -89,5 +66,30 @@ def find_fault(robots, persons, clock, p, kinds, floor, fault):
                 theirs = kind_of(j, p, kinds)
                 if rectangles_touch(body, body_at(to_x, to_y, to_c, to_s, theirs)):
                     other = j
-            if other != NONE and fault[STEP] == 0:
-                fault[STEP], fault[FIRST], fault[SECOND] = clock, i, other
+            if other != NONE:
+                return i, other
+    return 0, NONE
+
+
+def assert_all_can_stop(simulator: Simulator) -> None:
+    """Fail if a robot of a simulator under the shield cannot stop clear of all others, shelves and people."""
+    params, kinds = simulator._limits
+    for world in range(simulator.num_worlds):
+        robots, persons = simulator._planned[world], simulator.people.persons[world]
+        robot, other = _find_fault(robots, persons, params[0], kinds, simulator._floor)
+        what = {SHELF: "a shelf", PERSON: "a person"}.get(other, f"robot {other}")
+        assert other == NONE, f"world {world}: robot {robot} cannot stop clear of {what}"
+
+
+@pytest.fixture
+def checked(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Check every Simulator under the shield after each of its env steps."""
+    step = Simulator.step
+
+    def checked_step(simulator: Simulator, actions: Any) -> Any:
+        observation = step(simulator, actions)
+        if simulator.config.traffic_spec.shield:
+            assert_all_can_stop(simulator)
+        return observation
+
+    monkeypatch.setattr(Simulator, "step", checked_step)
