@@ -51,9 +51,8 @@ long: $(STAMP) ## drive one world with everything on for DECISIONS decisions, tw
 	$(RUN)/python -m tests.long --decisions $(DECISIONS) --keep $(NIGHT)/long
 
 bounds: $(STAMP) ## drive EPISODES random episodes, and hostile inputs, with all indices of all kernels checked
-	NUMBA_BOUNDSCHECK=1 NUMBA_CACHE_DIR=$(NIGHT)/bounds $(RUN)/python -m tests.bounds --episodes $(EPISODES)
-	NUMBA_BOUNDSCHECK=1 NUMBA_CACHE_DIR=$(NIGHT)/bounds $(RUN)/python -m pytest tests/test_hostile.py \
-	  -k "episodes or environments or actions"
+	NUMBA_BOUNDSCHECK=1 NUMBA_CACHE_DIR=$(NIGHT)/bounds EPISODES=$(EPISODES) $(RUN)/python -m pytest \
+	  tests/test_bounds.py tests/test_hostile.py -k "episode or environments or actions"
 
 docs: $(STAMP) ## build the documentation in build/docs; a warning is an error
 	$(RUN)/python -m sphinx --quiet --fail-on-warning --keep-going --fresh-env docs build/docs
