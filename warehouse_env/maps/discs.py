@@ -117,6 +117,6 @@ def write_beside(path: Path, discs: NDArray[np.floating[Any]]) -> None:
     if not len(discs):
         beside.unlink(missing_ok=True)
         return
-    numbers = [[float(str(value)) for value in disc] for disc in discs]  # the shortest that say it
+    numbers = [[float(str(value)) for value in disc] for disc in discs]  # the shortest decimals
     lines = [f'  {{"x": {x!r}, "y": {y!r}, "radius": {radius!r}}}' for x, y, radius in numbers]
     write_text(beside, '{"discs": [\n' + ",\n".join(lines) + "\n]}\n")

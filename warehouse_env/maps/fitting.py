@@ -72,7 +72,7 @@ def opened(grid: GridMap, goal: Cell) -> GridMap:
 
 
 def _notes(grid: GridMap, region: NDArray[np.bool_], need: float, who: str, lost: list[str]) -> list[str]:
-    """Say what a floor loses for a body."""
+    """Return what a floor loses for a body, in sentences."""
     covered = _near(region, math.sqrt(0.5) + need / grid.cell_size, beyond=False)
     closed = np.zeros(grid.shape, np.bool_)
     closed[tuple(grid.free_cells.T)] = True
@@ -103,7 +103,7 @@ def _turns(grid: GridMap, region: NDArray[np.bool_], robot: RobotSpec, who: str)
         size = grid.cell_size
         yield (
             f"{who} need aisles of {need:.1f} m to turn from one into another, and some of {size:g} m meet, as near "
-            f"({x:.1f}, {y:.1f}) m: they may stand there for good; smaller cells leave such aisles out, as in "
+            f"({x:.1f}, {y:.1f}) m: robots may get stuck there; smaller cells leave such aisles out, as in "
             f"hall.yaml:cell={size / 2:g}"
         )
 

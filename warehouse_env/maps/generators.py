@@ -14,7 +14,7 @@ from warehouse_env.maps.grid_map import Cell, GridMap
 
 _RIM = 3  # [cells] least width of the rims of `aisles`
 _BLIND = 0.25  # share of its aisles that are closed at one end
-LARGEST = 4096  # [cells] of a floor's side; a robot would be an hour under way
+LARGEST = 4096  # [cells] of a floor's side, which a robot crosses in an hour
 
 
 def blocks(

@@ -18,7 +18,7 @@ MOVES: NDArray[np.int64] = np.array(
 
 
 def shifted(values: NDArray[T], d_row: int, d_column: int, outside: Any = 0) -> NDArray[T]:
-    """Return [H, W]: values [H, W] as seen from each cell so many rows and columns on (-1, 0 or 1)."""
+    """Return [H, W]: the value that lies `d_row` rows and `d_column` columns (-1, 0 or 1) of each cell."""
     rows, columns = values.shape
     padded = np.pad(values, 1, constant_values=outside)
     return padded[1 + d_row : 1 + d_row + rows, 1 + d_column : 1 + d_column + columns]

@@ -1,4 +1,4 @@
-"""Checked copies of what a map is given: read-only arrays of the right shape, or a MapError in one sentence."""
+"""Check the arrays and numbers of a map: read-only copies of the right shape, or a MapError in one sentence."""
 
 from __future__ import annotations
 

@@ -204,7 +204,7 @@ def _opposes(one_way: int, d_row: float, d_col: float) -> bool:
 def validate_line(grid: GridMap, line: NDArray[np.float64], start: Cell, goal: Cell, clearance: float = 0.0) -> None:
     """Raise PlanError unless a polyline float64[K, 2] of (row, col) leads from start to goal off the shelves.
 
-    Nor may it have a part against the direction of a one-way cell that it passes through.
+    The line must not run against the direction of a one-way cell that it passes through.
 
     clearance: least distance [cells] of every segment from shelf cells (unit squares) and from the map's edge.
     """

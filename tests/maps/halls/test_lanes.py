@@ -151,7 +151,7 @@ def test_a_hall_keeps_to_the_lanes_of_a_file(tmp_path: Path, write: Any, name: s
     assert np.array_equal(found.grid.speed, np.where(occupied, np.inf, 0.75))
     assert found.grid.picks.tolist() == [[0, 0]]
     assert found.grid.stations.tolist() == [[2, 5]]
-    assert found.notes == ("hall.oneway is not used, since lanes say the directions",)
+    assert found.notes == ("hall.oneway is not used: the lanes give the directions",)
     assert read_hall(f"{plain}:lanes={name},lanes_prefer=3").grid.price[3, 0, 0] == 3.0  # type: ignore[index]
 
 
@@ -183,8 +183,8 @@ def test_costs_of_lanes_are_kept_or_said(tmp_path: Path) -> None:
     file.write_text(json.dumps(data))
     read = read_route_graph(file)
     assert [one.price for one in read.lanes] == [1.5, 1.0, 1000.0, 1.0]
-    assert any("counts as that" in note for note in read.noted())
-    assert any("stands for several things" in note for note in read.noted())
+    assert any("is clipped" in note for note in read.noted())
+    assert any("used more than once" in note for note in read.noted())
 
 
 def change(data: Any, path: list[Any], value: Any) -> Any:
@@ -204,14 +204,14 @@ FIRST = ["layouts", 0]
         ([*FIRST, "nodes", 0], 3, "a node is 3"),
         (["metaInformation", "lifVersion"], "2.0.0", "lifVersion '2.0.0' is not read; versions 0 and 1 are"),
         (["metaInformation", "lifVersion"], "v3", "lifVersion 'v3' is not read"),
-        ([*FIRST, "nodes", 0, "nodeId"], "r0c1", "nodeId 'r0c1' stands for two nodes"),
-        ([*FIRST, "edges", 0, "edgeId"], "r0c1-r0c0", "edgeId 'r0c1-r0c0' stands for two edges"),
+        ([*FIRST, "nodes", 0, "nodeId"], "r0c1", "nodeId 'r0c1' is used by two nodes"),
+        ([*FIRST, "edges", 0, "edgeId"], "r0c1-r0c0", "edgeId 'r0c1-r0c0' is used by two edges"),
         ([*FIRST, "nodes", 0, "nodeId"], None, "nodeId None must be a text"),
         ([*FIRST, "nodes", 0, "nodePosition", "x"], float("nan"), "finite number"),
         ([*FIRST, "nodes", 0, "nodePosition"], [1, 2], "position of"),
-        ([*FIRST, "edges", 0, "endNodeId"], "nowhere", "which there is not"),
+        ([*FIRST, "edges", 0, "endNodeId"], "nowhere", "which does not exist"),
         ([*FIRST, "edges", 0, "vehicleTypeEdgeProperties", 0, "maxSpeed"], -1, "must be above 0"),
-        ([*FIRST, "stations", 0, "interactionNodeIds"], ["nowhere"], "which there is not"),
+        ([*FIRST, "stations", 0, "interactionNodeIds"], ["nowhere"], "which does not exist"),
     ],
 )
 def test_a_wrong_lif_is_one_sentence(tmp_path: Path, path: list[Any], value: Any, sentence: str) -> None:
@@ -271,12 +271,12 @@ def test_a_curve_is_followed_or_noted(tmp_path: Path, change: dict[str, Any], sa
 @pytest.mark.parametrize(
     ("path", "value", "sentence"),
     [
-        (["features"], {}, "no route graph"),
+        (["features"], {}, "not a route graph"),
         (["features", 0, "properties"], None, "no properties"),
-        (["features", 0, "properties", "id"], 1, "stands for two nodes"),
+        (["features", 0, "properties", "id"], 1, "is used by two nodes"),
         (["features", 0, "geometry", "coordinates"], ["x"], "coordinates"),
         (["features", 0, "geometry", "coordinates"], [1e300, 0], "coordinates"),
-        (["features", -1, "properties", "endid"], 99, "which there is not"),
+        (["features", -1, "properties", "endid"], 99, "which does not exist"),
         (["features", -1, "properties", "metadata"], {"speed_limit": 0}, "above 0"),
         (["features", -1, "properties", "cost"], -1, "cost -1 must be a number"),
     ],

@@ -177,7 +177,7 @@ def test_pictures_of_other_kinds(tmp_path: Path) -> None:
     ("old", "new", "sentence"),
     [
         ("image: hall.pgm", "image: ../hall.pgm", "same folder"),
-        ("image: hall.pgm", "image: hall.txt", "no picture"),
+        ("image: hall.pgm", "image: hall.txt", "not a picture"),
         ("image: hall.pgm", "image: no.pgm", "does not exist"),
         ("image: hall.pgm\n", "", "no entry image"),
         ("resolution: 0.5\n", "", "resolution must be a number"),
@@ -204,9 +204,9 @@ def test_a_wrong_yaml_is_one_sentence(tmp_path: Path, old: str, new: str, senten
     ("content", "sentence"),
     [
         (b"P5 6000 6000 255\n", "make it coarser"),
-        (b"P5 2 2 255\n\0", "no picture"),
-        (b"\x89PNG", "no picture"),
-        (b"P5 0 2 255\n", "no picture"),
+        (b"P5 2 2 255\n\0", "not a readable picture"),
+        (b"\x89PNG", "not a readable picture"),
+        (b"P5 0 2 255\n", "not a readable picture"),
     ],
 )
 def test_a_wrong_picture_is_one_sentence(tmp_path: Path, content: bytes, sentence: str) -> None:

@@ -134,7 +134,7 @@ class _Reader:
         arrows, price = self._one_way(), None
         if on_cells is not None:
             if arrows.any() and (arrows != on_cells.one_way).any():
-                self._notes.append(f"{self._path.stem}{one_way.SUFFIX} is not used, since lanes say the directions")
+                self._notes.append(f"{self._path.stem}{one_way.SUFFIX} is not used: the lanes give the directions")
             speed, arrows = np.minimum(speed, on_cells.speed), on_cells.one_way
             price = np.minimum(prices(on_cells, self._how.lanes_prefer), DEAREST)
             if self._how.lanes_only:

@@ -61,7 +61,7 @@ class OnCells(NamedTuple):
 def lay(lanes: Lanes, floor: NDArray[np.bool_], raster: Raster) -> OnCells:
     """Lay lanes on cells of floor; what cells cannot represent goes into the notes."""
     steps = np.zeros((*floor.shape, 4), dtype=np.bool_)
-    speed, price, astray = np.full(floor.shape, np.inf), np.full(steps.shape, np.inf), []
+    speed, price, off_floor = np.full(floor.shape, np.inf), np.full(steps.shape, np.inf), []
     for lane in lanes.lanes:
         cells = _cells_along(lane, raster)
         there = raster.inside(cells)
@@ -69,15 +69,15 @@ def lay(lanes: Lanes, floor: NDArray[np.bool_], raster: Raster) -> OnCells:
         good[there] = floor[tuple(cells[there].T)]
         if not (len(good) and good.all()):
             x, y = (raster.centres(cells[np.argmin(good)]) if len(cells) else lane.line[0]).tolist()
-            astray.append(f"{lane.name} near ({x:.1f}, {y:.1f}) m")
+            off_floor.append(f"{lane.name} near ({x:.1f}, {y:.1f}) m")
         on_way = _steps_of(cells, good)
         steps[on_way] = True
         price[on_way] = np.minimum(price[on_way], lane.price)
         on = tuple(cells[good].T)
         speed[on] = np.minimum(speed[on], lane.speed)
-    if astray:
-        lead = f"{len(astray)} of {len(lanes.lanes)} lanes leave the floor, and hold on floor only"
-        lanes.notes[f"{lead}: the first is {astray[0]}"] += 1
+    if off_floor:
+        lead = f"{len(off_floor)} of {len(lanes.lanes)} lanes leave the floor; only their part on the floor counts"
+        lanes.notes[f"{lead}: the first is {off_floor[0]}"] += 1
     one_way, open_steps = arrows(steps)
     if open_steps:
         lanes.notes["one-way steps cross or meet so closely that cells cannot keep them"] += open_steps
@@ -114,7 +114,7 @@ def prices(on_cells: OnCells, prefer: float) -> NDArray[np.float64]:
 
 
 def _seen(values: NDArray[np.float64], by: tuple[int, int]) -> NDArray[np.float64]:
-    """Return float64[H, W]: values as seen from each cell so many rows and columns on; the nearest one outside."""
+    """Return float64[H, W]: the value that lies `by` (rows, columns) of each cell; beyond the rim, the nearest one."""
     rows, columns = values.shape
     return np.pad(values, 1, mode="edge")[1 + by[0] : 1 + by[0] + rows, 1 + by[1] : 1 + by[1] + columns]
 
@@ -176,15 +176,15 @@ def of_floor(grid: GridMap) -> Lanes:
     speed = grid.speed
     centres = grid.world(grid.centre(grid.free_cells)).round(6)
     names = {(r, c): f"r{r}c{c}" for r, c in grid.free_cells.tolist()}
-    made = Lanes({name: (x, y) for name, (x, y) in zip(names.values(), centres.tolist(), strict=True)})
+    lanes = Lanes({name: (x, y) for name, (x, y) in zip(names.values(), centres.tolist(), strict=True)})
     for (row, column), name in names.items():
         for move, (d_row, d_column) in enumerate(STEPS):
             other = names.get((row + d_row, column + d_column))
             if other is not None and grid.legal_moves[row, column, 2 * move]:
                 most = np.inf if speed is None else min(speed[row, column], speed[row + d_row, column + d_column])
-                line = np.array([made.nodes[name], made.nodes[other]])
+                line = np.array([lanes.nodes[name], lanes.nodes[other]])
                 price = 1.0 if grid.price is None else float(grid.price[row, column, 2 * move])
-                made.lanes.append(Lane(f"{name}-{other}", name, other, line, float(most), price))
+                lanes.lanes.append(Lane(f"{name}-{other}", name, other, line, float(most), price))
     for kind, cells in (("picks", grid.picks), ("stations", grid.stations)):
-        made.places[kind] = tuple(Place(names[r, c], *made.nodes[names[r, c]]) for r, c in cells.tolist())
-    return made
+        lanes.places[kind] = tuple(Place(names[r, c], *lanes.nodes[names[r, c]]) for r, c in cells.tolist())
+    return lanes

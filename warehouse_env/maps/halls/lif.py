@@ -41,27 +41,27 @@ def read_lif(path: Path, vehicle: str | None = None) -> Lanes:
     """
     data = read_json(path, "LIF file", _LARGEST_FILE)
     if not isinstance(data, dict) or not isinstance(data.get("layouts"), list) or not data["layouts"]:
-        raise MapError(f'{path} is no LIF file: it must hold "layouts", a list of one or more')
+        raise MapError(f'{path} is not a LIF file: it must hold "layouts", a list of one or more')
     reading = _Reading(path, vehicle)
     reading.check_version(data.get("metaInformation"))
     return reading.layouts(data["layouts"])
 
 
 class _Reading:
-    """One file as it is read."""
+    """Read one file."""
 
     def __init__(self, path: Path, vehicle: str | None) -> None:
-        self._path, self._vehicle, self._made = path, vehicle, Lanes()
-        self._actions: dict[str, set[str]] = {}  # node -> types of what is done there
+        self._path, self._vehicle, self._lanes = path, vehicle, Lanes()
+        self._actions: dict[str, set[str]] = {}  # node -> types of its actions
         self._elsewhere: set[str] = set()  # nodes of other levels
-        self._given: set[tuple[str, str]] = set()  # name of an id, and its value, that stands for something
+        self._given: set[tuple[str, str]] = set()  # kind of an id, and its value
 
     def check_version(self, about: Any) -> None:
         """Raise MapError for a version that is not read; note a missing one."""
         version = about.get("lifVersion") if isinstance(about, dict) else None
         major = major_of(version)
         if major is None:
-            self._note(f"lifVersion is missing or none, and taken for {VERSION}")
+            self._note(f"lifVersion is missing or unreadable; the file is read as {VERSION}")
         elif major > 1:
             raise self._bad(f"lifVersion {shown(version)} is not read; versions 0 and 1 are")
 
@@ -79,15 +79,15 @@ class _Reading:
                 for entry in self._each(layout, key):
                     take(entry)
         for_whom = "a vehicle" if self._vehicle is None else f"vehicle {shown(self._vehicle)}"
-        if not self._made.nodes:
+        if not self._lanes.nodes:
             raise self._bad(f"none of its {len(self._actions):,} nodes is open to {for_whom}, so it has no node")
         edges = sum(len(self._list(layout, "edges")) for layout in chosen)
-        if edges and not self._made.lanes:
+        if edges and not self._lanes.lanes:
             self._note(f"none of its {edges:,} edges is open to {for_whom}")
-        return self._made
+        return self._lanes
 
     def _note(self, text: str) -> None:
-        self._made.notes[text] += 1
+        self._lanes.notes[text] += 1
 
     def _bad(self, text: str) -> MapError:
         return MapError(f"{self._path}: {text}")
@@ -115,10 +115,10 @@ class _Reading:
         return name
 
     def _own_id(self, entry: dict[str, Any], key: str) -> str:
-        """Return the id of an entry, which no other of its kind may have."""
+        """Return the id of an entry; MapError if another entry of its kind has the same."""
         name = self._id(entry.get(key), key)
         if (key, name) in self._given:
-            raise self._bad(f"{key} {shown(name)} stands for two {key[:-2]}s; give each its own")
+            raise self._bad(f"{key} {shown(name)} is used by two {key[:-2]}s; give each its own")
         self._given.add((key, name))
         return name
 
@@ -145,27 +145,27 @@ class _Reading:
         listed = actions if isinstance(actions, list) else []
         self._actions[name] = {str(one.get("actionType")).lower() for one in listed if isinstance(one, dict)}
         if ours is not None:
-            self._made.nodes[name] = where
+            self._lanes.nodes[name] = where
 
     def _edge(self, entry: dict[str, Any]) -> None:
         name = self._own_id(entry, "edgeId")
         ends = self._known(entry.get("startNodeId"), name), self._known(entry.get("endNodeId"), name)
         ours = self._for_us(entry, "vehicleTypeEdgeProperties")
-        if ours is None or not all(end in self._made.nodes for end in ends):
+        if ours is None or not all(end in self._lanes.nodes for end in ends):
             return
-        straight = np.array([self._made.nodes[end] for end in ends])
+        straight = np.array([self._lanes.nodes[end] for end in ends])
         line, speed = self._course(ours.get("trajectory"), name, straight), np.inf
         if ours.get("maxSpeed") is not None:
             speed = self._number(ours["maxSpeed"], f"edge {shown(name)}: maxSpeed")
             if speed <= 0:
                 raise self._bad(f"edge {shown(name)}: maxSpeed {speed:g} must be above 0")
-        self._made.lanes.append(Lane(name, *ends, line, speed))
+        self._lanes.lanes.append(Lane(name, *ends, line, speed))
 
     def _known(self, node: Any, owner: str) -> str:
         """Return the id of a node that an edge or a station names."""
         name = self._id(node, "node")
         if name not in self._actions and name not in self._elsewhere:
-            raise self._bad(f"{shown(owner)} names node {shown(name)}, which there is not")
+            raise self._bad(f"{shown(owner)} names node {shown(name)}, which does not exist")
         return name
 
     def _course(self, trajectory: Any, name: str, straight: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -184,7 +184,7 @@ class _Reading:
         sound = sound and knot[int(degree)] < knot[len(places)] and np.abs(places).max() <= 1e9
         curve = _nurbs(places, weights, knot, int(degree)) if sound else np.full((1, 2), np.nan)
         if not np.isfinite(curve).all() or np.hypot(*(curve[[0, -1]] - straight).T).max() > _FAR:
-            self._note("a trajectory is no NURBS between its nodes, and taken for straight")
+            self._note("a trajectory is no NURBS between its nodes; the lane is straight")
             return straight
         return np.concatenate([straight[:1], curve, straight[1:]])
 
@@ -192,12 +192,12 @@ class _Reading:
         name = self._own_id(entry, "stationId")
         for given in self._list(entry, "interactionNodeIds"):
             node = self._known(given, name)
-            if node not in self._made.nodes:
+            if node not in self._lanes.nodes:
                 continue
             kind = KINDS[0] if self._actions[node] == {"pick"} else KINDS[1]
-            known = self._made.places.get(kind, ())
+            known = self._lanes.places.get(kind, ())
             own = name if all(place.name != name for place in known) else f"{name} {node}"
-            self._made.places[kind] = (*known, Place(own, *self._made.nodes[node]))
+            self._lanes.places[kind] = (*known, Place(own, *self._lanes.nodes[node]))
 
 
 def _nurbs(

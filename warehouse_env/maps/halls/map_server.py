@@ -61,11 +61,11 @@ def read_occupancy(path: Path, resolution: float | None = None) -> Occupancy:
     """Return the map of a YAML file, or of a plain picture, which needs a resolution [m/pixel]; MapError."""
     if path.suffix.lower() in YAMLS:
         if resolution is not None:
-            raise MapError(f"{path} says its resolution itself; leave resolution={resolution} out")
+            raise MapError(f"{path} holds its own resolution; leave out resolution={resolution}")
         about = _mapping(path)
         return _interpreted(path, read_picture(_image(path, about)), about)
     if resolution is None:
-        raise MapError(f"{path} is a plain picture, so say how wide a pixel is in metres: {path.name}:resolution=0.05")
+        raise MapError(f"{path} is a plain picture; give the width of a pixel in metres: {path.name}:resolution=0.05")
     about = {"resolution": resolution, "free_thresh": FREE_THRESH, "occupied_thresh": OCCUPIED_THRESH}
     return _interpreted(path, read_picture(path), {"origin": [0, 0, 0], **about})
 
@@ -92,7 +92,7 @@ def _image(path: Path, about: dict[Any, Any]) -> Path:
 def _mapping(path: Path) -> dict[Any, Any]:
     about = read_yaml(path, "map", _LARGEST_YAML)
     if not isinstance(about, dict):
-        raise MapError(f"{path} is no map of map_server: it holds no entries like 'resolution: 0.05'")
+        raise MapError(f"{path} is not a map of map_server: it has no entries like 'resolution: 0.05'")
     return about
 
 
@@ -158,7 +158,7 @@ def read_picture(path: Path) -> Picture:
     from PIL import Image  # imported late: few commands read pictures
 
     if path.suffix.lower() not in PICTURES:
-        raise MapError(f"{path} is no picture of a map; known are {', '.join(PICTURES)}")
+        raise MapError(f"{path} is not a picture of a map; use one of {', '.join(PICTURES)}")
     content = read_bytes(path, "picture", _LARGEST_PICTURE)
     try:
         with warnings.catch_warnings():
@@ -172,7 +172,7 @@ def read_picture(path: Path) -> Picture:
     except MapError:
         raise
     except Exception as error:  # whatever a damaged picture makes a decoder raise
-        raise MapError(f"{path} is no picture that can be read: {shown(str(error))[1:-1]}") from None
+        raise MapError(f"{path} is not a readable picture: {shown(str(error))[1:-1]}") from None
 
 
 def _grey(image: Any) -> Picture:

@@ -17,7 +17,7 @@ from warehouse_env.maps.halls.map_server import Occupancy
 def report_of(
     path: Path, how: HallOptions, occupancy: Occupancy, raster: Raster, grid: GridMap, barred: NDArray[np.bool_]
 ) -> Iterator[str]:
-    """Yield what was read of a hall, and what its cells lose, one sentence each.
+    """Yield what was read of a hall and what its cells lose, one sentence each.
 
     barred: bool[H, W], floor that masks or lanes close.
     """
@@ -39,7 +39,7 @@ def report_of(
     for what, given in (("keepout", how.keepout), ("speed", how.speed)):
         mask = path.with_name(f"{path.stem}_{what}.yaml")
         if given is None and mask.exists():
-            yield f"{mask.name} lies beside and is not read; {what}={mask.name} reads it"
+            yield f"{mask.name} lies beside the map but is not read; {what}={mask.name} reads it"
     x, y = grid.origin
     yield f"its south-west corner is at ({x:g}, {y:g}) m of the map"
 

@@ -37,29 +37,29 @@ def read_route_graph(path: Path) -> Lanes:
     data = read_json(path, "route graph", _LARGEST_FILE)
     features = data.get("features") if isinstance(data, dict) else None
     if not isinstance(features, list) or len(features) > 2 * MOST:
-        raise MapError(f'{path} is no route graph: it must hold "features", a list of at most {2 * MOST:,}')
-    made = Lanes()
+        raise MapError(f'{path} is not a route graph: it must hold "features", a list of at most {2 * MOST:,}')
+    lanes = Lanes()
     kinds: dict[str, list[Any]] = {"Point": [], "LineString": [], "MultiLineString": []}
     for feature in features:
         geometry = feature.get("geometry") if isinstance(feature, dict) else None
         geometry = geometry if isinstance(geometry, dict) else {}
         kind = geometry.get("type")
         if not isinstance(kind, str) or kind not in kinds:
-            made.notes["a feature is neither Point nor LineString, and left out"] += 1
+            lanes.notes["a feature is neither Point nor LineString and is left out"] += 1
         elif not isinstance(feature.get("properties"), dict):
             raise MapError(f"{path}: a {kind} has no properties, in which its id stands")
         else:
             kinds[kind].append((feature["properties"], geometry.get("coordinates")))
     for properties, coordinates in kinds["Point"]:
-        _take_node(path, made, properties, coordinates)
-    if not made.nodes:
+        _take_node(path, lanes, properties, coordinates)
+    if not lanes.nodes:
         raise MapError(f"{path} has no node: no Point with an id")
     edges = [*kinds["LineString"], *kinds["MultiLineString"]]
-    known: set[str] = set(made.nodes)
-    made.lanes = [_lane(path, made, known, *edge) for edge in edges]
-    if not made.places:
-        _dead_ends(made)
-    return made
+    known: set[str] = set(lanes.nodes)
+    lanes.lanes = [_lane(path, lanes, known, *edge) for edge in edges]
+    if not lanes.places:
+        _dead_ends(lanes)
+    return lanes
 
 
 def _id(path: Path, properties: dict[str, Any], key: str) -> str:
@@ -83,46 +83,46 @@ def _line(path: Path, what: str, coordinates: Any) -> NDArray[np.float64]:
     return np.array([[as_number(v) for v in point[:2]] for point in points])
 
 
-def _take_node(path: Path, made: Lanes, properties: dict[str, Any], coordinates: Any) -> None:
+def _take_node(path: Path, lanes: Lanes, properties: dict[str, Any], coordinates: Any) -> None:
     name = _id(path, properties, "id")
-    if name in made.nodes:
-        raise MapError(f"{path}: id {name} stands for two nodes; give each its own")
+    if name in lanes.nodes:
+        raise MapError(f"{path}: id {name} is used by two nodes; give each its own")
     x, y = _line(path, f"node {name}", [coordinates])[0].tolist()
-    made.nodes[name] = (x, y)
+    lanes.nodes[name] = (x, y)
     metadata = properties.get("metadata")
     place = metadata.get("place") if isinstance(metadata, dict) else None
     for kind in KINDS:
         if place == kind[:-1]:
-            made.places[kind] = (*made.places.get(kind, ()), Place(name, x, y))
+            lanes.places[kind] = (*lanes.places.get(kind, ()), Place(name, x, y))
 
 
-def _lane(path: Path, made: Lanes, known: set[str], properties: dict[str, Any], coordinates: Any) -> Lane:
+def _lane(path: Path, lanes: Lanes, known: set[str], properties: dict[str, Any], coordinates: Any) -> Lane:
     name = _id(path, properties, "id")
     if name in known:
-        made.notes["an id stands for several things, and is kept for each"] += 1
+        lanes.notes["an id is used more than once; all its uses are kept"] += 1
     known.add(name)
     ends = _id(path, properties, "startid"), _id(path, properties, "endid")
     for end in ends:
-        if end not in made.nodes:
-            raise MapError(f"{path}: edge {name} leads to node {end}, which there is not")
+        if end not in lanes.nodes:
+            raise MapError(f"{path}: edge {name} leads to node {end}, which does not exist")
     line = _line(path, f"edge {name}", coordinates) if coordinates else np.empty((0, 2))
-    line = np.concatenate([[made.nodes[ends[0]]], line[1:-1], [made.nodes[ends[1]]]])  # nodes say where lanes end
+    line = np.concatenate([[lanes.nodes[ends[0]]], line[1:-1], [lanes.nodes[ends[1]]]])  # nodes say where lanes end
     metadata = properties.get("metadata")
     speed = _speed(path, name, metadata if isinstance(metadata, dict) else {})
-    return Lane(name, *ends, line, speed, _price(path, made, name, properties, line))
+    return Lane(name, *ends, line, speed, _price(path, lanes, name, properties, line))
 
 
-def _price(path: Path, made: Lanes, name: str, properties: dict[str, Any], line: NDArray[np.float64]) -> float:
+def _price(path: Path, lanes: Lanes, name: str, properties: dict[str, Any], line: NDArray[np.float64]) -> float:
     """Return what an edge costs, times its length."""
     cost, length = properties.get("cost"), float(np.hypot(*np.diff(line, axis=0).T).sum())
     if cost is None or (cost == 0 and properties.get("overridable", True)) or length == 0:
-        return 1.0  # 0 is what Nav2 takes a cost for that is not given, and puts the length in its place
+        return 1.0  # Nav2 takes a missing cost for 0, and uses the length instead
     if not 0 <= as_number(cost) < math.inf:
         raise MapError(f"{path}: edge {name}: cost {shown(cost)} must be a number of at least 0")
     asked = as_number(cost) / length
     price = min(max(asked, CHEAPEST), DEAREST)
     if price != asked:
-        made.notes[f"a cost is not within {CHEAPEST:g} to {DEAREST:g} times its lane's length, and counts as that"] += 1
+        lanes.notes[f"a cost is clipped to {CHEAPEST:g} to {DEAREST:g} times its lane's length"] += 1
     return price
 
 
@@ -136,14 +136,14 @@ def _speed(path: Path, name: str, metadata: dict[str, Any]) -> float:
     return float(np.inf)
 
 
-def _dead_ends(made: Lanes) -> None:
+def _dead_ends(lanes: Lanes) -> None:
     near: dict[str, set[str]] = {}
-    for lane in made.lanes:
+    for lane in lanes.lanes:
         near.setdefault(lane.start, set()).add(lane.end)
         near.setdefault(lane.end, set()).add(lane.start)
-    ends = tuple(Place(name, *made.nodes[name]) for name, others in near.items() if len(others - {name}) == 1)
+    ends = tuple(Place(name, *lanes.nodes[name]) for name, others in near.items() if len(others - {name}) == 1)
     if ends:
-        made.places[KINDS[1]] = ends
+        lanes.places[KINDS[1]] = ends
 
 
 def write_route_graph(grid: GridMap, path: str | os.PathLike[str]) -> None:
