@@ -9,11 +9,9 @@ from typing import Unpack
 import numpy as np
 
 from train.books import simulator_of
-from train.central import CENTRAL
-from train.evaluation.rollout import POLICY_STREAM, Decider, config_of, make_actor
-from train.evaluation.scenes import SCENES
+from train.evaluation.rollout import POLICY_STREAM, Experiment, decider, make_experiment
 from warehouse_env.config import ConfigChanges, EnvConfig
-from warehouse_env.errors import ConfigError, unknown_name
+from warehouse_env.errors import ConfigError
 from warehouse_env.render.floor import scale_for
 from warehouse_env.render.frame import Scene, draw, scene_of
 from warehouse_env.render.video import VideoWriter
@@ -26,7 +24,6 @@ _BETWEEN = "   "  # the parts of a caption
 def film(
     path: str | os.PathLike[str],
     *policies: str,
-    scene: str | None = None,
     begin: float = 0.0,
     seconds: float = 12.0,
     speed: float = 2.0,
@@ -37,43 +34,26 @@ def film(
     """Drive each policy from the same seed, and film them side by side into a .gif or .mp4 file.
 
     The film shows `seconds` [s] from `begin` on, `speed` times as fast as real time; the longest side of a floor is
-    `pixels` wide. Options are those of EnvConfig and override what a policy needs. scene: a name of SCENES instead of a
-    floor. Raises ConfigError for wrong names and values, WeightsError for an unusable policy folder.
+    `pixels` wide. Options are those of EnvConfig and override what a policy needs. Raises ConfigError for wrong names
+    and values, WeightsError for an unusable policy folder.
     """
     if not policies:
         raise ConfigError("name at least one policy to film")
-    films = [_driven(policy, scene, seed, begin, seconds, speed / FPS, options) for policy in policies]
+    driven = [make_experiment(policy, EnvConfig(), 1, begin + seconds, seed, options) for policy in policies]
+    times = [begin + frame * speed / FPS for frame in range(round(seconds * FPS / speed) + 1)]
     with VideoWriter(path, FPS) as video:
-        for scenes in zip(*films, strict=True):
+        for scenes in zip(*(_scenes(experiment, times) for experiment in driven), strict=True):
             scale = scale_for(scenes[0].grid, pixels, most=_LARGEST)
             video.add(np.concatenate([draw(one, scale) for one in scenes], axis=1))
 
 
-def _driven(
-    policy: str, scene: str | None, seed: int, begin: float, seconds: float, every: float, options: ConfigChanges
-) -> Iterator[Scene]:
-    """Yield a scene of a world that a policy drives, one every `every` seconds."""
-    if scene is not None and scene not in SCENES:
-        raise unknown_name("scene", scene, SCENES)
-    played = None if scene is None else SCENES[scene]()
-    base = EnvConfig() if played is None else EnvConfig(num_agents=played.robots, tasks="one_shot")
-    config = config_of(policy, base, options)
-    simulator = simulator_of(config, 1, None if played is None else played.grid)
-    if played is None:
-        simulator.reset(seed)
-    else:
-        simulator.reset_to([played.draw(np.random.default_rng([seed, 2]))], [seed])
-    decide, rng = _decider(policy, config), np.random.default_rng([seed, POLICY_STREAM])
-    for frame in range(round(seconds / every) + 1):
-        while simulator.seconds(0) < begin + frame * every - 1e-6:
+def _scenes(experiment: Experiment, times: list[float]) -> Iterator[Scene]:
+    """Drive as an evaluation does, and yield a scene at each of the times [s]."""
+    simulator = simulator_of(experiment.config, 1)
+    simulator.reset(experiment.seed)
+    decide, rng = decider(experiment), np.random.default_rng([experiment.seed, POLICY_STREAM])
+    for time in times:
+        while simulator.seconds(0) < time - 1e-6:
             simulator.step(decide(simulator, [rng]))
-        shown = scene_of(simulator)
-        yield shown._replace(text=_BETWEEN.join([policy, *shown.text.split(_BETWEEN)[2:]]))  # for floor and robots
-
-
-def _decider(policy: str, config: EnvConfig) -> Decider:
-    """Return the function that chooses the actions of one world, as in an evaluation."""
-    if policy in CENTRAL:
-        return CENTRAL[policy].make(config).act_on
-    act = make_actor(policy, config)
-    return lambda simulator, generators: act(simulator.observation, generators[0])
+        shown = scene_of(simulator)  # whose caption begins with floor and robots
+        yield shown._replace(text=_BETWEEN.join([experiment.policy, *shown.text.split(_BETWEEN)[2:]]))

@@ -134,7 +134,7 @@ def play_out(
     step: instead of the simulator's own. Returns each episode's metrics, deadlocks included, and the median time of a
     decision [ms].
     """
-    decide, step = _decider(experiment), step or simulator.step
+    decide, step = decider(experiment), step or simulator.step
     generators = [np.random.default_rng([seed, POLICY_STREAM]) for seed in experiment.seeds]
     metrics: dict[int, dict[str, Any]] = {}
     after = DISTURBANCES[experiment.disturbance].breakdown if experiment.disturbance else None
@@ -158,7 +158,7 @@ def play_out(
     return [metrics[world] for world in range(simulator.num_worlds)], 1000 * statistics.median(seconds)
 
 
-def _decider(experiment: Experiment) -> Decider:
+def decider(experiment: Experiment) -> Decider:
     """Return what chooses the actions: a central planner from the whole state, or a policy from observations."""
     config, name, eyes = experiment.config, experiment.disturbance, list[Senses]()
     if experiment.policy in CENTRAL:

@@ -68,7 +68,7 @@ def test_what_is_lost_is_a_note_of_one_line(hall: Path, tmp_path: Path) -> None:
         run(
             "plan", "--map", str(hall), "--tasks", "1", "--planner", "astar", "--no-pictures", "--out", str(hall.parent)
         )
-    shown = cli._noted_once()
+    shown = cli._notes()
     assert shown(warned[0].message, MapWarning, "x.py", 3).startswith("warehouse: note: hall: 1 of 2 picks")
     assert shown(warned[0].message, MapWarning, "y.py", 4) == ""  # it is said already
     assert "\n" not in str(warned[0].message)

@@ -35,12 +35,6 @@ def test_a_frame_a_tenth_of_a_second_of_the_film(tmp_path: Path) -> None:
     assert np.abs(long[-1].astype(int) - late[-1]).mean() < 2  # the same moment, but for the palette
 
 
-def test_a_scene_is_played_on_its_own_floor(tmp_path: Path) -> None:
-    film(tmp_path / "scene.gif", "follow", scene="head_on_two_cells", seconds=1.0, pixels=280, planner="astar")
-    height, width, _ = frames(tmp_path / "scene.gif")[0].shape
-    assert (width, height) == (280, 70 + 28)  # 28 x 7 cells of 10 px, and the caption
-
-
 @pytest.mark.parametrize("policy", ["ppo", "central_pibt"])
 def test_robots_drive_as_in_an_evaluation(policy: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     poses: list[Any] = []
@@ -56,7 +50,7 @@ def test_robots_drive_as_in_an_evaluation(policy: str, tmp_path: Path, monkeypat
 
 @pytest.mark.parametrize(
     ("policies", "options", "said"),
-    [((), {}, "at least one policy"), (("folow",), {}, "follow"), (("follow",), {"scene": "crosing"}, "crossing")],
+    [((), {}, "at least one policy"), (("folow",), {}, "follow")],
 )
 def test_wrong_names_are_refused(policies: tuple[str, ...], options: Any, said: str, tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=said):
