@@ -67,7 +67,7 @@ def test_a_training_leaves_a_policy_that_acts(config: ReinforceConfig) -> None:
     row = json.loads((folder / "progress.jsonl").read_text().splitlines()[-1])
     assert {"steps_per_second", "reward", "goals_per_robot_hour", "collisions_per_km", "stuck", "entropy"} <= set(row)
     card = (folder / "CARD.md").read_text()
-    assert "192 agent-steps in 4 updates, seed 0" in card
+    assert "192 agent-steps in 4 updates" in card
     assert not [path.name for path in folder.rglob(".*")]
 
 
@@ -181,8 +181,7 @@ def test_the_policy_asks_for_right_of_way_that_its_training_goes_without(config:
     directory = reinforce.train(config)
     driven = policy_config(directory, EnvConfig())
     assert driven.traffic_spec == replace(TRAFFIC["assist"], right_of_way_after=6.0)
-    words = "driven with right of way around robots that wait for each other in a ring and have stood for 6 s"
-    assert words in (directory / "CARD.md").read_text()
+    assert "`assist:right_of_way_after=6.0`" in (directory / "CARD.md").read_text()
     plain = reinforce.train(replace(config, name="plain", traffic="shield"))
     assert not policy_config(plain, EnvConfig()).traffic_spec.right_of_way
     assert (read_record(directory).mode, read_record(plain).mode) == ("greedy", "sample")

@@ -222,12 +222,10 @@ def stratified_interval(strata: Sequence[Sequence[float]]) -> Interval:
 
 def wilson_interval(successes: int, trials: int) -> Interval:
     """Return a share with its 95% interval by Wilson's score (1927), good near 0 and 1 as well; trials: at least 1."""
-    z = 1.959964
-    share = successes / trials
-    centre = (share + z * z / (2 * trials)) / (1 + z * z / trials)
-    half = z / (1 + z * z / trials) * math.sqrt(share * (1 - share) / trials + z * z / (4 * trials * trials))
-    low, high = max(0.0, min(share, centre - half)), min(1.0, max(share, centre + half))  # rounding apart
-    return Interval(share, low, high, trials)
+    from scipy.stats import binomtest  # imported late: it takes a second
+
+    found = binomtest(successes, trials).proportion_ci(method="wilson")
+    return Interval(successes / trials, float(found.low), float(found.high), trials)
 
 
 def t_quantile(freedom: int, coverage: float = 0.95) -> float:

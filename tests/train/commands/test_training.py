@@ -175,9 +175,9 @@ def test_robots_of_other_kinds_are_trained_with_and_gone_on_with(
     words = ["--layout", "open", "--steps", "48", "--out", str(tmp_path), "--planner", "astar"]
     words += ["--traffic", "none:shield=true", "--fleet", str(fleet)]
     assert main(["train", trainer, *SMALL.split(), *words]) == 0
-    robots = "with 2 robots (of 1.2 x 0.6 m, up to 0.8 m/s, braking at 1 m/s²)"
-    assert robots in capsys.readouterr().err
-    assert robots in (folder / "CARD.md").read_text()
+    kind = "1.2 x 0.6 m, up to 0.8 m/s, braking at 1 m/s²"
+    assert f"with 2 robots (of {kind})" in capsys.readouterr().err
+    assert kind in (folder / "CARD.md").read_text()
     assert read_record(folder).env.robots == (slow, slow)
     saved = checkpoint.read(folder / "checkpoint")
     checkpoint.write(folder / "checkpoint", saved.arrays, saved.data | {"config": saved.data["config"] | {"steps": 96}})

@@ -25,7 +25,14 @@ def folder(tmp_path: Path) -> Path:
 
 def test_the_card_says_how_it_was_trained(folder: Path) -> None:
     text = write_card(folder).read_text()
-    for part in ("10.0 minutes", "1,234,567 agent-steps", "seed 7", "narrow", "8, 16 robots", "every 0.2 s", "by hand"):
+    for part in (
+        "10.0 minutes",
+        "1,234,567 agent-steps",
+        "| seed | 7 |",
+        "| robots | 8, 16 |",
+        "every 0.2 s",
+        "no conflict",
+    ):
         assert part in text
     assert "Not measured yet" in text
     assert "reward 0.5" in text

@@ -23,11 +23,6 @@ def test_t_quantile_is_the_printed_one(freedom: int, expected: float) -> None:
     assert t_quantile(freedom) == pytest.approx(expected, abs=5e-5)
 
 
-def test_interval_of_three_values_by_hand() -> None:
-    # mean 2, standard deviation 1, half width 4.3027 / sqrt(3) = 2.4841
-    assert mean_interval([1, 2, 3]) == pytest.approx((2.0, -0.4841, 4.4841, 3), abs=1e-4)
-
-
 def test_wilson_interval_by_hand() -> None:
     # Newcombe (1998), table I: 81 of 263, 15 of 148, 0 of 20, 1 of 29.
     for successes, trials, low, high in ((81, 263, 0.2553, 0.3662), (15, 148, 0.0624, 0.1605), (0, 20, 0.0, 0.1611)):
@@ -36,8 +31,9 @@ def test_wilson_interval_by_hand() -> None:
     assert wilson_interval(1000, 1000).high == 1.0
 
 
-def test_interval_leaves_out_what_is_missing() -> None:
-    assert mean_interval([1, None, 2, math.nan, 3]).samples == 3
+def test_an_interval_by_hand_leaves_out_what_is_missing() -> None:
+    # mean 2, standard deviation 1, half width 4.3027 / sqrt(3) = 2.4841
+    assert mean_interval([1, None, 2, math.nan, 3]) == pytest.approx((2.0, -0.4841, 4.4841, 3), abs=1e-4)
     one = mean_interval([5.0, None])
     assert (one.mean, one.samples) == (5.0, 1)
     assert math.isnan(one.low)
@@ -78,13 +74,8 @@ def test_summary_by_hand() -> None:
     assert follow["shelf_collisions_per_km"] == pytest.approx((0.5, 0.5, 0.5, 3))
     assert follow["robot_collisions_per_km"] == pytest.approx((10.5, 8.0159, 12.9841, 3), abs=1e-4)
     assert follow["near_misses_per_km"] == pytest.approx((2, 2, 2, 3))
-
-
-def test_intervals_are_cut_at_what_is_possible() -> None:
-    rows = [row("follow", 2, stuck=0.5), row("follow", 20, stuck=1.0)]
-    (line,) = summarise(rows)
-    assert line["collisions_per_km"].low == 0.0  # type: ignore[attr-defined]
-    assert line["stuck"].high == 1.0  # type: ignore[attr-defined]
+    (line,) = summarise([row("follow", 2, stuck=0.5), row("follow", 20, stuck=1.0)])
+    assert (line["collisions_per_km"].low, line["stuck"].high) == (0.0, 1.0)  # cut at what is possible
 
 
 def test_table_has_success_only_where_tasks_end() -> None:
@@ -95,9 +86,9 @@ def test_table_has_success_only_where_tasks_end() -> None:
 
 
 def test_markdown_and_print(capsys: pytest.CaptureFixture[str]) -> None:
-    table = Table("Speeds", ("what", "rate"), (("simulator", "10.0"), ("vec_env", "-")), "A note.")
+    table = Table("Speeds", ("what", "rate"), (("simulator", "10.0"), ("<img>|b & c", "-")), "A note.")
     assert table.markdown() == (
-        "### Speeds\n\n| what | rate |\n| --- | --: |\n| simulator | 10.0 |\n| vec_env | - |\n\nA note.\n"
+        "### Speeds\n\n| what | rate |\n| --- | --: |\n| simulator | 10.0 |\n| &lt;img>\\|b &amp; c | - |\n\nA note.\n"
     )
     table.print()
     printed = capsys.readouterr().out
@@ -138,13 +129,6 @@ def test_share_of_free_flow_by_hand() -> None:
     assert "free flow %" not in evaluation_table(rows[2:]).header
 
 
-def test_names_are_no_html_in_markdown_and_end_no_cell() -> None:
-    table = Table("<b>", ("policy",), (("<img src=x onerror=alert(1)>",), ("a|b & c",)))
-    assert table.markdown() == (
-        "### &lt;b>\n\n| policy |\n| --- |\n| &lt;img src=x onerror=alert(1)> |\n| a\\|b &amp; c |\n"
-    )
-
-
 class Terminal(io.StringIO):
     """What Table.print takes for a terminal, as wide as COLUMNS says."""
 
@@ -157,33 +141,20 @@ def plain(terminal: Terminal) -> str:
     return re.sub(r"\x1b\[[\d;]*m", "", terminal.getvalue())
 
 
-def wide_tables() -> list[Table]:
+@pytest.mark.parametrize("width", [60, 120])
+def test_no_cell_is_cut_at_any_width(width: int, monkeypatch: pytest.MonkeyPatch) -> None:
     rows = [
-        row(policy, collisions, layout=layout, robots=robots, late_goals_per_robot_hour=88.8, deadlocks=0.5,
-            longest_standing_s=123.0, seed=seed, episode=seed)
-        for seed in range(3)
-        for policy, collisions in (("threaded_ppo", 2.0 + seed), ("my_policy.py:Mine", 1.0), ("central_pibt", 3.0))
-        for layout, robots in (("paper46_rough", 16), ("blocks:rows=92,columns=92", 128))
-    ]  # fmt: skip
-    words = Table(
-        "Words", ("name", "what it is", "floor"),
-        (("a", "a text of many words that goes on in the next line, and on, and on", "12 [10, 14]"),
-         ("b", "-", "-")),
-        "a note",
-    )  # fmt: skip
-    return [evaluation_table(rows), words]
-
-
-@pytest.mark.parametrize("width", [60, 80, 120, 200])
-@pytest.mark.parametrize("number_of_table", [0, 1])
-def test_no_cell_is_cut_at_any_width(number_of_table: int, width: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    table = wide_tables()[number_of_table]
+        row(policy, collisions, layout=layout, late_goals_per_robot_hour=88.8, longest_standing_s=123.0, seed=seed)
+        for seed, collisions in enumerate((2.0, 3.0, 4.0))
+        for policy in ("threaded_ppo", "my_policy.py:Mine")
+        for layout in ("paper46_rough", "blocks:rows=92,columns=92")
+    ]
+    table = evaluation_table(rows)
     monkeypatch.setenv("COLUMNS", str(width))
     monkeypatch.setenv("TERM", "xterm")
     table.print(terminal := Terminal())
     lines = plain(terminal).splitlines()
     assert max(map(len, lines)) <= width
-    assert "\N{HORIZONTAL ELLIPSIS}" not in terminal.getvalue()
     shown = [[cell.strip() for cell in line.split("\N{BOX DRAWINGS LIGHT VERTICAL}")[1:-1]] for line in lines]
     whole = {cell for line in shown for cell in line}
     for cells in table.cells:

@@ -105,30 +105,23 @@ def tail_by_a_shelf(deep: float) -> tuple[State, State]:
 
 
 @pytest.mark.parametrize("deep", [0.004, -0.004])
-def test_a_tail_that_swings_into_a_shelf_between_samples(deep: float) -> None:
-    solid = FREE.copy()
-    solid[20] = True
+@pytest.mark.parametrize("pole", [False, True])
+def test_a_tail_that_swings_into_a_shelf_or_a_pole_between_samples(pole: bool, deep: float) -> None:
+    solid, discs = FREE.copy(), NO_DISCS
     before, after = tail_by_a_shelf(deep)
+    if pole:  # where the tail comes farthest
+        tails = [bodies(*np.array(state[:3])) for state in moved(before, before[3], before[4], looks=200)]
+        x, y = max((corner for corners in tails for corner in corners), key=lambda corner: corner[0])
+        discs = np.array([[x + 0.5 - deep, y, 0.5]])
+    else:
+        solid[20] = True
     ends = [bodies(*np.array(state[:3])) for state in (before, after)]
     assert max(corners[:, 0].max() for corners in ends) < 20 - 0.005  # at both ends it is clear
-    faults, _, _ = audited([before], [after], solid=solid)
-    assert kinds(faults) == ([instants.SHELF] if deep > 0 else [])
-    for fault in faults:
-        assert fault[instants.SIZE] == pytest.approx(deep, abs=1e-4)
-        assert 0 < fault[instants.TIME] < STEP / 2
-
-
-@pytest.mark.parametrize("deep", [0.004, -0.004])
-def test_a_tail_that_swings_into_a_pole_between_samples(deep: float) -> None:
-    """Where the tail comes farthest, a pole stands instead of the shelf."""
-    before, after = tail_by_a_shelf(deep)
-    tails = [bodies(*np.array(state[:3])) for state in moved(before, before[3], before[4], looks=200)]
-    x, y = max((corner for corners in tails for corner in corners), key=lambda corner: corner[0])
-    poles = np.array([[x + 0.5 - deep, y, 0.5]])
-    faults, _, _ = audited([before], [after], discs=poles)
+    faults, _, _ = audited([before], [after], solid=solid, discs=discs)
     assert kinds(faults) == ([instants.SHELF] if deep > 0 else [])
     for fault in faults:
         assert fault[instants.SIZE] == pytest.approx(deep, abs=2e-4)
+        assert 0 < fault[instants.TIME] < STEP / 2
 
 
 def test_a_person_walks_into_a_robot_in_the_middle_of_a_step() -> None:
