@@ -23,9 +23,6 @@ SHORTER = {
     "total_frames=30_000": "total_frames=600",
     "begin=20, seconds=10": "begin=0, seconds=1",
     "begin=30, seconds=6": "begin=0, seconds=1",
-    "seconds=24, speed=3": "seconds=1",
-    "seconds=36, speed=6": "seconds=1",
-    "seconds=20, speed=3": "seconds=1",
     "seconds=40, speed=6": "seconds=1",
 }
 
