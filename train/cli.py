@@ -70,7 +70,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     arguments = list(sys.argv[1:] if argv is None else argv)
     _open_streams()
-    warnings.formatwarning = _noted_once()
+    warnings.formatwarning = _notes()
     try:
         with _terminable():
             return _run(arguments)
@@ -99,6 +99,24 @@ def _open_streams() -> None:
             setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115
         elif isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")
+
+
+_USUAL = warnings.formatwarning
+
+
+def _notes() -> Callable[..., str]:
+    """Return a formatter of warnings that shows a MapWarning as one sentence, once however many simulators give it."""
+    said = set[str]()
+
+    def formatted(message: Warning | str, category: type[Warning], *where: Any) -> str:
+        if not issubclass(category, MapWarning):
+            return _USUAL(message, category, *where)
+        text = f"{PROGRAM}: note: {message}\n"
+        again = text in said
+        said.add(text)
+        return "" if again else text
+
+    return formatted
 
 
 _USUAL = warnings.formatwarning
