@@ -96,7 +96,7 @@ MAY_READ = {
     "warehouse_env.files": "the door",
     "warehouse_env.simulation.record.recording": "members of what the door opened",
     "warehouse_env.maps.halls.map_server": "bytes that the door read",
-    "train.evaluation.nodes": "sources of this package",
+    "train.evaluation.cluster": "sources of this package",
     "warehouse_env.render.page_text": "ships with the package",
     "train.reporting.page": "ships with the package",
     "train.fleet.check": "ships with the package",
