@@ -1,4 +1,4 @@
-"""Kinds of robots by share or count, and the fleets of any size that they make."""
+"""Kinds of robots by share, and the fleets of any size that they make."""
 
 from __future__ import annotations
 
@@ -16,70 +16,51 @@ from warehouse_env.errors import ConfigError
 
 @dataclass(frozen=True)
 class KindPart(CheckedPart):
-    """Robots of one kind: so many of them, or a share of however many robots there are."""
+    """Robots of one kind."""
 
     robot: RobotSpec  # their bodies and limits
-    count: int | None = None
-    share: float | None = None
+    share: float  # of however many robots there are
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._between(1, 100_000, "count")
-        self._require(self.share is None or 0 < self.share <= 1, "share", "a number above 0, up to 1")
-        if (self.count is None) == (self.share is None):
-            raise ConfigError('a part says its "count" or its "share", one of the two')
+        self._require(0 < self.share <= 1, "share", "a number above 0, up to 1")
+
+    @classmethod
+    def upgraded(cls, data: dict[str, Any]) -> dict[str, Any]:
+        """Return a stored part without the entry `count`, which older versions left empty beside a share."""
+        return {name: value for name, value in data.items() if (name, value) != ("count", None)}
 
     @property
     def exact_share(self) -> Fraction:
-        """The share as it was written, so that ten of 0.1 make 1; 0 where there is none."""
-        return Fraction(0) if self.share is None else Fraction(str(self.share))
+        """The share as it was written, so that ten of 0.1 make 1."""
+        return Fraction(str(self.share))
 
 
 @dataclass(frozen=True)
 class Kinds(Checked):
-    """The parts of a fleet, all by count or all by share; the rest are RobotSpec's default kind."""
+    """The parts of a fleet; the rest are RobotSpec's default kind."""
 
     parts: tuple[KindPart, ...]
 
     def __post_init__(self) -> None:
         super().__post_init__()
         self._require(len(self.parts) > 0, "parts", "at least one")
-        if len({part.share is None for part in self.parts}) > 1:
-            raise ConfigError('either all parts say "count" or all say "share"')
         together = sum(part.exact_share for part in self.parts)
         if together > 1:
             raise ConfigError(f"the shares make {float(together):g} together, and must make 1 at most")
 
     @property
-    def by_share(self) -> bool:
-        """Whether the parts are shares, so that fleets of any size exist."""
-        return self.parts[0].share is not None
-
-    @property
-    def mixed(self) -> bool:
-        """Whether there is more than one kind."""
-        return len(self._shared) > 1
-
-    @property
     def _shared(self) -> tuple[tuple[RobotSpec, Fraction], ...]:
-        """Each kind with its share, 0 for parts by count; RobotSpec's default first, if any is left."""
+        """Each kind with its share; RobotSpec's default first, if any is left."""
         left = 1 - sum(part.exact_share for part in self.parts)
         own = ((RobotSpec(), Fraction(left)),) if left else ()
         return (*own, *((part.robot, part.exact_share) for part in self.parts))
 
     def of(self, robots: int, first: int = 0) -> dict[str, Any]:
-        """Return EnvConfig's `robot` and `fleet` for so many robots, from number `first` on in a larger fleet by share.
+        """Return EnvConfig's `robot` and `fleet` for so many robots, from number `first` on in a larger fleet.
 
-        `robot`, by which policies and rules decide, is always the first kind with a share. ConfigError if the parts
-        count more robots than there are.
+        `robot`, by which policies and rules decide, is always the first kind.
         """
-        if not self.by_share:
-            counted = sum(part.count or 0 for part in self.parts)
-            if counted > robots:
-                raise ConfigError(
-                    f"the parts of the fleet count {counted:,} robots, and there are {robots:,} in all; give fewer"
-                )
-            return {"fleet": tuple(FleetPart(part.count or 0, part.robot) for part in self.parts)}
         kinds = [robot for robot, _ in self._shared]
         turns = _turns(tuple(share for _, share in self._shared), first + robots)[first:]
         parts = ((turns.count(kind), robot) for kind, robot in enumerate(kinds) if kind)
@@ -95,13 +76,9 @@ class Kinds(Checked):
     def words(self) -> str:
         """A description of the kinds."""
         shared = self._shared
-        if not self.mixed:
+        if len(shared) == 1:
             return described(shared[0][0])
-        if self.by_share:
-            amounts = [f"{100 * float(share):g}%" for _, share in shared]
-        else:
-            amounts = ["the others", *(str(part.count) for part in self.parts)]
-        texts = [f"{amount} of {described(robot)}" for amount, (robot, _) in zip(amounts, shared, strict=True)]
+        texts = [f"{100 * float(share):g}% of {described(robot)}" for robot, share in shared]
         return f"{len(shared)} kinds: {'; '.join(texts)}"
 
 

@@ -31,7 +31,6 @@ def counted(kinds: Kinds, robots: int, first: int = 0) -> Counter[RobotSpec]:
 def test_a_fleet_of_one_kind_is_that_kind_for_every_number() -> None:
     for robots in (1, 2, 1000):
         assert shares(1.0).of(robots) == {"robot": LONG, "fleet": ()}
-    assert not shares(1.0).mixed
     assert shares(1.0).words == "1.4 x 0.6 m, up to 0.8 m/s, braking at 1 m/s²"
 
 
@@ -64,11 +63,10 @@ def test_a_larger_fleet_is_a_smaller_one_and_more(given: tuple[float, ...]) -> N
     ("text", "why"),
     [
         ("{}", "must be a list"), ("[3]", "must be an object"),
-        ('[{"count": 2}]', "lacks the entry 'robot'"),
+        ('[{"share": 0.2}]', "lacks the entry 'robot'"), ('[{"robot": {}}]', "lacks the entry 'share'"),
         ('[{"share": 0, "robot": {}}]', "share=0.0 must be a number above 0, up to 1"),
-        ('[{"robot": {}}]', "one of the two"), ('[{"share": 1, "count": 1, "robot": {}}]', "one of the two"),
         ('[{"share": 0.6, "robot": {}}, {"share": 0.5, "robot": {}}]', "make 1.1 together, and must make 1 at most"),
-        ('[{"share": 0.6, "robot": {}}, {"count": 2, "robot": {}}]', "all parts say"),
+        ('[{"share": 1, "count": 1, "robot": {}}]', "unknown KindPart parameter 'count'"),
         ('[{"share": 1, "robot": {"lenth": 2}}]', "unknown RobotSpec parameter 'lenth'"),
     ],
 )  # fmt: skip
@@ -84,10 +82,6 @@ def test_the_option_is_by_number_of_robots(tmp_path: Path) -> None:
     path.write_text('[{"share": 0.5, "robot": {"length": 1.4, "max_speed": 0.8}}]', encoding="utf-8")
     found = Evaluate(policy=("brake",), robots=(4, 9), layout=("open",), fleet=path).experiments()
     assert [one.config.fleet for one in found] == [(FleetPart(2, LONG),), (FleetPart(4, LONG),)]
-    path.write_text('[{"count": 5, "robot": {"length": 1.4, "max_speed": 0.8}}]', encoding="utf-8")
-    assert Fleet(path).kinds_of(9) == {"fleet": (FleetPart(5, LONG),)}
-    with pytest.raises(ConfigError, match=r"^the parts of the fleet count 5 robots, and there are 4 in all"):
-        Evaluate(policy=("brake",), robots=(4, 9), layout=("open",), fleet=path).experiments()
     assert Fleet().kinds_of(9) == {}
 
 

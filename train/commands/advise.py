@@ -26,7 +26,6 @@ from train.commands.layouts import BY_MAP, check_connected
 from train.commands.orders import Work
 from train.evaluation.jobs import Progress, Runner
 from train.evaluation.workers import WorkerOptions
-from train.kinds import Kinds
 from train.reporting.page import PagePart
 from train.reporting.report import make_console, make_progress, require_charts
 from train.reporting.rows import RowFile, instead
@@ -158,13 +157,6 @@ class Advise(Fleet, Work, WorkerOptions):
             grid, policies, self.planner, seconds, self.seed, self.episodes, max(1, most), wanted, work=work,
             kinds=self.kinds(),
         )  # fmt: skip
-
-    def kinds(self) -> Kinds | None:
-        """Return the kinds of robots; ConfigError if the file counts them, since their number is sought."""
-        kinds = super().kinds()
-        if kinds is not None and not kinds.by_share:
-            raise ConfigError(f'fleet {self.fleet} must say "share", not "count": the number of robots is sought')
-        return kinds
 
     def _floor(self) -> tuple[GridMap, tuple[str, ...]]:
         """Return the floor for the robots, and where their bodies do not fit."""

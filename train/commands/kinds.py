@@ -21,7 +21,7 @@ class Fleet(Checked):
 
     fleet: Path | None = None
     """Drive other kinds of robots: a JSON file, as [{"share": 0.25, "robot": {"length": 1.4}}]; "share": 1 changes all
-    robots, "count": 8 eight robots."""
+    robots."""
 
     def kinds(self) -> Kinds | None:
         """Return the kinds of robots; None where all are as RobotSpec has them."""

@@ -40,7 +40,7 @@ class _Train:
 
     fleet: Path | None = None
     """Train with other kinds of robots: a JSON file, as [{"share": 0.25, "robot": {"length": 1.4}}]; "share": 1 changes
-    all robots, "count": 8 eight robots of each world."""
+    all robots."""
 
     json: Path | None = None
     """Also write the rows of the training's progress to this file as JSON lines."""
