@@ -120,7 +120,7 @@ def loads_table(advice: Advice) -> Table:
         "worse. Stuck: robots without progress for over a minute at the end."
         f"{' In time: of the orders due by the end; no more than do not pile up.' if share else ''}"
     )
-    return Table(f"Robots under {capacity.crew.policy}", header, tuple(cells), note)
+    return Table(f"Robots under {capacity.team.policy}", header, tuple(cells), note)
 
 
 def _heat(advice: Advice) -> Shown:
@@ -130,7 +130,7 @@ def _heat(advice: Advice) -> Shown:
         Panel("waiting [s per hour and cell]", grid, advice.floor.waiting, numbers=places),
         Panel("trips that pass [%]", grid, 100 * advice.visits),
     ]
-    label = f"Where {advice.crew.robots} robots wait, and where trips lead"
+    label = f"Where {advice.team.robots} robots wait, and where trips lead"
     caption = (
         f"{label}. Left: waiting time on each cell; the numbers are the worst places. Right: the share of random trips "
         "whose shortest route visits a cell. Blue squares are stations."

@@ -1,4 +1,4 @@
-"""What a floor is judged by: goals an hour, or with orders, orders an hour and the share in time."""
+"""The measure of a floor: goals an hour, or with orders, orders an hour and the share in time."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ FELL = 0.9  # of the throughput with fewer robots, below which a floor is jammed
 
 
 class Aim(NamedTuple):
-    """What is counted, and how it is read from a trial's row."""
+    """A measure, and how it is read from a trial's row."""
 
     noun: str
     late: Measure  # per robot and hour, in the second half of an episode
-    gained: str  # what changes of the floor are judged by
+    gained: str  # the measure for changes of the floor
     whole: str  # field of a row: `gained` per robot and hour, in the whole episode
-    fell: float  # of what fewer robots make, below which a floor is jammed
-    share: Measure | None = None  # the wish, if it is not the throughput
+    fell: float  # of the throughput of fewer robots, below which a floor is jammed
+    share: Measure | None = None  # the target, if it is not the throughput
 
     def made(self, row: Row) -> float:
-        """Return what all robots made an hour in the second half of an episode, 0 if it has none."""
+        """Return the throughput of all robots in the second half of an episode, 0 if it has none."""
         return float(row["robots"] * (row[self.late.name] or 0.0))
 
     def asked(self, row: Row) -> float | None:
-        """Return what the wish is about: what all robots made, or the share."""
+        """Return the measure of the target: the throughput of all robots, or the share."""
         return self.made(row) if self.share is None else self.share.value(row)
 
     def gain(self, row: Row) -> float:
-        """Return what changes are judged by, per robot and hour of a whole episode."""
+        """Return the measure for changes, per robot and hour of a whole episode."""
         return row[self.whole] or 0.0
 
 
@@ -39,7 +39,7 @@ def _late(name: str) -> Measure:
 
 
 GOALS = Aim("goals", _late("late_goals_per_robot_hour"), "goals", "goals_per_robot_hour", FELL)
-# The number of orders is random, so fewer of them in other episodes are no jam.
+# The number of orders is random, so fewer orders in other episodes do not mean a jam.
 ORDERS = Aim(
     "orders", _late("late_orders_per_robot_hour"), "orders in time", "orders_in_time_per_robot_hour", 0.0,
     Measure("in_time_share", "in time %", field_of("in_time_share"), factor=100.0, most=1.0),
@@ -60,10 +60,10 @@ class OrdersSoFar:
             self._before = simulator.episode_metrics(0)
 
     def row(self, row: Row, hours: float) -> Row:
-        """Return what `ORDERS` reads, of an episode's row and the hours of its second half.
+        """Return the fields that `ORDERS` reads, from an episode's row and the hours of its second half.
 
-        If unassigned orders pile up in the second half, all will be late in the end: the share in time is at most the
-        share that does not pile up.
+        If unassigned orders pile up in the second half, all will be late in the end. So the share in time is at most
+        the share that does not pile up.
         """
         robots, due = row["robots"], row["orders_due"]
         done, came, piled = (

@@ -45,7 +45,7 @@ def asked_text(asked: RobotsNeeded, capacity: Capacity, aim: Aim = GOALS) -> str
             f"**{wanted} take {counted(asked.robots, 'robot')}**: they {verb} {made} in {asked.goals.samples} new "
             f"episodes [{100 * SURE:.0f}% interval]."
         )
-    most = f"the most is {made}, with {counted(capacity.crew.robots, 'robot')}"
+    most = f"the most is {made}, with {counted(capacity.team.robots, 'robot')}"
     if asked.possible:
         return f"**It is not certain that this floor allows {wanted}**: {most}."
     return f"**This floor does not allow {wanted}**: {most}."
@@ -59,8 +59,8 @@ def _commas(text: str) -> str:
 def _most(advice: Advice) -> str:
     """Say how many goals, or orders, the floor allows at most, and with how many robots."""
     found, aim, plan = advice.capacity, advice.plan.aim, advice.plan
-    made, robots = _commas(with_interval(found.goals.goals)), counted(found.crew.robots, "robot")
-    is_last, orders = found.crew.robots == found.loads[-1].robots > 1, plan.work.get("orders")
+    made, robots = _commas(with_interval(found.goals.goals)), counted(found.team.robots, "robot")
+    is_last, orders = found.team.robots == found.loads[-1].robots > 1, plan.work.get("orders")
     most = f"reaches {'at least this' if is_last else 'the most'} with {robots}: {made} {aim.noun} an hour"
     given = f" of {orders.per_hour:,.0f} given" if orders is not None and orders.file is None else ""
     text = f"**{plan.grid.name} {most}**{given}, in {found.goals.episodes} new episodes."
@@ -106,7 +106,7 @@ def _policy(advice: Advice) -> str:
     """Say which policy drives, and whether robots touch something."""
     found, policies = advice.capacity, len(advice.plan.policies)
     raced = f", the best of {policies} policies" if found.raced else ""
-    text = f"The policy is `{found.crew.policy}`{raced}."
+    text = f"The policy is `{found.team.policy}`{raced}."
     if found.contacts.mean > 0:
         text += f" **Its robots touch something**: {with_interval(found.contacts)} contacts per kilometre."
     return text
@@ -120,7 +120,7 @@ def _bottlenecks(advice: Advice) -> str:
         f"{100 * place.trips:.0f}% of all trips)"
         for k, place in enumerate(advice.bottlenecks[:NAMED], start=1)
     ]
-    return f"{counted(advice.crew.robots, 'robot')} wait most at {', '.join(places)}."
+    return f"{counted(advice.team.robots, 'robot')} wait most at {', '.join(places)}."
 
 
 def _change(advice: Advice, kind: Kind) -> str:
@@ -134,7 +134,7 @@ def _change(advice: Advice, kind: Kind) -> str:
     best = f"the best of {effect.tried} tried is " if effect.tried > 1 else ""
     cost = f"; it costs {storage_text(advice.plan.grid, effect.candidate)}" if kind == "aisle" else ""
     said = f"{best}{effect.candidate.text}: {effect_text(effect, advice.plan.aim)}{cost}"
-    return f"{head} with {counted(advice.crew.robots, 'robot')}: {said}."
+    return f"{head} with {counted(advice.team.robots, 'robot')}: {said}."
 
 
 def storage_text(grid: GridMap, one: Candidate) -> str:

@@ -1,6 +1,6 @@
-"""How many robots a floor bears: the best policy there, the number that makes most, the knee, the jam.
+"""How many robots a floor bears: the best policy and number of robots, the knee, the jam, and the fewest for a target.
 
-Also the fewest robots that make what is asked for. Each choice is measured again on seeds that had no part in it.
+Each choice is measured again on seeds that had no part in it.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from train.advice.trials import AdvicePlan, Use
 from train.reporting.columns import MEASURES
 from train.reporting.rows import Interval, mean_interval
 
-FIRST = 8  # robots, with which the search begins
+FIRST = 8  # robots in the first search
 SCOUTS = 2  # episodes of each number of robots, to find the best
 ROUNDS = 8  # of a race, at most
 STEADY = 4  # episodes of each number of robots, for the knee and the jam
 CONFIRMED = 12  # episodes of the choice on new seeds, if there is time
 ALONE = 40  # episodes of one robot alone, which are quick and vary much; with orders they are long and vary little
-LOOKS = (4, 8, 12, 16)  # episodes of a number, until it is clear whether it makes what is asked for
+LOOKS = (4, 8, 12, 16)  # episodes of a number, until it is clear whether it reaches the target
 ANSWERS = 12  # episodes on new seeds of a number that may be the answer
 TRIES = 3  # of such numbers, at most
 SURE = 1 - 0.05 / TRIES  # of each interval, so that all together hold with 95%
@@ -34,15 +34,15 @@ _UP, _POLICY, _LOAD, _CONFIRM, _CURVE = 0.3, 0.4, 0.5, 0.58, 0.65  # of the time
 class Capacity(NamedTuple):
     """How many robots a floor bears."""
 
-    crew: Team  # the best policy, and the fewest robots not told apart from those that make most
-    goals: LoadPoint  # what they make on new seeds
+    team: Team  # the best policy, and the fewest robots not told apart from the best
+    goals: LoadPoint  # their throughput on new seeds
     alone: Interval  # goals per hour of one robot
     loads: list[LoadPoint]  # of the policy, in the episodes of the choice
     raced: bool  # whether policies were compared
     contacts: Interval  # per kilometre
-    knee: Interval | None  # robots from which a further one adds less than half of the first
+    knee: Interval | None  # robots from which on a further one adds less than half of the first
     jam: LoadPoint | None
-    stopped: list[str]  # what the time was over before
+    stopped: list[str]  # parts for which there was no time
 
 
 def capacity(study: TrialRuns) -> Capacity:
@@ -51,31 +51,31 @@ def capacity(study: TrialRuns) -> Capacity:
     powers = [number for number in rungs(min(FIRST, most), most) if number & (number - 1) == 0 or number == most]
     if not _sweep(study, first, powers, SCOUTS, _UP):
         stopped.append("all numbers of robots were tried")
-    crew, raced = _choose_policy(study, peak(study.loads(first)).robots, stopped)
-    crew = _choose_load(study, crew, stopped)
-    (rows,) = study.rows([Team(crew.policy, 1)], alone_seeds(study.plan))
+    team, raced = _choose_policy(study, peak(study.loads(first)).robots, stopped)
+    team = _choose_load(study, team, stopped)
+    (rows,) = study.rows([Team(team.policy, 1)], alone_seeds(study.plan))
     alone = loads({1: rows}, study.plan.aim)[0].goals
-    study.repeat([crew], Use.CONFIRM, CONFIRMED, _CONFIRM)
-    below, above = rungs(1, crew.robots)[::-1], rungs(crew.robots, most)
+    study.repeat([team], Use.CONFIRM, CONFIRMED, _CONFIRM)
+    below, above = rungs(1, team.robots)[::-1], rungs(team.robots, most)
     for numbers, what in ((below, "the numbers below were driven"), (above, "the number that jams was found")):
-        if not _sweep(study, crew.policy, numbers, STEADY, _CURVE, until_jam=True):
+        if not _sweep(study, team.policy, numbers, STEADY, _CURVE, until_jam=True):
             stopped.append(what)
-    found = study.loads(crew.policy)
+    found = study.loads(team.policy)
     fall = knee(found, alone, study.plan.seed)
-    contacts = MEASURES["collisions_per_km"].interval(study.of(crew))
-    return Capacity(crew, confirmed(study, crew), alone, found, raced, contacts, fall, jams_from(found), stopped)
+    contacts = MEASURES["collisions_per_km"].interval(study.of(team))
+    return Capacity(team, confirmed(study, team), alone, found, raced, contacts, fall, jams_from(found), stopped)
 
 
 def _sweep(
     study: TrialRuns, policy: str, numbers: Sequence[int], episodes: int, share: float, until_jam: bool = False
 ) -> bool:
-    """Drive these numbers of robots in turn, until more make less, or jam; return whether there was time."""
+    """Drive these numbers of robots in turn, until throughput falls, or a jam; return whether there was time."""
     seeds = study.plan.seeds(Use.CHOOSE, study.plan.at_most(episodes))
     for number in numbers:
-        crew = Team(policy, number)
-        if not study.affords([crew], seeds, share):
+        team = Team(policy, number)
+        if not study.affords([team], seeds, share):
             return False
-        study.rows([crew], seeds)
+        study.rows([team], seeds)
         found = [load for load in study.loads(policy) if load.robots <= number]
         if peak(found).robots < number and (found[-1].jammed or not until_jam):
             break
@@ -85,8 +85,8 @@ def _sweep(
 def _choose_policy(study: TrialRuns, robots: int, stopped: list[str]) -> tuple[Team, bool]:
     """Race all policies with this number of robots and half of it; return the best, and whether there was a race."""
     policies, counts = study.plan.policies, sorted({max(1, robots // 2), robots})
-    crews = [Team(policy, count) for policy in policies for count in counts]
-    raced = study.race(crews, ROUNDS, _POLICY, lambda left: len({crew.policy for crew in left}) == 1)
+    teams = [Team(policy, count) for policy in policies for count in counts]
+    raced = study.race(teams, ROUNDS, _POLICY, lambda left: len({team.policy for team in left}) == 1)
     best = best_of(raced)
     if raced[best]:
         return best, True
@@ -95,25 +95,25 @@ def _choose_policy(study: TrialRuns, robots: int, stopped: list[str]) -> tuple[T
     return Team(policies[0], robots), False
 
 
-def _choose_load(study: TrialRuns, crew: Team, stopped: list[str]) -> Team:
+def _choose_load(study: TrialRuns, team: Team, stopped: list[str]) -> Team:
     """Race numbers around the best so far; return the fewest robots not told apart from the best."""
-    centre = crew.robots
+    centre = team.robots
     tried = set[int]()
     while True:
         tried.add(centre)
-        jammed = {load.robots for load in study.loads(crew.policy) if load.jammed and load.robots != centre}
+        jammed = {load.robots for load in study.loads(team.policy) if load.jammed and load.robots != centre}
         counts = [one for one in rungs(max(1, centre // 2), min(2 * centre, study.plan.most)) if one not in jammed]
-        raced = study.race([Team(crew.policy, count) for count in counts], ROUNDS, _LOAD)
+        raced = study.race([Team(team.policy, count) for count in counts], ROUNDS, _LOAD)
         best = best_of(raced).robots
         if not any(raced.values()):
             if len(counts) > 1:
                 stopped.append("numbers in between were tried")
-            study.rows([Team(crew.policy, centre)], study.plan.seeds(Use.CHOOSE, study.plan.at_most(SCOUTS)))
-            return Team(crew.policy, centre)
+            study.rows([Team(team.policy, centre)], study.plan.seeds(Use.CHOOSE, study.plan.at_most(SCOUTS)))
+            return Team(team.policy, centre)
         if best not in (counts[0], counts[-1]) or best in tried:
             break
         centre = best
-    return Team(crew.policy, smallest({one.robots: float(np.mean(values)) for one, values in raced.items()}))
+    return Team(team.policy, smallest({one.robots: float(np.mean(values)) for one, values in raced.items()}))
 
 
 def alone_seeds(plan: AdvicePlan) -> range:
@@ -121,27 +121,27 @@ def alone_seeds(plan: AdvicePlan) -> range:
     return plan.seeds(Use.ALONE, plan.at_most(ALONE if plan.aim is GOALS else STEADY))
 
 
-def confirmed(study: TrialRuns, crew: Team) -> LoadPoint:
-    """Return what a crew made on new seeds."""
-    return next(load for load in study.loads(crew.policy, Use.CONFIRM) if load.robots == crew.robots)
+def confirmed(study: TrialRuns, team: Team) -> LoadPoint:
+    """Return the load of a team on new seeds."""
+    return next(load for load in study.loads(team.policy, Use.CONFIRM) if load.robots == team.robots)
 
 
 class RobotsNeeded(NamedTuple):
-    """What it takes to make the goals an hour, or the share of orders in time, asked for."""
+    """The robots needed for a target: goals an hour, or a share of orders in time."""
 
     wanted: float  # goals per hour, or the share
-    robots: int | None  # that make them, None if no number surely does
-    goals: Interval  # what those make, at SURE; else what the best make
+    robots: int | None  # that surely reach it, None if no number does
+    goals: Interval  # their result, at SURE; else that of the best number
 
     @property
     def possible(self) -> bool:
-        """Whether the floor may bear it."""
+        """Whether the floor may allow it."""
         return not self.goals.high < self.wanted
 
 
 def robots_needed(study: TrialRuns, capacity: Capacity, share: float) -> RobotsNeeded:
-    """Return the fewest robots of the chosen policy that make what the plan wants, if the floor can."""
-    plan, policy = study.plan, capacity.crew.policy
+    """Return the fewest robots of the chosen policy that reach the plan's target, if the floor allows it."""
+    plan, policy = study.plan, capacity.team.policy
     wanted = plan.wanted or 0.0
     none = RobotsNeeded(wanted, None, capacity.goals.asked)
     ends = bracket(capacity.loads, wanted)
@@ -149,12 +149,12 @@ def robots_needed(study: TrialRuns, capacity: Capacity, share: float) -> RobotsN
         return none
 
     def reaches(robots: int) -> bool:
-        crew, made = Team(policy, robots), Interval(0.0, -math.inf, math.inf, 0)
+        team, made = Team(policy, robots), Interval(0.0, -math.inf, math.inf, 0)
         for episodes in LOOKS:
             seeds = plan.seeds(Use.ASK, plan.at_most(episodes))
-            if not made.low < wanted <= made.high or not study.affords([crew], seeds, share):
+            if not made.low < wanted <= made.high or not study.affords([team], seeds, share):
                 break
-            made = mean_interval(map(plan.aim.asked, *study.rows([crew], seeds)))
+            made = mean_interval(map(plan.aim.asked, *study.rows([team], seeds)))
         return made.low >= wanted
 
     number = fewest_that(reaches, *ends)

@@ -24,7 +24,7 @@ from train.advice.trials import AdvicePlan, Drive, TimeBudget, Use
 from train.advice.trips import Bottleneck, bottlenecks, draw_trips, plan_trips, traffic
 from train.evaluation.places import FloorNotes, floor_of_notes
 
-_ASKED = 0.75  # of the time, when the number of robots for the goals asked for is found
+_ASKED = 0.75  # of the time, when the robots for a target are found
 _MOST = 100  # episodes of the answer if no change is tried
 
 
@@ -32,7 +32,7 @@ class Advice(NamedTuple):
     """All findings."""
 
     plan: AdvicePlan
-    crew: Team  # of bottlenecks and changes: the fewest that make what is asked for, else the best
+    team: Team  # of bottlenecks and changes: the fewest that reach the target, else the best
     capacity: Capacity
     asked: RobotsNeeded | None  # if goals were asked for, or orders are given
     floor: FloorNotes  # where those robots wait
@@ -43,21 +43,21 @@ class Advice(NamedTuple):
 
 
 def advise(plan: AdvicePlan, drive: Drive, clock: TimeBudget) -> Advice:
-    """Find out everything in the time given; the time begins after the first episodes, which may compile kernels."""
+    """Find everything in the time given, which begins after the first episodes, since these may compile kernels."""
     study = _begun(plan, drive, clock)
     trips = draw_trips(plan.grid, plan.seed)
     visits, moves, _ = traffic(plan_trips(plan.grid, trips), plan.grid.shape)
     found = capacity(study)
     answered = robots_needed(study, found, _ASKED) if plan.wanted is not None else None
-    crew = Team(found.crew.policy, answered.robots if answered and answered.robots else found.crew.robots)
-    worst = _places(study, crew, visits)[1]
-    most = changes.affordable(clock.left, study.seconds(crew.robots))
-    chosen = changes.options(plan, worst, trips, moves, crew.robots, most)
+    team = Team(found.team.policy, answered.robots if answered and answered.robots else found.team.robots)
+    worst = _places(study, team, visits)[1]
+    most = changes.affordable(clock.left, study.seconds(team.robots))
+    chosen = changes.options(plan, worst, trips, moves, team.robots, most)
     if not chosen and plan.episodes is None:
-        study.repeat([found.crew], Use.CONFIRM, _MOST, 1.0)
-        found = found._replace(goals=confirmed(study, found.crew))
-    effects = changes.effects(study, chosen, crew)
-    return Advice(plan, crew, found, answered, *_places(study, crew, visits), visits, effects, most > 0)
+        study.repeat([found.team], Use.CONFIRM, _MOST, 1.0)
+        found = found._replace(goals=confirmed(study, found.team))
+    effects = changes.effects(study, chosen, team)
+    return Advice(plan, team, found, answered, *_places(study, team, visits), visits, effects, most > 0)
 
 
 def _begun(plan: AdvicePlan, drive: Drive, clock: TimeBudget) -> TrialRuns:
@@ -71,7 +71,7 @@ def _begun(plan: AdvicePlan, drive: Drive, clock: TimeBudget) -> TrialRuns:
     return study
 
 
-def _places(study: TrialRuns, crew: Team, visits: NDArray[np.float64]) -> tuple[FloorNotes, list[Bottleneck]]:
+def _places(study: TrialRuns, team: Team, visits: NDArray[np.float64]) -> tuple[FloorNotes, list[Bottleneck]]:
     """Return where robots wait, and the bottlenecks."""
-    floor = floor_of_notes(study.of(crew))
+    floor = floor_of_notes(study.of(team))
     return floor, bottlenecks(study.plan.grid, floor.waiting, visits) if floor.waiting.any() else []

@@ -1,6 +1,6 @@
-"""Throughput over the number of robots: the peak, the jam, the knee, and the fewest robots that make enough.
+"""Throughput over the number of robots: the peak, the jam, the knee, and the fewest robots that reach a target.
 
-Nothing here drives: rows or means in, numbers of robots out.
+Pure functions from rows or means to numbers of robots.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from train.advice.aim import GOALS, Aim
 from train.reporting.columns import MEASURES
 from train.reporting.rows import Interval, Row, t_quantile
 
-STUCK = 0.05  # share of robots stuck at the end, from which on a floor is jammed
+STUCK = 0.05  # share of robots stuck at the end, at which a floor is jammed
 NEAR = 0.97  # of the best throughput, which a smaller number must reach to be named instead
 HALF = 0.5  # of the first robot's throughput, which a further one should add
 DRAWS = 2_000  # of all means, for the interval of the knee
@@ -37,14 +37,14 @@ class LoadPoint(NamedTuple):
 
     @property
     def asked(self) -> Interval:
-        """What the wish is about: throughput, or the share of orders in time."""
+        """The measure of the target: throughput, or the share of orders in time."""
         return self.goals if self.share is None else self.share
 
 
 def loads(rows: Mapping[int, Sequence[Row]], aim: Aim = GOALS) -> list[LoadPoint]:
     """Return the load of each number of robots, fewest first.
 
-    A floor is jammed if STUCK of the robots are stuck, or all make less than `aim.fell` of what fewer robots made.
+    A floor is jammed if STUCK of the robots are stuck, or all reach less than `aim.fell` of what fewer robots reach.
     """
     found: list[LoadPoint] = []
     for robots in sorted(rows):
@@ -64,7 +64,7 @@ def peak(found: Sequence[LoadPoint]) -> LoadPoint:
 
 
 def jams_from(found: Sequence[LoadPoint]) -> LoadPoint | None:
-    """Return the smallest load from which on all loads jam, None if the largest does not."""
+    """Return the smallest load from which on all loads are jammed, None if the largest is not."""
     jammed = list(takewhile(lambda load: load.jammed, reversed(found)))
     return jammed[-1] if jammed else None
 
@@ -83,8 +83,8 @@ def smallest(means: Mapping[int, float]) -> int:
 def knee(found: Sequence[LoadPoint], alone: Interval, seed: int) -> Interval | None:
     """Return the number of robots from which a further one adds less than HALF of one alone, None if there is none.
 
-    What a further robot adds is assumed to fall monotonically, and is interpolated between the middles of loads. The
-    interval is of DRAWS of all means by Student's t; it is open above if one draw in forty has no knee.
+    The gain of a further robot is assumed to fall monotonically, and is interpolated between the middles of loads. The
+    interval comes from DRAWS of all means by Student's t; it is open above if one draw in forty has no knee.
     """
     known = [load for load in found if load.goals.samples >= 2]
     if not known:
@@ -122,7 +122,7 @@ def _crossing(means: NDArray[np.float64], widths: NDArray[np.float64], middles: 
 
 
 def fewest_that(reaches: Callable[[int], bool], low: int, high: int) -> int:
-    """Return the fewest robots that reach a goal, by bisection to a sixteenth: `low` do not, `high` do."""
+    """Return the fewest robots that reach a target, by bisection to a sixteenth: `low` do not, `high` do."""
     while high - low > max(1, high // 16):
         middle = (low + high) // 2
         low, high = (low, middle) if reaches(middle) else (middle, high)
@@ -130,7 +130,7 @@ def fewest_that(reaches: Callable[[int], bool], low: int, high: int) -> int:
 
 
 def bracket(found: Sequence[LoadPoint], wanted: float) -> tuple[int, int] | None:
-    """Return the numbers between which the fewest robots lie that make `wanted`; None if no mean reaches it.
+    """Return the numbers between which the fewest robots that reach `wanted` lie; None if no mean reaches it.
 
     The mean of the first lies below (0: no robots), the interval of the second above, or it is the best number.
     """

@@ -1,4 +1,4 @@
-"""How a hall's map was understood, and what is doubtful about it, as parts of an advice's page."""
+"""How a hall's map was read, and what is doubtful about it, as parts of an advice's page."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ def hall_parts(hall: Hall, name: str) -> list[PagePart]:
 
 
 def doubts(hall: Hall, name: str) -> Iterator[str]:
-    """Yield what may be wrong, and what settles it, one sentence each, the gravest first."""
+    """Yield what may be wrong and how to settle it, one sentence each, the gravest first."""
     path, how = parse(name)
     if not companion(path, places.SUFFIX).exists() and how.lanes is None:
         picks, stations = len(hall.places["picks"]), len(hall.places["stations"])
         yield (
-            f"where robots fetch and bring was guessed: {counted(picks, 'pick face')} beside what stands straight, "
-            f"{counted(stations, 'station')} along the rim, and all figures here rest on them; "
-            f"`warehouse places {path.name}` draws them with numbers and writes a file in which you put them right"
+            f"pick faces and stations are guessed: {counted(picks, 'pick face')} beside straight obstacles, "
+            f"{counted(stations, 'station')} along the rim; all figures here depend on them; "
+            f"`warehouse places {path.name}` draws them with numbers and writes a file to correct them"
         )
     small = int((cell_kinds(hall) == SMALL).sum())
     if small:

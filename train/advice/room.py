@@ -1,4 +1,4 @@
-"""The room that a floor has for robots: where their bodies fit, and how many find a start and a goal of their own."""
+"""The room of a floor for robots: where their bodies fit, and how many find a start and a goal of their own."""
 
 from __future__ import annotations
 

@@ -81,7 +81,7 @@ class TrialRuns:
         return self.clock.allows(needed + reserve, share)
 
     def loads(self, policy: str, use: Use = Use.CHOOSE) -> list[LoadPoint]:
-        """Return what a policy's robots made on the seeds of a use, for each number of them."""
+        """Return the load of each number of a policy's robots, on the seeds of a use."""
         own = set(self.plan.seeds(use, BLOCK))
         found: dict[int, list[Row]] = {}
         for (team, seed), row in sorted(self._rows.items()):
@@ -108,7 +108,7 @@ class TrialRuns:
         self, teams: Sequence[Team], rounds: int, share: float,
         settled: Callable[[Sequence[Team]], bool] = lambda left: len(left) <= 1,
     ) -> dict[Team, list[float]]:  # fmt: skip
-        """Race teams by what all robots make, one seed a round, within a share of the time; a jam counts as 0."""
+        """Race teams by throughput, one seed a round, within a share of the time; a jam counts as 0."""
 
         def play(left: Sequence[Team], number: int) -> list[float]:
             rows = self.rows(left, self.plan.seeds(Use.CHOOSE, 1, number))

@@ -75,7 +75,7 @@ class Trial(Job):
         return (rows[:1], None) if rows else ([], self)
 
     def run(self, tick: Tick) -> Result:
-        """Drive an episode; its row also says where robots waited."""
+        """Drive an episode; its row also notes where robots waited."""
         env = EnvConfig(num_agents=self.robots, planner=self.planner)
         experiment = make_experiment(self.policy, env, 1, self.seconds, self.seed, self.work)
         places, begin = PlaceNotes(experiment), time.perf_counter()
@@ -109,7 +109,7 @@ class Use(IntEnum):
 
 @dataclass(frozen=True)
 class AdvicePlan:
-    """What is asked."""
+    """The settings of an advice."""
 
     grid: GridMap
     policies: tuple[str, ...]  # the first one is used to find the number of robots
@@ -126,7 +126,7 @@ class AdvicePlan:
 
     @property
     def aim(self) -> Aim:
-        """What the floor is judged by."""
+        """The measure of the floor."""
         return ORDERS if "orders" in self.work else GOALS
 
     def trials(self, grid: GridMap, policy: str, robots: int, seeds: Sequence[int], floor: str = AS_IS) -> list[Trial]:
@@ -162,7 +162,7 @@ class TimeBudget:
         self._budget = None if minutes is None else 60.0 * minutes
 
     def restart(self) -> None:
-        """Begin anew."""
+        """Begin again."""
         self._begin = time.monotonic()
 
     @property

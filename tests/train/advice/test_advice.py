@@ -112,7 +112,7 @@ def advice(asked: RobotsNeeded | None = None, **changes: Any) -> Advice:
     plan = AdvicePlan(RACKS, ("greedy", "threaded_ppo"), "astar_turns", 300.0, 0, None, 64)
     floor = FloorNotes(np.ones((7, 6)), np.empty((0, 2)), 1.0)
     worst = [Bottleneck((3, 3), 3.5, 3.5, 30.0, 0.75, 0.25)]
-    known = Advice(plan, CAPACITY.crew, CAPACITY, asked, floor, worst, np.zeros((7, 6)), effects, True)
+    known = Advice(plan, CAPACITY.team, CAPACITY, asked, floor, worst, np.zeros((7, 6)), effects, True)
     return known._replace(**changes)
 
 

@@ -42,14 +42,14 @@ def found(curve: Curve, noise: float = 0.0, salt: int = 0, **changes: object) ->
 def test_a_known_peak_is_found_through_noise(at: float, salt: int) -> None:
     curve = peaked(at)
     one = found(curve, 0.03, salt)
-    assert curve(one.crew.robots) >= 0.93 * curve(at)
-    assert one.crew.robots <= 2 * at
-    assert one.goals.goals.mean == pytest.approx(curve(one.crew.robots), rel=0.05)
+    assert curve(one.team.robots) >= 0.93 * curve(at)
+    assert one.team.robots <= 2 * at
+    assert one.goals.goals.mean == pytest.approx(curve(one.team.robots), rel=0.05)
 
 
 def test_of_a_plateau_its_beginning_is_named() -> None:
     one = found(plateau)
-    assert one.crew.robots == 24  # the first of the numbers tried that makes most
+    assert one.team.robots == 24  # the first of the numbers tried that makes most
     assert one.knee is not None
     assert 16 < one.knee.mean < 24
     assert one.jam is None
@@ -57,7 +57,7 @@ def test_of_a_plateau_its_beginning_is_named() -> None:
 
 def test_a_collapse_is_not_where_the_most_is() -> None:
     one = found(collapse)
-    assert one.crew.robots == 32
+    assert one.team.robots == 32
     assert one.jam is not None
     assert one.jam.robots == 48
     assert one.jam.episodes == 6
@@ -68,7 +68,7 @@ def test_the_policy_that_drives_best_is_chosen_and_measured_anew(salt: int) -> N
     curves = {"ours": peaked(30.0), "better": peaked(30.0, 230.0), "worse": peaked(30.0, 150.0)}
     plan = plan_of(HALL, policies=tuple(curves))
     one = capacity(TrialRuns(plan, driver(curves, 0.03, salt=salt), TimeBudget(None)))
-    assert one.crew.policy == "better"
+    assert one.team.policy == "better"
     assert one.alone.mean == pytest.approx(230.0, rel=0.1)
 
 
@@ -83,7 +83,7 @@ def test_the_answer_is_measured_on_seeds_that_had_no_part_in_the_choice() -> Non
         return rows
 
     one = capacity(TrialRuns(plan_of(HALL), drive, TimeBudget(None)))
-    assert one.goals.goals.mean == pytest.approx(peaked(30.0)(one.crew.robots))
+    assert one.goals.goals.mean == pytest.approx(peaked(30.0)(one.team.robots))
 
 
 def test_a_floor_on_which_all_get_stuck() -> None:
@@ -99,7 +99,7 @@ def test_on_a_large_floor_the_peak_is_found_in_little_time() -> None:
     """An episode takes 1 ms a robot, so a second is one episode of a thousand; 512 make most."""
     clock = Slow(0.6, driver({"ours": peaked(512.0)}, 0.01, seconds=lambda robots: robots / 1000))
     one = capacity(TrialRuns(plan_of(floor_of(*["." * 180] * 180), episodes=None, most=2048), clock.drive, clock))
-    assert one.crew.robots in (384, 512)
+    assert one.team.robots in (384, 512)
     assert one.knee is not None
     assert 100 < one.knee.mean < 250
     assert clock.spent <= 60 * 0.6
@@ -112,7 +112,7 @@ def test_the_time_is_kept_and_used(minutes: float, sought: bool) -> None:
     assert one.sought == sought
     assert clock.spent <= 60 * minutes
     assert sought or clock.spent > 0.65 * 60 * minutes  # more than its share if changes are tried
-    assert one.capacity.crew.robots >= 64
+    assert one.capacity.team.robots >= 64
 
 
 def test_if_time_is_short_it_says_what_is_missing() -> None:

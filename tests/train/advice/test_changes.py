@@ -16,7 +16,7 @@ from train.advice.study import Team, TrialRuns
 from train.advice.trials import TimeBudget, Trial
 
 HALL = floor_of(*["............"] * 10)
-CREW = Team("ours", 20)
+TEAM = Team("ours", 20)
 NOTHING = np.zeros(HALL.shape, dtype=np.bool_)
 AISLES = [Candidate("aisle", f"aisle {k}", HALL, NOTHING) for k in range(6)]
 RULES = [Candidate("one-way", f"rule {k}", HALL, NOTHING) for k in range(6)]
@@ -26,7 +26,7 @@ def tried(salt: int, pairs: int = PAIRS, **changed: float) -> list[Effect]:
     """Return the effects of six changes of each kind, in noise of 3%; changed: what some bring, "_" for a blank."""
     gains = {name.replace("_", " "): gain for name, gain in changed.items()}
     drive = driver({"ours": lambda robots: 4000.0}, 0.03, changed=gains, salt=salt)
-    return effects(TrialRuns(plan_of(HALL, episodes=pairs), drive, TimeBudget(None)), [*AISLES, *RULES], CREW)
+    return effects(TrialRuns(plan_of(HALL, episodes=pairs), drive, TimeBudget(None)), [*AISLES, *RULES], TEAM)
 
 
 def test_noise_is_called_a_gain_on_at_most_one_floor_in_twenty() -> None:
@@ -78,6 +78,6 @@ def test_a_single_change_needs_no_race() -> None:
         return driver({"ours": lambda robots: 4000.0})(trials)
 
     study = TrialRuns(plan_of(HALL), drive, TimeBudget(None))
-    assert [effect.tried for effect in effects(study, AISLES[:1], CREW)] == [1]
+    assert [effect.tried for effect in effects(study, AISLES[:1], TEAM)] == [1]
     assert all(driven.count(floor) == 6 for floor in ("as it is", "aisle 0"))
-    assert effects(study, [], CREW) == []
+    assert effects(study, [], TEAM) == []

@@ -55,12 +55,12 @@ def test_what_is_doubtful_is_said_with_what_settles_it(tmp_path: Path) -> None:
     grey[0, 0] = 0
     name = f"{hall(tmp_path, grey)}:share=0.3"
     guessed, small, *_ = doubts(read_hall(name), name)
-    assert guessed.startswith("where robots fetch and bring was guessed: ")
+    assert guessed.startswith("pick faces and stations are guessed: ")
     assert small.startswith("1 cell that robots drive on hold")
     assert "`hall.yaml:share=0` closes" in small
     understood, doubtful = hall_parts(read_hall(name), name)
     assert understood.points[0].startswith("Pixels of 0.5 m: 1 occupied, 239 free, 0 unknown.")
-    assert doubtful.points[0].startswith("Where robots fetch")
+    assert doubtful.points[0].startswith("Pick faces and stations")
     assert with_parameter("a/hall.yaml:cell=0.75,share=0.3", "share=0") == "hall.yaml:cell=0.75,share=0"
 
 

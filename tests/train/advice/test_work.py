@@ -69,7 +69,7 @@ def test_the_fewest_robots_that_drop_the_orders_in_time() -> None:
     plan = plan_of(HALL, wanted=0.95, work=DRAWN, most=128)
     study = TrialRuns(plan, worked, TimeBudget(None))
     found = capacity.capacity(study)
-    assert found.crew.robots == 32  # the first of the numbers tried that drop all 600 that come
+    assert found.team.robots == 32  # the first of the numbers tried that drop all 600 that come
     one = capacity.robots_needed(study, found, 1.0)
     assert one.robots == 36  # of 35 it is 97%, but it is sought within a sixteenth
     assert asked_text(one, found, plan.aim).startswith("**95% of the orders in time take 36 robots**: they drop 100%")
