@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from warehouse_env.config import EnvConfig
+from warehouse_env.maps.fitting import load_floor
 from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.maps.loading import load_floor
 from warehouse_env.planning import make_planner
 from warehouse_env.planning.plan import Planner
 from warehouse_env.routes.book import RouteBook

@@ -14,10 +14,9 @@ from agents import make_policy, policy_config
 from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.errors import MapWarning
 from warehouse_env.maps.endpoints import largest_region
-from warehouse_env.maps.fitting import ROOM, fitted, headings_on
+from warehouse_env.maps.fitting import ROOM, fitted, headings_on, load_floor
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import LAYOUTS, make_layout
-from warehouse_env.maps.loading import load_floor
 from warehouse_env.planning import make_planner
 from warehouse_env.routes.book import RouteBook
 from warehouse_env.routes.goals import face

@@ -28,7 +28,7 @@ from warehouse_env.checked import Checked
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, LostError
 from warehouse_env.files import check_writable, whereabouts
-from warehouse_env.maps.loading import load_floor
+from warehouse_env.maps.fitting import load_floor
 
 _SHOWN = 20  # faults in words
 _DAY = datetime(2026, 1, 1, tzinfo=UTC)  # when episodes in logs begin, so the same episode gives the same file

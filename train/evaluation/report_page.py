@@ -12,7 +12,7 @@ from train.evaluation.rollout import Experiment
 from train.reporting.page import Page, PagePart, Shown, made_by
 from train.reporting.report import counted, evaluation_table, grouped, make_progress, number, short_names
 from train.reporting.rows import Row, select, values_of, write_rows
-from warehouse_env.maps.loading import load_floor
+from warehouse_env.maps.fitting import load_floor
 from warehouse_env.render.heat_maps import Panel, heat_maps
 from warehouse_env.render.report_charts import over_robots
 

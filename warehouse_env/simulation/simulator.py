@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 from warehouse_env.config import EnvConfig, RewardWeights
 from warehouse_env.errors import ConfigError, shown
 from warehouse_env.kernel import compiled_for
+from warehouse_env.maps.fitting import load_floor
 from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.maps.loading import load_floor
 from warehouse_env.observation import observation_layout
 from warehouse_env.planning.plan import Planner
 from warehouse_env.portable import Portable

@@ -14,6 +14,7 @@ from PIL import Image
 from train.job_files import pack, unpacked
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import MapError, WarehouseError
+from warehouse_env.maps.fitting import load_floor
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.halls.hall import read_hall
 from warehouse_env.maps.halls.map_server import (
@@ -26,7 +27,6 @@ from warehouse_env.maps.halls.map_server import (
 )
 from warehouse_env.maps.halls.saved import write_hall
 from warehouse_env.maps.layouts import make_layout
-from warehouse_env.maps.loading import load_floor
 
 REAL = Path(__file__).parents[4] / "shared" / "buildings"
 YAML = (

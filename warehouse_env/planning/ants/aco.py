@@ -22,9 +22,8 @@ class Aco(AntSystem):
     p ~ pheromone * (1/d)^2; all arrived ants deposit Q / cost; evaporation 0.1; pheromone starts at 1.
     What the papers call traditional differs in d, so it is a choice: heuristic="goal" takes the distance from the next
     cell to the goal (the stronger baseline), "next_cell" that to the next cell, 1 or sqrt 2, which knows nothing of the
-    goal (the text around eq. 8 of paper 000 describes this one). An ant at a dead end steps back
-    (dead_end="backtrack"), or dies as in the papers ("die"), which can leave a run without any path. Local search is
-    no part of the traditional system; it is there to see what it alone does.
+    goal (the text around eq. 8 of paper 000 describes this one). Local search is no part of the traditional system; it
+    is there to see what it alone does.
     """
 
     heuristic: Literal["goal", "next_cell"] = "goal"

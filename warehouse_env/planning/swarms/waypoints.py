@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.kernel import kernel
-from warehouse_env.maps.distance import label_regions
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
 from warehouse_env.planning.ants.colony import cells_of
 from warehouse_env.planning.ants.floor import AntFloor, make_floor
@@ -39,9 +38,10 @@ class Paths:
 
     def __init__(self, grid: GridMap, floor: AntFloor, start: int) -> None:
         self.shape = grid.shape
-        at = (start // floor.columns, start % floor.columns)
-        self.reachable = bool(np.isfinite(grid.distance_to(divmod(floor.goal, floor.columns))[at]))
-        nearest = _nearest(_between(grid, at, divmod(floor.goal, floor.columns)).ravel(), floor.columns)
+        at, goal = divmod(start, floor.columns), divmod(floor.goal, floor.columns)
+        self.reachable = bool(np.isfinite(grid.distance_to(goal)[at]))
+        inside = grid.return_region(goal if grid.closed[at] else at)  # no way leads back onto tight floor
+        nearest = _nearest(inside.ravel(), floor.columns)
         self._ground = _Ground(floor, nearest, start)
         self.best, self._walks = empty_walks(start, 1, len(nearest)), empty_walks(start, 1, len(nearest))
         self.history: list[float] = []
@@ -99,17 +99,6 @@ class WaypointSwarm(BasePlanner):
         else:
             paths.history = [np.inf] * self.iterations
         return Plan(cells_of(floor, paths.best, 0), np.array(paths.history))
-
-
-def _between(grid: GridMap, start: Cell, goal: Cell) -> NDArray[np.bool_]:
-    """Return bool[H, W]: the cells that a walker can reach from the start, and return from."""
-    if grid.tight is not None and grid.tight[start]:
-        start = goal  # no way leads back on tight floor
-    if grid.one_way.any():
-        return grid.return_region(start)
-    region = label_regions(~grid.closed)
-    same: NDArray[np.bool_] = region == region[start]
-    return same
 
 
 def first_codes(
