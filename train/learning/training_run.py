@@ -16,7 +16,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from agents.weights_folder import CONFIG, PolicyRecord, read_record, save_policy
+from agents.weights_folder import CONFIG, PolicyRecord, save_policy
 from train.job_files import FileDigests, file_digests
 from train.learning import checkpoint
 from train.learning.card import write_card
@@ -161,17 +161,6 @@ def _check_unchanged(config: TrainingConfig, position: Position) -> None:
             raise WeightsError(
                 f"{name} is not the code that {config.directory} was trained with: restore it, or start a new run"
             )
-
-
-def is_done(config: TrainingConfig) -> bool:
-    """Return whether a run has used its budget; ConfigError if its folder holds another training."""
-    if not (config.directory / CONFIG).exists() or not checkpoint.exists(config.directory / CHECKPOINT):
-        return False
-    saved = checkpoint.read(config.directory / CHECKPOINT).data
-    stored = type(config).from_dict(saved["config"])
-    if dataclasses.replace(stored, resume=None, progress=config.progress) != config:
-        raise ConfigError(f"{config.directory} was trained with other options: name another --out, or remove it")
-    return bool(read_record(config.directory).training["spent"] >= 1)  # of the weights, written after the checkpoint
 
 
 def _begin(config: ConfigT) -> tuple[ConfigT, checkpoint.Checkpoint | None]:
