@@ -144,11 +144,11 @@ def test_a_walled_in_goal_gives_an_empty_plan(mode: str) -> None:
     assert plan.converged_at == 0
 
 
-@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("mode", ["astar", "pf_aco"])
 @pytest.mark.parametrize(
     ("start", "goal", "says"),
     [
-        ((1, 1), (0, 0), r"start \(1, 1\) stands on a shelf"),
+        ((1, 1), (0, 0), r"start \(1, 1\) is on a shelf"),
         ((0, 0), (3, 0), r"goal \(3, 0\) is outside"),
     ],
 )

@@ -255,7 +255,7 @@ class GridMap:
 
     def check_cell(self, cell: ArrayLike, what: str) -> Cell:
         """Return `cell` as two Python ints; MapError, beginning with `what`, if it is outside or on a shelf."""
-        row, column = tables.whole_cell(cell, what, MapError)
+        row, column = tables.whole_cell(cell, what)
         rows, columns = self.shape
         if not (0 <= row < rows and 0 <= column < columns):
             given = shown((row, column))

@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from warehouse_env.errors import MapError, WarehouseError, shown
+from warehouse_env.errors import MapError, shown
 
 T = TypeVar("T", bound=np.generic)
 
@@ -108,10 +108,10 @@ def point(given: Any, what: str, most: float) -> tuple[float, float]:
     return x, y
 
 
-def whole_cell(cell: ArrayLike, what: str, error: type[WarehouseError]) -> tuple[int, int]:
-    """Return a cell as two Python ints; raises `error`, beginning with `what`, for anything but two whole numbers."""
+def whole_cell(cell: ArrayLike, what: str) -> tuple[int, int]:
+    """Return a cell as two Python ints; MapError, beginning with `what`, for anything but two whole numbers."""
     try:
         row, column = (operator.index(number) for number in cell)  # type: ignore[union-attr, arg-type]
     except (TypeError, ValueError):
-        raise error(f"{what} {shown(cell)} must be two whole numbers (row, column)") from None
+        raise MapError(f"{what} {shown(cell)} must be two whole numbers (row, column)") from None
     return row, column

@@ -10,12 +10,11 @@ from typing import ClassVar, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from warehouse_env.errors import ConfigError, PlanError, shown
+from warehouse_env.errors import ConfigError, MapError, PlanError, shown
 from warehouse_env.kernel import kernel
 from warehouse_env.maps.clearance import crosses, segment_gap
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.maps.moves import beyond
-from warehouse_env.maps.tables import whole_cell
 
 CostMap = NDArray[np.float64] | None
 """Cells of length that each move costs on top of its own, [H, W, 8], or that entering a cell costs, [H, W]."""
@@ -234,13 +233,7 @@ def validate_line(grid: GridMap, line: NDArray[np.float64], start: Cell, goal: C
 
 def check_endpoints(grid: GridMap, start: Cell, goal: Cell) -> tuple[Cell, Cell]:
     """Return start and goal as plain ints; PlanError where one is outside the map or on a shelf."""
-    rows, cols = grid.occupied.shape
-    checked: list[Cell] = []
-    for what, given in (("start", start), ("goal", goal)):
-        cell = whole_cell(given, what, PlanError)
-        if not (0 <= cell[0] < rows and 0 <= cell[1] < cols):
-            raise PlanError(f"{what} {cell} is outside the map of {rows} rows and {cols} columns; choose a free cell")
-        if grid.occupied[cell]:
-            raise PlanError(f"{what} {cell} stands on a shelf; choose a free cell")
-        checked.append(cell)
-    return checked[0], checked[1]
+    try:
+        return grid.check_cell(start, "start"), grid.check_cell(goal, "goal")
+    except MapError as error:
+        raise PlanError(str(error)) from None

@@ -250,7 +250,10 @@ class _Reader:
         given = dict(lanes.places) if lanes is not None else {}
         if self._edited and path.exists():
             given |= places.read_places(path)
-        proposed = [np.empty((0, 2), np.int64)] * 2 if set(places.KINDS) <= given.keys() else self._proposed(occupied)
+        proposed: Sequence[NDArray[np.int64]] = [np.empty((0, 2), np.int64)] * 2
+        if not set(places.KINDS) <= given.keys():
+            goods = racks(self._occupancy, self._taken, self._raster, self._walls, self._how.share)
+            proposed = propose(occupied, goods, self._walls, self._how.cell)
         region = largest_region(~occupied)
         cells, named = list[NDArray[np.int64]](), places.Places()
         for kind, found in zip(places.KINDS, proposed, strict=True):
@@ -261,10 +264,6 @@ class _Reader:
             cells.append(found)
             named[kind] = places.places_at(self._raster, found, names)
         return cells, named
-
-    def _proposed(self, occupied: NDArray[np.bool_]) -> Sequence[NDArray[np.int64]]:
-        goods = racks(self._occupancy, self._taken, self._raster, self._walls, self._how.share)
-        return propose(occupied, goods, self._walls, self._how.cell)
 
     def _note_regions(self, occupied: NDArray[np.bool_]) -> None:
         from warehouse_env.maps.distance import label_regions
