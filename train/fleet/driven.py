@@ -24,7 +24,7 @@ from warehouse_env.render.replay import REWARD_TERMS
 from warehouse_env.simulation.record.metrics import episode_row
 from warehouse_env.simulation.record.recording import Episode, opened
 from warehouse_env.simulation.state import NOBODY, PERSON, events_of, state_of
-from warehouse_env.simulation.traffic.jams import Jams
+from warehouse_env.simulation.traffic.waits import Jams
 
 _ABOUT, _MOMENTS, _COUNTS, _POINTS = "fleet.json", "fleet.moments", "fleet.counts", "fleet.points"
 _LONGEST_TEXT = 2**24  # [bytes]

@@ -40,8 +40,8 @@ from warehouse_env.simulation.tasks.orders import Order
 from warehouse_env.simulation.tasks.placement import Limits, put_all
 from warehouse_env.simulation.tasks.tasks import Arrival
 from warehouse_env.simulation.traffic import deadlock_recovery, decision, recovery
-from warehouse_env.simulation.traffic.jams import Jams, jams_of
 from warehouse_env.simulation.traffic.path_ahead import COLUMNS, POSES
+from warehouse_env.simulation.traffic.waits import Jams, jams_of
 from warehouse_env.simulation.worlds import (
     Equipment,
     Features,
@@ -412,7 +412,7 @@ class Simulator(Portable):
         return row | self.dispatcher.work_row(world)
 
     def jams(self) -> Jams:
-        """Return the robots for which each standing robot waits, the wait cycles and the stages (jams.jams_of)."""
+        """Return the robots for which each standing robot waits, the wait cycles and the stages (waits.jams_of)."""
         return jams_of(self.robots, self.routes, *self._limits)
 
     def global_state(self, world: int = 0) -> NDArray[np.float32]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,6 @@ from numpy.typing import NDArray
 from tests.simulation.driver.test_manoeuvre import (
     NOBODY,
     PARAMETERS,
-    ROBOT,
     SCRATCH,
     around,
     body,
@@ -23,9 +21,8 @@ from tests.simulation.driver.test_manoeuvre import (
     sized,
 )
 from tests.simulation.worlds import drawn, room
-from warehouse_env.config import EnvConfig
 from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.simulation.driver.bodies import CENTRE_X, CENTRE_Y, COS, HALF_WIDTH
+from warehouse_env.simulation.driver.bodies import CENTRE_X, CENTRE_Y, COS
 from warehouse_env.simulation.driver.manoeuvre import ARCS
 from warehouse_env.simulation.driver.room_field import (
     BARRED,
@@ -37,7 +34,6 @@ from warehouse_env.simulation.driver.room_field import (
 )
 from warehouse_env.simulation.driver.scratch import BODY, POINTS
 from warehouse_env.simulation.physics.geometry import pose_at
-from warehouse_env.simulation.state import parameters_of
 
 MIDDLE = POINTS // 2
 APART = np.float32(apart_of(PARAMETERS[0]))
@@ -73,10 +69,6 @@ def along(x: float, y: float, count: int) -> NDArray[np.float32]:
 def at(found: NDArray[np.float32], dx: float, dy: float) -> float:
     """How far it is from so many metres east and north of the middle."""
     return float(found[MIDDLE + round(dy / STEP), MIDDLE + round(dx / STEP)])
-
-
-def test_where_nobody_passes_there_is_room() -> None:
-    assert not field(room(20, 20), (10.0, 10.0)).any()
 
 
 def test_beside_a_path_it_is_as_far_as_two_half_widths_and_what_is_kept_off() -> None:
@@ -115,26 +107,6 @@ def test_beyond_the_rim_there_may_be_room() -> None:
     x0, y0 = np.float32(20.0), np.float32(1.5)
     assert room_at(np.float32(20.0 + rim + 0.1), y0, x0, y0, found, APART) == 0.0
     assert room_at(np.float32(22.9), np.float32(1.45), x0, y0, found, APART) == pytest.approx(rim - 3.0, abs=ROUNDING)
-
-
-def test_of_a_wider_body_all_is_as_much_farther() -> None:
-    """But for what is kept off: 0.2 m for any."""
-    parameters = parameters_of(EnvConfig(robot=replace(ROBOT, width=1.5 * ROBOT.width)), 1.0)
-    assert apart_of(parameters[0]) == pytest.approx(1.5 * STEP)
-    path = along(0.5, 20.0, 160)
-    path[:, HALF_WIDTH] *= 1.5
-    found = field(room(40, 40), (20.0, 20.0), path, parameters=parameters)
-    # off are 0.45 + 0.45 + 0.2 m, less 0.21: points at 0.9 m, not at 0.6
-    assert float(found[MIDDLE, MIDDLE]) == pytest.approx(0.9, abs=ROUNDING)
-    assert float(found[MIDDLE + 2, MIDDLE]) == pytest.approx(0.3, abs=ROUNDING)
-    assert float(found[MIDDLE + 3, MIDDLE]) == 0.0
-
-
-def test_a_body_longer_than_the_aisle_is_wide_gets_along_it_too() -> None:
-    parameters = parameters_of(EnvConfig(robot=replace(ROBOT, length=2 * ROBOT.length)), 1.0)
-    assert at(field(AISLE, (6.0, 1.5), along(4.0, 1.5, 20), parameters=parameters), 0, 0) == pytest.approx(
-        3.0, abs=ROUNDING
-    )
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -181,8 +153,3 @@ def test_the_way_out_follows_a_bend() -> None:
     assert (np.hypot(np.diff(x), np.diff(y)) < 2 * math.sqrt(2) * STEP + ROUNDING).all()
     assert y[-1] < 2.4
     assert way_of(BENT, (2.5, 4.5), path, 3) == pytest.approx(way[:3])
-
-
-def test_there_is_no_way_out_where_there_is_room_or_none_at_all() -> None:
-    assert len(way_of(AISLE, (6.0, 1.5), NOBODY)) == 0
-    assert len(way_of(drawn(["#" * 5, "#...#", "#" * 5]), (2.5, 1.5), along(1.5, 1.5, 9))) == 0

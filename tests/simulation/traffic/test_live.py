@@ -545,4 +545,4 @@ def test_live_routes_are_made_by_the_planner_of_all_routes_if_it_makes_any(
     simulator = Simulator(CONFIG.replace(planner=planner, num_agents=2))
     made = simulator.dispatcher.live
     assert made is not None
-    assert (made.finder.name, made.plans_first) == (finder, first)
+    assert (made.finder, made.plans_first) == (finder, first)

@@ -15,7 +15,7 @@ RESTS = np.float32(0.01)  # [m] before the end of its route at which a robot may
 STILL = np.float32(0.01)  # [m/s] under which it stands
 BRAKING = np.float32(0.9)  # share of the full deceleration that stops are planned with
 _TWO, _FIVE = np.float32(2.0), np.float32(5.0)
-_FARTHEST = np.float32(4.0)  # times 5 m that a goal is seen away at most
+_FARTHEST = np.float32(4.0)  # times 5 m: the largest distance at which a goal is observed
 
 
 @inline
@@ -27,7 +27,7 @@ def to_go(r):
 
 @inline
 def speed_before(way, at_end, speed, p):
-    """Return the speed [m/s] after the next physics step, from one of `speed`, that can be `at_end` in `way` [m]."""
+    """Return the speed [m/s] of the next physics step that still allows `at_end` [m/s] after `way` [m]."""
     brake = BRAKING * p["max_acceleration"]
     lag = HALF * brake * p["time_step"]
     left = max(way - HALF * abs(speed) * p["time_step"], ZERO)
@@ -57,7 +57,7 @@ def wants_to_dock(r):
 
 @inline
 def is_there(r, p):
-    """Whether a robot stands at its goal, as near and as well turned as it has to."""
+    """Whether a robot stands at its goal, within the radius and the angle asked for."""
     motion, task = r["motion"], r["task"]
     dx, dy = task["goal_x"] - motion["x"], task["goal_y"] - motion["y"]
     if dx * dx + dy * dy > p["arrival_radius"] * p["arrival_radius"] or abs(motion["speed"]) > STILL:

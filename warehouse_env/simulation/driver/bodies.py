@@ -22,8 +22,8 @@ from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO, sin_c
 # Columns of bodies float32[K, BODY]: the centre [m], cosine and sine of the heading, half length, half width and half
 # diagonal [m].
 CENTRE_X, CENTRE_Y, COS, SIN, HALF_LENGTH, HALF_WIDTH, RADIUS = range(7)
-OFF = np.float32(0.2)  # [m] around a body that makes room: more than right of way asks for (reservations.WIDE, of both)
-_BERTH = np.float32(4.0)  # times as far off bodies as off shelves, which stay where they are
+OFF = np.float32(0.2)  # [m] around a retreating body: more than right of way keeps (reservations.WIDE, of both)
+_BERTH = np.float32(4.0)  # times the margin to shelves, which never move
 _GIVEN = np.float32(0.002)  # [m] nearer than at the start that another body may come, as arcs are not driven exactly,
 _SPARE = np.float32(0.001)  # [m] but not so near that the field stops it, where there is so much room,
 _ROUNDING = np.float32(2e-5)  # [m] or as at the start: beside a body it may drive along it

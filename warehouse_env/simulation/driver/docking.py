@@ -40,7 +40,7 @@ def write_goals(r, goals, p):
 
 @inline
 def _other_way_round(r, p):
-    """Return the pose (x, y, heading) at which a robot's body stands where it does at its goal, the other way round."""
+    """Return the pose (x, y, heading) that puts the body in its place at the goal, the other way round."""
     task = r["task"]
     s, c = sin_cos(task["goal_heading"])
     between = p["offset"] + p["offset"]
@@ -49,7 +49,7 @@ def _other_way_round(r, p):
 
 @inline
 def begin_docking(r, count, arcs, margin, p):
-    """Begin the manoeuvre of `count` arcs to the robot's goal: which way round it stands there is settled with it."""
+    """Begin the manoeuvre of `count` arcs to the robot's goal; it decides which way round the robot will stand."""
     task = r["task"]
     begin_manoeuvre(r, count, arcs, margin)
     r["manoeuvre"]["docks"] = 1

@@ -20,14 +20,14 @@ from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO, arc_t
 FASTEST, FASTEST_BACK = np.float32(0.8), np.float32(0.5)  # [m/s] on arcs
 STEER_SLACK = np.float32(0.2)  # [rad m/s]: how fast times how far off the wanted steering angle
 READY = np.float32(0.02)  # [m] before the end of an arc that count as its end
-NARROW = np.float32(1e-3)  # [m] of margin under which it drives exactly: it stands while it steers, and ends arcs at
-EXACT, EXACT_STEER = np.float32(0.001), np.float32(0.001)  # [m] before their end, with so little [rad] off
+NARROW = np.float32(1e-3)  # [m] of margin under which it drives exactly: it steers while standing, and ends arcs
+EXACT, EXACT_STEER = np.float32(0.001), np.float32(0.001)  # within so many [m] and [rad]
 STANDS = np.float32(0.06)  # [m/s] under which the other direction may be taken
 BACK_TO_ARC = np.float32(9.0)  # [1/m^2] of curvature per metre beside the arc, and
 ALONG_ARC = np.float32(6.0)  # [1/m] per radian off its direction: critically damped after a third of a metre
 LOST, LOST_TURN = np.float32(0.15), np.float32(0.35)  # [m], [rad] off the reference at which it is given up
-KEPT = np.float32(1.0 / 3.0)  # of the margin that it was planned with is kept when it is driven
-# [m/s] with so little, when docking: between two samples a corner leaves its chord by 1e-5 m
+KEPT = np.float32(1.0 / 3.0)  # of the planned margin that is kept when driving
+# [m/s] when docking with so narrow a margin: between two samples a corner leaves its chord by 1e-5 m
 GRAZING = np.float32(0.1)
 EXACT_END = np.float32(0.003)  # [m] before the end of a manoeuvre that docks, and before it turns back
 SLACK_PER_METRE = np.float32(0.2)  # [rad/s] of STEER_SLACK for each metre of a docking arc
@@ -90,7 +90,7 @@ def _slide(r, arcs, p):
 
 @inline
 def _next_arc(r, arcs):
-    """Go on to the next arc at the end of one; where it leads the other way, once the robot stands."""
+    """Begin the next arc at the end of one; if it leads the other way, once the robot stands."""
     manoeuvre = r["manoeuvre"]
     ready = EXACT if manoeuvre["arc_margin"] < NARROW else READY
     while manoeuvre["arcs"] > 0 and abs(manoeuvre["arc_left"]) < ready:
@@ -106,7 +106,7 @@ def _next_arc(r, arcs):
 
 @inline
 def _speed_limit(r, arcs, p):
-    """Return the speed [m/s] from which the robot can still stop or steer where the arcs ahead ask for it."""
+    """Return the speed [m/s] from which the robot can still stop or steer as the arcs ahead require."""
     manoeuvre = r["manoeuvre"]
     k, count = int(manoeuvre["arc"]), int(manoeuvre["arcs"])
     forward = arcs[k, 0] > ZERO
@@ -128,7 +128,7 @@ def _speed_limit(r, arcs, p):
 
 @inline
 def _next_arc_exactly(r, arcs, p):
-    """Go on as `_next_arc` does, in a manoeuvre that docks: the next arc begins at the very end of the last."""
+    """Begin the next arc in a manoeuvre that docks: it starts exactly at the end of the last one."""
     manoeuvre = r["manoeuvre"]
     while manoeuvre["arcs"] > 0:
         k, following = manoeuvre["arc"], manoeuvre["arc"] + 1
@@ -149,9 +149,9 @@ def _next_arc_exactly(r, arcs, p):
 
 @inline
 def _docking_speed(r, arcs, off, p):
-    """Return the speed [m/s] of a manoeuvre that docks, `off` [rad] the wanted steering.
+    """Return the speed [m/s] of a manoeuvre that docks; off [rad]: steering error.
 
-    It stands at its end and wherever it turns back, and the shorter an arc, the more of its steering is done before.
+    The robot stops at the end and at each change of direction. Before short arcs it steers more while standing.
     """
     manoeuvre = r["manoeuvre"]
     k, count = int(manoeuvre["arc"]), int(manoeuvre["arcs"])
@@ -173,7 +173,7 @@ def _docking_speed(r, arcs, off, p):
 
 @inline
 def _slack(length):
-    """Return what a speed times radians off the wanted steering may be [rad m/s] on an arc of a length [m]."""
+    """Return the largest product of speed and steering error [rad m/s] on an arc of a length [m]."""
     return min(STEER_SLACK, SLACK_PER_METRE * abs(length))
 
 

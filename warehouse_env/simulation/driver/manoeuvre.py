@@ -37,18 +37,18 @@ OFF, FAR_OFF, ROUGHLY, EXACTLY = range(
     4
 )  # kinds of goals: off `avoid`, near by or at any distance; close to a pose, or exactly at one
 ARCS = 16  # of a manoeuvre at most
-TRIES = 6  # the first is coarse: it finds a way round another body, or to turn round, within a tenth of the nodes
-# [m] to shelves and bodies, of each try. A robot drives with a third of that (driving.py): where deviation stops it,
-# the next try can begin.
+TRIES = 6  # the first is coarse: it finds a way around a body or a turn with a tenth of the nodes
+# [m] to shelves and bodies, of each try. A robot drives with a third of that (driving.KEPT), so where a deviation stops
+# it, the next search can begin.
 MARGINS = tuple(np.float32(m) for m in (0.03, 0.03, 0.008, 0.002, 0.0005, 0.0005))
 STRIDES = (np.float32(0.4), turning.STRIDE, *(np.float32(m) for m in (0.2, 0.15, 0.15, 0.06)))  # [m] of an arc
 CELLS = tuple(np.float32(m) for m in (0.4, 0.1, 0.067, 0.05, 0.05, 0.02))  # [m], of (x, y)
-TOO_NEAR = np.float32(5e-5)  # [m] of arcs that begin nearer: more than the follower keeps where it is exact
-GREED = np.float32(1.1)  # how much the heuristic weighs: soon found before best
+TOO_NEAR = np.float32(5e-5)  # [m] for arcs that begin nearer: more than the exact follower keeps
+GREED = np.float32(1.1)  # weight of the heuristic: found soon rather than best
 _HEADINGS = 36  # cells of 10 degrees
-_SHOTS = 4  # nodes of an exact search from one of which a shot is tried,
-_SHOT_WITHIN = np.float32(12.0)  # [s] of way to go at most
-_TWICE, _SPARE = np.float32(2.0), np.float32(4.0)  # times as long, and [s] longer, that a shot may take
+_SHOTS = 4  # an exact search tries a shot from every so many nodes
+_SHOT_WITHIN = np.float32(12.0)  # [s], largest estimate of the rest
+_TWICE, _SPARE = np.float32(2.0), np.float32(4.0)  # a shot may take so many times as long, and [s] longer
 _REACHED, _ALONG = np.float32(0.1), np.float32(0.15)  # [m] beside and along a goal pose that count as there
 _ALIGNED = np.float32(0.2)  # [rad]
 _LARGE = np.float32(2.0)  # times that for longer bodies at most: the end of a route is a goal that is arrived at

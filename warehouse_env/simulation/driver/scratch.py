@@ -22,7 +22,7 @@ MOST = 6000  # nodes of a search
 WAITING = 8  # times as many moves that may wait in its queue
 SLOTS = 1 << 14  # of the table of cells, more than twice MOST
 POINTS = 81  # of the field of how far room is, each way (room_field.py)
-NEAR_GOALS, FAR_GOALS = 11, 23  # at most (rejoin.py, docking.py)
+NEAR_GOALS, FAR_GOALS = 11, 23  # at most (traffic/recovery.py, docking.py)
 SHOT = 5  # arcs of a shot at most (shots.py)
 
 

@@ -22,23 +22,23 @@ from warehouse_env.simulation.state import ALONE, AROUND_OTHERS
 
 CREEP = np.float32(0.35)  # [m/s] at least, however much it must steer
 SLOW = np.float32(0.45)  # [m/s] under which another steering angle may be chosen
-BEND_SCALE = np.float32(2.0)  # [rad] of steering at which the speed would come down to a creep,
-STEER_SCALE = np.float32(0.9)  # [rad] and off the wanted steering
+BEND_SCALE = np.float32(2.0)  # [rad] of steering at which the speed falls to CREEP,
+STEER_SCALE = np.float32(0.9)  # [rad] of steering error at which it does
 MARGIN = np.float32(0.03)  # [m] the follower keeps from shelves
-STEERED = np.float32(0.02)  # [rad] off the wanted steering from which a robot in a manoeuvre waits for it to turn
-LAST = np.float32(1.5e-4)  # [m] that a manoeuvre must keep from shelves, or it is given up
-BACK_ON = np.float32(0.5)  # [rad] off the nose up to which target and line end a manoeuvre that only leads on ahead
-PATIENCE = np.float32(4.0)  # [s] without a metre of progress from which manoeuvres are driven to their end
-ASIDE = np.float32(1.0)  # [rad] off the nose from which a target takes a manoeuvre
-AGAIN = np.float32(2.0)  # [s] from one search to the next, whatever came of it,
-AGAIN_HELD, AGAIN_HELD_BACK = np.float32(15.0), np.float32(5.0)  # [s] and where another is in the way, longer by the
-# time that it has got nowhere: what has not helped so far is tried more and more rarely
-HELD = np.float32(2.5)  # [s] in touch with a robot, or held by the field, after which a way round the others is sought
+STEERED = np.float32(0.02)  # [rad] of steering error from which a robot in a manoeuvre waits
+LAST = np.float32(1.5e-4)  # [m] to shelves under which a manoeuvre is given up
+BACK_ON = np.float32(0.5)  # [rad] off the nose within which target and line end a manoeuvre that only leads forwards
+PATIENCE = np.float32(4.0)  # [s] without a metre of progress after which manoeuvres are completed
+ASIDE = np.float32(1.0)  # [rad] off the nose from which a target needs a manoeuvre
+AGAIN = np.float32(2.0)  # [s] from one search to the next,
+AGAIN_HELD, AGAIN_HELD_BACK = np.float32(15.0), np.float32(5.0)  # [s] and around other robots, plus
+# the time without progress: failing searches become rarer
+HELD = np.float32(2.5)  # [s] in touch with a robot or vetoed by the shield, after which it searches a way around others
 
 
 @inline
 def _brake_steer(r, steer, margin, p, floor):
-    """The steering angle to brake with: the wanted one if its sweep is free, else the present one, free before."""
+    """Return the steering angle to brake with: the wanted one if its sweep is free, otherwise the present one."""
     if r["motion"]["speed"] == ZERO or may_drive(r, ZERO, steer, margin, p, floor):
         return steer
     return r["motion"]["steer"]
@@ -46,10 +46,10 @@ def _brake_steer(r, steer, margin, p, floor):
 
 @inline
 def _manoeuvre(r, arcs, wanted, stopping, p, floor):
-    """Return (speed, steering) along the arcs; give the manoeuvre up where it is no longer free.
+    """Return (speed, steering) along the arcs; give up a manoeuvre that is no longer free.
 
-    Where the planned margin cannot be kept it is lowered, and raised again as soon as it can be: where it was not, a
-    robot that began beside a shelf drove all its arcs as near to shelves, and in one of 170 episodes one wedged itself.
+    If the planned margin cannot be kept, it is lowered, and raised again as soon as possible. Otherwise a robot that
+    starts beside a shelf would drive all its arcs that close; in one of 170 episodes one wedged itself.
     """
     motion, manoeuvre = r["motion"], r["manoeuvre"]
     speed, steer = drive_arcs(r, arcs, wanted, stopping, p)
@@ -57,7 +57,7 @@ def _manoeuvre(r, arcs, wanted, stopping, p, floor):
         return ZERO, motion["steer"]
     margin = manoeuvre["arc_margin"]
     if may_drive(r, speed, steer, margin, p, floor):
-        more = min(margin / KEPT, manoeuvre["arc_planned"])  # further on there is more room, as planned
+        more = min(margin / KEPT, manoeuvre["arc_planned"])  # farther on there is room as planned
         if more > margin and may_drive(r, speed, steer, more, p, floor):
             manoeuvre["arc_margin"] = more
         return speed, steer

@@ -36,18 +36,18 @@ MOST_STEPS = 160  # of an ant
 
 
 class Trails(NamedTuple):
-    """What a look's ants write; cells of other looks are told apart by `run`."""
+    """What the ants of a query write; `run` marks the cells of the present query."""
 
-    run: NDArray[np.int64]  # [1], how many looks there have been
-    at: NDArray[np.int64]  # [C], the look in which a cell's moves were priced
+    run: NDArray[np.int64]  # [1], number of queries
+    at: NDArray[np.int64]  # [C], the query in which a cell's moves were priced
     touched: NDArray[np.int32]  # [C], these cells, ...
     listed: NDArray[np.int64]  # [1], ... so many
-    seen: NDArray[np.int64]  # [C], the look that has given a cell its potential
-    rest: NDArray[np.int32]  # [C], the potential: what going on from a cell costs at least
+    seen: NDArray[np.int64]  # [C], the query that has given a cell its potential
+    rest: NDArray[np.int32]  # [C], the potential: a lower bound of the cost from a cell
     cost: NDArray[np.int32]  # [C, 8], what a move costs, others included; 0 where it cannot be made
     trail: NDArray[np.float32]  # [C, 8], pheromone
     tabu: NDArray[np.int64]  # [C], the last ant that has been on a cell
-    price: NDArray[np.int64]  # [8], what the moves cost the ant that chooses, a hairpin included
+    price: NDArray[np.int64]  # [8], costs of the moves for the choosing ant, hairpins included
     chance: NDArray[np.float64]  # [8], their weights
     spent: NDArray[np.int64]  # [1], what an ant's way has cost
     moves: NDArray[np.int8]  # [MOST_STEPS], an ant's
@@ -74,7 +74,7 @@ def _to(look, cell, move):
 
 @inline
 def _see(look, trails, cell):
-    """Give a cell its first potential, unless this look has seen it before; return it."""
+    """Return a cell's potential; set it first if this query has not."""
     if trails.seen[cell] != trails.run[0]:
         columns = look.steps.shape[1]
         trails.seen[cell] = trails.run[0]
@@ -84,7 +84,7 @@ def _see(look, trails, cell):
 
 @part
 def _touch(look, trails, cell):
-    """Price a cell's moves, unless this look has touched it before."""
+    """Price a cell's moves, unless this query has done so."""
     if trails.at[cell] == trails.run[0]:
         return
     trails.at[cell] = trails.run[0]
@@ -101,7 +101,7 @@ def _touch(look, trails, cell):
 
 @part
 def _raise(look, trails, cell):
-    """Raise a cell's potential to what its best move costs at least."""
+    """Raise a cell's potential to the lower bound of its best move."""
     best = ANY
     for move in range(8):
         if trails.cost[cell, move] > 0:
@@ -111,7 +111,7 @@ def _raise(look, trails, cell):
 
 @inline
 def _weigh(ground, ant, cell, arrived, chance):
-    """Weigh the moves of a cell (eq. 8) for the walk of an ant, which arrives where its robot looks no farther."""
+    """Weigh the moves of a cell (eq. 8) for an ant, which arrives at the horizon or the goal."""
     look, trails, most = ground
     columns, arrived = look.steps.shape[1], arrived if arrived >= 0 else START
     trails.tabu[cell] = ant
@@ -163,9 +163,9 @@ def _fade(trails):
 
 @part
 def _send_one(look, most, trails, ant, random):
-    """Let an ant walk from the robot on; return (its steps, -1 if it gave up, its generator).
+    """Let an ant walk from the robot; return (its steps, -1 if it gave up; its random generator).
 
-    It gives up where it could only come to more than `most`. Its moves: trails.moves; their cost: trails.spent.
+    It gives up once its way must cost over `most`. Its moves: trails.moves; their cost: trails.spent.
     """
     columns = look.steps.shape[1]
     rule = WalkRule(BOLD, False, 0.0, 0.0)  # an ant at a dead end gives up
@@ -174,7 +174,7 @@ def _send_one(look, most, trails, ant, random):
     cell = trip.start
     for k in range(count):
         cell = _to(look, cell, whole(trails.moves[k]))
-    for k in range(count - 1, -1, -1):  # what it has learned, told back along its way
+    for k in range(count - 1, -1, -1):  # pass what it has learned back along its way
         cell = _to(look, cell, (whole(trails.moves[k]) + 4) % 8)
         _raise(look, trails, cell)
     return count if arrived else -1, random
@@ -182,9 +182,9 @@ def _send_one(look, most, trails, ant, random):
 
 @part
 def colonise(look, most, seed, trails):
-    """Let a colony look for a way; return (steps of the best, its cost), (-1, ANY) if it found none of at most `most`.
+    """Run a colony; return (steps of its best way, cost), or (-1, ANY) if it finds none that costs at most `most`.
 
-    The best way's moves: trails.best. seed: of the ants' chance.
+    The moves of the best way: trails.best. seed: of the ants' random numbers.
     """
     trails.run[0] += 1
     trails.listed[0] = 0
@@ -201,7 +201,7 @@ def colonise(look, most, seed, trails):
                 for step in range(count):
                     trails.best[step] = trails.moves[step]
             elif trails.rest[start] > min(most, cost - 1):
-                break  # nothing better is left
+                break  # no better way is left
         if best >= 0:
             _mark(look, trails, best, np.float32(STRENGTH * UNIT / (UNIT + cost - least)))
         if (best >= 0 and since >= PATIENCE) or trails.rest[start] > min(most, cost - 1):

@@ -131,38 +131,17 @@ def live_planner(config: EnvConfig) -> Any:
     return planner if planner.name in FINDERS else make_planner("astar_turns")
 
 
-class Finder(Portable):
-    """Finds ways for robots by one of FINDERS."""
-
-    bound = ("_room",)
-
-    def __init__(self, name: str, shape: tuple[int, int]) -> None:
-        self.name, self._shape = name, shape
-        self._bind()
-
-    def _bind(self) -> None:
-        self._room = FINDERS[self.name][1](*self._shape)
-
-    def find(
-        self, look: ReplanQuery, cells: NDArray[np.int32], saving: int, runs_out: bool, seed: int
-    ) -> NDArray[np.int32]:
-        """Return the cells int32[L, 2] of a way; none if no way saves enough (see `replan_search.find_way`)."""
-        count = FINDERS[self.name][0](look, cells, saving, runs_out, seed, self._room)
-        way: NDArray[np.int32] = self._room.path[:count].astype(np.int32)
-        return way
-
-
 class LiveRoutes(Portable):
     """Replanning while robots drive: `watch` lists the robots that replan now, `route` makes a route from a pose."""
 
-    bound = ("_fields", "_asked")
+    bound = ("_fields", "_asked", "_room")
 
     def __init__(self, config: EnvConfig, book: RouteBook, persons: NDArray[Any]) -> None:
         """Make the live routes of a configuration; persons: PERSON[B, M]."""
         self._persons, self._person_on = persons, np.full(persons.shape, NOTHING, np.int32)  # see RoadUsers
         grid = book.grid
         planner = live_planner(config)
-        self.finder = Finder(planner.name, grid.shape)
+        self.finder = planner.name
         self.plans_first = planner.name == config.planner.partition(":")[0]  # not only on the way
         self._gentleness = planner.gentleness
         self._book = book
@@ -185,6 +164,7 @@ class LiveRoutes(Portable):
     def _bind(self) -> None:
         grid = self._book.grid
         self._fields, self._asked = CostToGo(grid, self._gentleness), make_price_cache(grid.occupied.size)
+        self._room = FINDERS[self.finder][1](*grid.shape)
 
     def begin(self, world: int) -> None:
         """Forget all that is known of a world: its robots begin anew."""
@@ -252,8 +232,8 @@ class LiveRoutes(Portable):
         runs_out = on_its_way and bool(runs_out_of(r, self._laid[world, me]))
         drawn_from = f"{step} {me} {row} {column} {goal}".encode()
         seed = 1 + int.from_bytes(hashlib.blake2b(drawn_from, digest_size=7).digest(), "little")
-        cells = self.finder.find(look, self._cells[world, me], saving, runs_out, seed)
-        return self._book.along(cells, pose, self._reach, ends) if len(cells) else None
+        count = FINDERS[self.finder][0](look, self._cells[world, me], saving, runs_out, seed, self._room)
+        return self._book.along(self._room.path[:count].astype(np.int32), pose, self._reach, ends) if count else None
 
     def towards(self, cell: Cell, goal: Cell) -> NDArray[np.float32] | None:
         """Return the direction (x, y) of a cheapest way from a cell to a goal; None where there is none."""

@@ -24,13 +24,13 @@ _STRIDE = np.float32(0.125)  # [m] of driving in one step of the prediction
 _FARTHEST = np.float32(16.0)  # [m] of driving looked at
 _STEERED = np.float32(0.19)  # [rad] that the steering changes in a stride at 1 m/s
 _SLOWEST, _FASTEST = np.float32(0.4), np.float32(1.2)  # [m/s] at which the follower's look-ahead is taken
-_THERE = np.float32(0.3)  # [m] before its end at which a route is over that leads through its goal
+_THERE = np.float32(0.3)  # [m] before its end at which a route through its goal is over
 RENEWED = 2.0  # [m] of driving after which a path is written anew,
 OFF, TURNED = np.float32(0.05), np.float32(0.15)  # [m] beside a pose just passed, or sine of the angle to it: too
 _JOIN = 40  # way-points in which the route is searched for the end of a manoeuvre
 _TWO = np.float32(2.0)
-ROOM_FOR_PEOPLE = np.float32(0.4)  # [m] before a person at which a grant ends: from less the field lets none back out
-_SOON = np.float32(1.0)  # [s] of a person's way that are looked at
+ROOM_FOR_PEOPLE = np.float32(0.4)  # [m] before a person at which a grant ends: nearer, no robot gets out
+_SOON = np.float32(1.0)  # [s] of a person's walk that count
 
 
 @inline
@@ -73,7 +73,7 @@ def _along_arcs(r, arcs, to_next, path, p):
 
 @inline
 def _joins(r, route, x, y):
-    """Return where on its route [m] the robot will be that comes to a point at the end of its manoeuvre."""
+    """Return where on its route [m] a robot will be whose manoeuvre ends at (x, y) [m]."""
     on_route = r["on_route"]
     best, at, first = np.float32(np.inf), on_route["position"], int(on_route["position"] / on_route["spacing"])
     for k in range(max(first - 1, 0), min(first + _JOIN, on_route["points"])):
@@ -139,7 +139,7 @@ def keep_path(r, path, p):
 
 @inline
 def begin_path(r, poses, at_end):
-    """Note that a robot's path has been written anew."""
+    """Record that a robot's path has been rewritten."""
     traffic = r["traffic"]
     traffic["poses"], traffic["at_end"] = poses, at_end
     traffic["path_from"] = traffic["path_at"] = r["totals"]["distance"]
@@ -203,10 +203,9 @@ def _to_person(x, y, pose, p):
 
 @inline
 def before_people(path, must, granted, persons, p):
-    """Return (the last pose of a grant before any that comes near to a person PERSON[M], or to where one soon will be;
-    the person who ends it, or NOBODY).
+    """Return (the last pose of a grant before a person PERSON[M] or where one soon will be, that person or NOBODY).
 
-    Who is near already may go on as long as it comes no nearer; `must`: the pose up to which it cannot stop.
+    A robot that is near already may go on as long as it comes no nearer. must: the pose before which it cannot stop.
     """
     person = NOBODY
     reach = p["swing"] * (path[granted, DRIVEN] - path[must, DRIVEN]) + p["radius"] + RADIUS + ROOM_FOR_PEOPLE

@@ -1,7 +1,7 @@
 """Prices of moves near other robots, computed for the cells that a replanning query asks for.
 
-live.py says what is priced and why. Each price is one function here, one call of it and its fields of `Prices`, so that
-any can be removed alone. Prices are whole thousandths of a cell: their sums do not depend on the order in which the
+live.py explains the prices. Each price is one function here, its call and its fields of `Prices`, so each can be
+removed alone. Prices are whole thousandths of a cell: their sums do not depend on the order in which the
 table (route_occupancy.py) lists robots. They are computed in float64 where a kernel would widen a float32, since plain
 Python would not.
 """
@@ -24,13 +24,13 @@ DEAREST = 1_000_000  # thousandths of a cell that a robot's time of standing can
 
 
 class Prices(NamedTuple):
-    """What others cost, in cells of way, but for `crowd_within`. They were chosen together: docs/measured/trials.md."""
+    """Prices in cells of path, except for `crowd_within`. They were chosen together: docs/measured/trials.md."""
 
     standing: float = 10.0  # for entering the cell of a robot that stands
     beside: float = 3.0  # for entering a cell beside it
     against: float = 1.0  # for a move against one of another's remaining route
     boxed_against: float = 8.0  # so in an aisle of one cell, where two cannot pass
-    crowd: float = 0.6  # for entering a cell of another's remaining route that both are equally far from
+    crowd: float = 0.6  # for entering a cell of another's route that both robots reach at the same time
     crowd_within: float = 10.0  # [m] difference of these distances at which that has faded to nothing
     turn: float = 1.0  # for beginning with a turn of 90 degrees, twice that for turning round
     boxed_turn: float = 30.0  # for beginning with a turn of more than 90 degrees in an aisle of one cell
@@ -41,9 +41,9 @@ PRICES = Prices()
 
 
 def prices_for(size: float, spread: int) -> Prices:
-    """Return the prices where the default body would be so many times as long, in cells (RobotSpec.longer / cell).
+    """Return the prices for bodies of another size in cells (RobotSpec.longer / cell).
 
-    spread: cells either way that a standing body is on, each of which is paid for.
+    spread: cells to either side that a standing body covers; each of them is charged.
     """
     each, turn = size / (2 * spread + 1), size
     return PRICES._replace(
@@ -57,10 +57,10 @@ OFF_HEADING = (0.0, 0.2, 1.0, 2.0, 2.0)  # times `turn`, for beginning so many e
 
 
 class PriceCache(NamedTuple):
-    """The prices that one robot has asked for, by cell; those of others before it are told apart by `looks`."""
+    """The prices of one query by cell; `looks` marks those of the present query."""
 
-    looks: NDArray[np.int64]  # [1], how often anybody looked
-    at: NDArray[np.int64]  # [C], the look in which a cell's prices were asked for
+    looks: NDArray[np.int64]  # [1], number of queries
+    at: NDArray[np.int64]  # [C], the query in which a cell was priced
     enter: NDArray[np.int32]  # [C], what entering a cell costs
     leave: NDArray[np.int32]  # [C, 8], what leaving it by each move costs
 
@@ -73,7 +73,7 @@ def make_price_cache(cells: int) -> PriceCache:
 
 
 class ReplanQuery(NamedTuple):
-    """One robot's look at the floor: what it is given, and where the robot is. Costs are thousandths of a cell."""
+    """One robot's search for a better route: its inputs, and where the robot is. Costs are thousandths of a cell."""
 
     passing: RouteOccupancy  # the occupancy of cells, up to date
     asked: PriceCache
@@ -100,7 +100,7 @@ def rest_from(look, row, column):
 
 @inline
 def is_beyond(look, row, column):
-    """Whether a cell is as far off as a robot looks."""
+    """Whether a cell is at the horizon or beyond."""
     return octile(row - look.row, column - look.column) >= look.horizon
 
 
@@ -189,7 +189,7 @@ def _charge_turns(look, cell):
 
 @part
 def ask(look, cell):
-    """Make the prices of a cell (flat index), unless this look has asked for them before."""
+    """Price a cell (flat index), unless this query has done so."""
     if look.asked.at[cell] == look.asked.looks[0]:
         return
     look.asked.at[cell] = look.asked.looks[0]
@@ -205,7 +205,7 @@ def ask(look, cell):
 
 @part
 def price_of(look, cell, move, to):
-    """Return what others make a move from one cell to another cost [thousandths of a cell], both given as flat."""
+    """Return the price of a move between two cells (flat indices) [thousandths of a cell]."""
     ask(look, cell)
     ask(look, to)
     return int(look.asked.leave[cell, move]) + int(look.asked.enter[to])
@@ -213,9 +213,9 @@ def price_of(look, cell, move, to):
 
 @part
 def next_cell(look, cells):
-    """Return the number of the cell that comes next to a robot of those that its route was made of.
+    """Return the index of the next cell ahead of a robot among the cells that its route was made of.
 
-    A route keeps right of these cells and cuts their corners, so it is looked for around that as far along them.
+    A route keeps right of these cells and cuts their corners, so the nearest one around the robot's progress counts.
     """
     r, last = look.robots[look.me], len(cells) - 1
     on_route = r["on_route"]
@@ -232,10 +232,10 @@ def next_cell(look, cells):
 
 @part
 def cost_ahead(look, cells):
-    """Return what going on along its route costs a robot as far as it looks, and from there by the shortest way.
+    """Return the cost of keeping the present route up to the horizon, and of the shortest way from there.
 
-    cells: int32[L, 2], those that its route was made of; the cells that the route itself crosses would make it seem
-    dearer than a new one.
+    cells: int32[L, 2], the cells that its route was made of. The cells that the line itself crosses would make it seem
+    dearer than a new route.
     """
     row, column, total = look.row, look.column, 0
     for k in range(next_cell(look, cells), len(cells)):
@@ -253,6 +253,6 @@ def cost_ahead(look, cells):
 
 @part
 def most_for(look, cells, saving):
-    """Begin a look, and return what a way may cost that saves a robot `saving` beside going on along its route."""
+    """Begin a query; return the most that a way may cost to save `saving` compared with the present route."""
     look.asked.looks[0] += 1
     return ANY if saving < 0 else cost_ahead(look, cells) - saving

@@ -15,16 +15,27 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from warehouse_env.kernel import inline, kernel, part
-from warehouse_env.simulation.driver import docking, rejoin
+from warehouse_env.simulation.driver import docking
 from warehouse_env.simulation.driver.arrival import docks_from
 from warehouse_env.simulation.driver.bodies import SearchArea, write_body
 from warehouse_env.simulation.driver.driving import begin as begin_manoeuvre
-from warehouse_env.simulation.driver.manoeuvre import EXACTLY, FAR_OFF, NONE, OFF, ROUGHLY, TRIES, Query, search
+from warehouse_env.simulation.driver.line import way_point
+from warehouse_env.simulation.driver.manoeuvre import (
+    EXACTLY,
+    FAR_OFF,
+    NONE,
+    OFF,
+    ROUGHLY,
+    TRIES,
+    Query,
+    put_goal,
+    search,
+)  # fmt: skip
 from warehouse_env.simulation.driver.scratch import MOST
 from warehouse_env.simulation.physics.geometry import pose_at
 from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.physics.people import RADIUS
-from warehouse_env.simulation.physics.trigonometry import ZERO
+from warehouse_env.simulation.physics.trigonometry import HALF_PI, ZERO, arc_tan2, wrap
 from warehouse_env.simulation.state import AROUND_OTHERS
 from warehouse_env.simulation.traffic import waits
 from warehouse_env.simulation.traffic.path_ahead import ROOM_FOR_PEOPLE
@@ -52,6 +63,12 @@ class Stage(NamedTuple):
     tries: int
     nodes: int  # of each try; below MOST, a try that is cut off ends the search
 
+
+# Goal poses on the route, in [m]: the first one ahead, and between poses: those tried first, and those for lanes that a
+# robot can only leave backwards.
+FIRST, APART, FAR_APART = np.float32(0.75), np.float32(0.4), np.float32(1.2)
+TURNED = 3  # more headings at the end of the route, where any will do
+CRUISE = np.float32(1.3)  # [m/s] that the rest of the route is priced at
 
 NEAR, CLOSE, NOBODY_NEAR = np.float32(6.0), np.float32(3.0), ZERO
 WALKING = np.float32(2.0)
@@ -133,10 +150,31 @@ def write_near(i, world, others, people, setup, bodies):
 
 
 @inline
+def _write_poses_ahead(r, route, apart, goals, p):
+    """Write poses along the route, `apart` [m], into goals float32[K + TURNED, GOAL]; return how many."""
+    on_route = r["on_route"]
+    many = goals.shape[0] - TURNED
+    to_go = np.float32(on_route["points"] - 1) * on_route["spacing"] - on_route["position"]
+    first, apart = FIRST * p["length_scale"], apart * p["length_scale"]
+    last = min(first + apart * np.float32(many - 1), to_go)
+    for k in range(many):
+        ahead = min(first + apart * np.float32(k), to_go)
+        x, y, ux, uy = way_point(r, route, ahead, ZERO)
+        heading = arc_tan2(uy, ux)
+        put_goal(goals, k, x, y, heading, (last - ahead) / CRUISE)
+        if ahead == to_go:
+            for quarter in range(1, 1 + TURNED):
+                put_goal(goals, k + quarter, x, y, wrap(heading + np.float32(quarter) * HALF_PI), ZERO)
+            return k + 1 + TURNED
+    return many
+
+
+@inline
 def _write_goals(r, stage, route, scratch, p):
     """Write the goal poses of a stage into scratch.near and scratch.far; return how many of each."""
     if stage.goals == ROUGHLY and r["on_route"]["points"] >= 2:
-        return rejoin.write_goals(r, route, scratch, p)
+        near = _write_poses_ahead(r, route, APART, scratch.near, p)
+        return near, _write_poses_ahead(r, route, FAR_APART, scratch.far, p)
     return docking.write_goals(r, scratch.near, p) if stage.goals == EXACTLY else 0, 0
 
 

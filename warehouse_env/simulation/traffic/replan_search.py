@@ -32,15 +32,15 @@ _ONWARD = np.array([*(sum(1 << (move + turn) % 8 for turn in (-2, -1, 0, 1, 2)) 
 
 
 class Labels(NamedTuple):
-    """What a search writes, by state = 9 * cell + arriving move; what others wrote before it is told apart by `run`."""
+    """What a search writes, by state = 9 * cell + arriving move; `run` marks what this search wrote."""
 
     run: NDArray[np.int64]  # [1], how many searches there have been
     at: NDArray[np.int64]  # [S], the search that reached a state; negative once it is closed
     key: NDArray[np.int64]  # [S], cost * TURNS + turns
     before: NDArray[np.int32]  # [S], the state from which it was reached
     left_at: NDArray[np.int64]  # [C], the search that closed a state of a cell
-    left: NDArray[np.uint8]  # [C], as bits: the moves from there that none of its closed states makes without a hairpin
-    last: NDArray[np.int64]  # [C], the key of the one of them that was closed last
+    left: NDArray[np.uint8]  # [C], as bits: the moves that all its closed states make with a hairpin only
+    last: NDArray[np.int64]  # [C], the key of the last of them
     keys: NDArray[np.int64]  # [Q] of a heap: bounds ...
     states: NDArray[np.int64]  # [Q] ... and states
     path: NDArray[np.int64]  # see make_path
@@ -62,17 +62,17 @@ def make_labels(rows: int, columns: int) -> Labels:
 
 
 @inline
-def _brings_nothing(labels, run, cell, arrived, key):
-    """Whether from a closed cell no way goes on for less that comes there by a move, with such a key.
+def _is_dominated(labels, run, cell, arrived, key):
+    """Whether no move from a closed cell gets cheaper by reaching it by move `arrived` with this key.
 
-    With the same key as the last one it may take a turn less.
+    With the key of the last closed state it may still save a turn.
     """
     return labels.left_at[cell] == run and key > labels.last[cell] and labels.left[cell] & _ONWARD[arrived] == 0
 
 
 @inline
 def _close(labels, run, cell, arrived, key):
-    """Note that a state of a cell is closed; return, as bits, the moves by which it goes on."""
+    """Close a state of a cell; return, as bits, the moves to expand."""
     left, moves = _ALL, _ALL
     if labels.left_at[cell] == run:
         left = labels.left[cell]
@@ -84,7 +84,7 @@ def _close(labels, run, cell, arrived, key):
 
 @part
 def search(look, most, labels):
-    """Return (state, its cost) where the cheapest way leaves what is looked at, (-1, 0) if that is above `most`."""
+    """Return (state, cost) where the cheapest way reaches the horizon or the goal; (-1, 0) if it costs over `most`."""
     columns, keys, states = look.steps.shape[1], labels.keys, labels.states
     labels.run[0] += 1
     run, start = labels.run[0], 9 * (look.row * columns + look.column) + START
@@ -115,7 +115,7 @@ def search(look, most, labels):
             if key // TURNS + rest > most:
                 continue
             key += TURNS * price_of(look, cell, move, to) + (1 if arrived != START and arrived != move else 0)
-            if _brings_nothing(labels, run, to, move, key):
+            if _is_dominated(labels, run, to, move, key):
                 continue
             reached = 9 * to + move
             new = abs(labels.at[reached]) != run
@@ -128,7 +128,7 @@ def search(look, most, labels):
 
 @inline
 def _lead(look, most, seed, labels):
-    """Write the cells of a cheapest way to where it leaves what is looked at to labels.path; see `finish`."""
+    """Write the cells of a cheapest way up to the horizon to labels.path; see `finish`."""
     state, _ = search(look, most, labels)
     columns, path = look.steps.shape[1], labels.path
     count, back = 0, state
@@ -146,7 +146,7 @@ def _lead(look, most, seed, labels):
 
 @part
 def _write_tail(look, count, arrived, path):
-    """Write a cheapest way on to the goal from the last of `count` cells, come to by a move; return how many then."""
+    """Extend a way of `count` cells, the last one reached by a move, to the goal; return its number of cells."""
     row, column = path[count - 1, 0], path[count - 1, 1]
     rest = rest_from(look, row, column)
     while rest > 0 and count < len(path):
@@ -160,9 +160,9 @@ def _write_tail(look, count, arrived, path):
 
 @part
 def _write_rest(look, cells, path):
-    """Write where a robot is and the cells that its route still leads through to `path`; return how many.
+    """Write a robot's cell and the cells still ahead on its route to `path`; return how many.
 
-    cells: int32[L, 2], those that its route was made of.
+    cells: int32[L, 2], the cells that its route was made of.
     """
     begin = next_cell(look, cells)
     path[0, 0], path[0, 1] = look.row, look.column

@@ -53,12 +53,12 @@ from warehouse_env.simulation.physics.stops import (
 from warehouse_env.simulation.physics.trigonometry import ZERO
 from warehouse_env.simulation.state import NOBODY
 
-LONG_HELD = np.float32(5.0)  # [s] from which on the observation says the same
-PERSON, FREE, SHELF = -3, -2, -1  # what refuses a motion: somebody, nothing, a shelf; else the index of a robot
+LONG_HELD = np.float32(5.0)  # [s] from which on the observation no longer grows
+PERSON, FREE, SHELF = -3, -2, -1  # what refuses a motion: a person, nothing, a shelf; else the index of a robot
 
 
 def scratch(count: int, p: Any) -> tuple[NDArray[Any], ...]:
-    """Return the arrays of a world's field: paths, outlines, marks, and the order int32[N] in which robots commit."""
+    """Return the shield's arrays of a world: paths, outlines, marks, and the order int32[N] in which robots commit."""
     if p["field"] == 0:
         count = 0
     paths = np.empty((count + 1, p["stop_samples"] + 1, PLACE), np.float32)
@@ -72,7 +72,7 @@ def scratch(count: int, p: Any) -> tuple[NDArray[Any], ...]:
 
 @inline
 def begin(motion, field, p, kinds):
-    """Begin a physics step: nobody has committed to more than its stop, of which only an outline is known."""
+    """Begin a physics step: every robot is committed to its stop, of which only the outline is known."""
     _, outlines, marks, _ = field
     for i in range(motion.shape[1]):
         x, y, heading, c, s = motion[X, i], motion[Y, i], motion[HEADING, i], motion[COS, i], motion[SIN, i]
@@ -87,7 +87,7 @@ def begin(motion, field, p, kinds):
 
 @inline
 def _know(i, motion, paths, outlines, marks, p):
-    """Sample what robot i has committed, unless that has been done."""
+    """Sample the committed motion of robot i, unless that is done already."""
     if marks[SAMPLES, i] == 0:
         commanded = p["substeps"] if marks[COMMITTED, i] != 0 else np.int32(0)
         acceleration, steer_rate = motion[ACCELERATION, i], motion[STEER_RATE, i]
@@ -98,7 +98,7 @@ def _know(i, motion, paths, outlines, marks, p):
 def _who_refuses(i, command, around, p, kinds):
     """Return a robot whose committed motion is too near to the motion on trial, or FREE.
 
-    Of several, one that has committed in this step already: those cannot be asked to make room. p: of robot i.
+    Of several, prefer one that has committed in this step: it cannot be asked to make room. p: of robot i.
     """
     (acceleration, steer_rate), (motion, field, places) = command, around
     paths, outlines, marks, _ = field
@@ -140,11 +140,11 @@ def _publish(i, trial, paths, outlines, marks):
 
 @part
 def commit(i, command, persons, around, walking, p, kinds, floor):
-    """Have robot i commit to a command [m/s^2], [rad/s] for this physics step and the safe stop after it, if it may.
+    """Commit robot i to a command [m/s^2], [rad/s] for this physics step and the safe stop after it, if allowed.
 
-    Returns FREE where it has; else SHELF, PERSON, or the index of a robot that is in the way, and what i had committed
-    stands. around: (motion, field, places), the scratch arrays; p: its own; kinds: of all robots (kinds.py).
-    May be called for any robot at any time between `begin` and the motion, also again with another command.
+    Returns FREE if it is; otherwise SHELF, PERSON, or the index of the robot in the way, and the earlier commitment
+    holds. around: (motion, field, places), the scratch arrays; p: its own; kinds: of all robots (kinds.py). May be
+    called for any robot between `begin` and the motion, also again with another command.
     """
     (acceleration, steer_rate), (motion, field, _) = command, around
     paths, outlines, marks, _ = field
@@ -173,7 +173,7 @@ def commit(i, command, persons, around, walking, p, kinds, floor):
 
 @inline
 def hold(i, motion, field, p):
-    """Have robot i stay with its stop. Where it stands it may steer, which moves nothing and its stop not at all."""
+    """Let robot i keep its committed stop. A standing robot may steer, which moves neither it nor its stop."""
     marks = field[2]
     marks[COMMITTED, i] = 1
     motion[ACCELERATION, i] = braking(motion[SPEED, i], p)
@@ -205,7 +205,7 @@ def guard(robots, persons, scratch, walking, p, kinds, floor):
 
 @inline
 def settle(robots, guarded):
-    """End the stops, under the field: no speed that is nothing but rounding is left after a physics step."""
+    """Set speeds that are only rounding to zero after a physics step under the shield."""
     if guarded is None:
         return
     for i in range(robots.shape[0]):
@@ -215,7 +215,7 @@ def settle(robots, guarded):
 
 @inline
 def observe(r, p, row, at):
-    """Write the slice `field` from row[at] on, if there is one: how often and how long the field has held it."""
+    """Write the slice `field` from row[at] on, if there is one: how often and how long the shield has vetoed."""
     if at is None:
         return
     row[at] = np.float32(r["shield"]["vetoed"]) / np.float32(p["repeat"])

@@ -16,10 +16,12 @@ refused the robot's commands without a break.
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
-from warehouse_env.kernel import inline, part
+from warehouse_env.kernel import inline, kernel, part
 from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.physics.trigonometry import ONE, ZERO
 from warehouse_env.simulation.state import NOBODY
@@ -27,22 +29,22 @@ from warehouse_env.simulation.traffic.in_the_way import first_in_the_way
 
 SLOW = np.float32(0.1)  # [m/s] under which a robot counts as not driving
 
-# From when on, in seconds, and by which clock.
-REFUSED = np.float32(0.8)  # vetoed: it yields to the robot that vetoed it
-STANDS = np.float32(0.95)  # waiting: it stands (1 s, less its rounding); standing: it has come to a halt
-URGED = np.float32(2.0)  # standing: it goes if it has right of way, though its policy would stand
-SEEKS_AFTER = np.float32(2.0)  # waiting, in a wait cycle: one of its robots leaves it
-FOR_GOOD = np.float32(2.0)  # waiting: as far as can be told, it stands for good
-STUCK_AFTER = np.float32(4.0)  # waiting, for a robot that stands for good: it goes around it
-SHUT_IN_AFTER = np.float32(20.0)  # waiting: it goes for room however far, and those behind it leave its way
-ROCKS = np.float32(4.95)  # standing: it stands, though it moves (5 s, less its rounding)
-LONGER = np.float32(5.0)  # standing, times `right_of_way_after`: rules apply around it, in a wait cycle or not
-DEARER = 20.0  # standing: others that stand cost its route twice as much, after as long again three times, and so on
+# Thresholds in seconds, each with its clock.
+REFUSED = np.float32(0.8)  # vetoed: the robot yields to the one that vetoed it
+STANDS = np.float32(0.95)  # waiting: it stands (1 s less rounding); standing: it has halted
+URGED = np.float32(2.0)  # standing: with right of way it goes, even if its policy would stand
+SEEKS_AFTER = np.float32(2.0)  # waiting, in a wait cycle: one of its robots leaves
+FOR_GOOD = np.float32(2.0)  # waiting: it counts as standing for good
+STUCK_AFTER = np.float32(4.0)  # waiting for a robot that stands for good: it goes around that robot
+SHUT_IN_AFTER = np.float32(20.0)  # waiting: its search has no range limit, and the queue behind clears its path
+ROCKS = np.float32(4.95)  # standing: it stands, even if it rocks (5 s less rounding)
+LONGER = np.float32(5.0)  # standing, times `right_of_way_after`: rules act around it, even outside a wait cycle
+DEARER = 20.0  # standing: standing robots cost its route twice as much, after 40 s three times, and so on
 
-# For how long, in seconds.
-PAUSE = np.float32(3.0)  # until a robot that found no way searches again
+# Durations in seconds.
+PAUSE = np.float32(3.0)  # between a failed search and the next
 LEAVES = np.float32(5.0)  # for which a robot counts as retreating
-CALM = np.float32(10.0)  # for which rules stay after nobody near has called for them
+CALM = np.float32(10.0)  # for which rules stay active after the last call nearby
 
 MOVES, WAITS, SEEKS, STUCK = range(4)  # stages
 WHO, CYCLE, STAGE, SPARE = range(4)  # rows of int64[4, N]: waits for whom, lowest robot of its cycle, stage
@@ -50,13 +52,13 @@ _UNASKED = -2
 
 
 def scratch(count: int) -> NDArray[np.int64]:
-    """Return room for what is found of a world, which the other functions call `found`."""
+    """Return the array `found` that the other functions write for a world."""
     return np.empty((4, count), np.int64)
 
 
 @inline
 def count_time(r, dt):
-    """Let the clocks of a robot go on by a physics step of `dt` [s]; all but the field's."""
+    """Advance a robot's clocks by a physics step of `dt` [s], except for the shield's."""
     motion, totals, clocks = r["motion"], r["totals"], r["clocks"]
     if r["on_route"]["position"] > clocks["milestone"] + ONE:
         clocks["milestone"] = r["on_route"]["position"]
@@ -86,31 +88,31 @@ def gets_nowhere(r):
 
 @inline
 def has_halted(r):
-    """Whether a robot that is not parked stands still, and has not come a metre for a while."""
+    """Whether a robot that is not parked has halted: its speed is zero, and it has not moved a metre for a while."""
     return r["task"]["alive"] != 0 and r["motion"]["speed"] == ZERO and r["clocks"]["standing_time"] >= STANDS
 
 
 @inline
 def stands_for_good(r):
-    """Whether a robot stands for good, as far as can be told: it has stood for a while, or is parked."""
+    """Whether a robot counts as standing for good: it has stood for a while, or is parked."""
     return r["task"]["alive"] == 0 or r["clocks"]["waiting_time"] > FOR_GOOD
 
 
 @inline
 def bars_routes(r, stood_for):
-    """Whether routes lead round a robot: it has not come a metre for `stood_for` [s], or is parked."""
+    """Whether routes lead around a robot: it has not moved a metre for `stood_for` [s], or is parked."""
     return r["task"]["alive"] == 0 or r["clocks"]["standing_time"] >= stood_for
 
 
 @inline
 def is_urged(r):
-    """Whether a robot goes that has right of way, whatever its policy says."""
+    """Whether a robot with right of way goes, whatever its policy says."""
     return r["traffic"]["authority"] > ZERO and r["clocks"]["standing_time"] >= URGED
 
 
 @inline
 def refuser(r):
-    """Return the robot that has vetoed a standing robot for so long that it yields to it, or NOBODY."""
+    """Return the robot that has vetoed a standing robot so long that the latter yields to it, or NOBODY."""
     return (
         r["shield"]["vetoed_by"]
         if r["shield"]["vetoed_time"] > REFUSED and abs(r["motion"]["speed"]) < SLOW
@@ -120,7 +122,7 @@ def refuser(r):
 
 @inline
 def may_leave(r):
-    """Whether a robot stands that could be asked to leave: it is not parked, and not making room already."""
+    """Whether a standing robot can be asked to leave: it is not parked, and not retreating already."""
     return (
         r["task"]["alive"] != 0
         and r["clocks"]["waiting_time"] >= STANDS
@@ -136,17 +138,17 @@ def is_shut_in(r):
 
 @inline
 def _may_search(r):
-    """Whether a robot may search a way: it keeps to what it is granted, yields, and has not just searched."""
+    """Whether a robot may search a manoeuvre: it keeps to its grant, yields, and has not just searched."""
     traffic = r["traffic"]
     return traffic["rules_active"] > ZERO and traffic["yields_to"] != NOBODY and traffic["pause"] <= ZERO
 
 
 @part
 def waits_for(robots, i, route, p, kinds, near):
-    """Return whom robot i of ROBOT[N] waits for, or NOBODY; route float32[R, 2] is its own, near int[N] scratch.
-    kinds: see kinds.py.
+    """Return the robot that robot i of ROBOT[N] waits for, or NOBODY.
 
-    Who the field or the right of way says, else the first body in its way.
+    That is the robot named by the shield or by right of way, otherwise the first body in its way. route: its own,
+    float32[R, 2] [m]; near: int[N], scratch; kinds: see kinds.py.
     """
     r = robots[i]
     traffic = r["traffic"]
@@ -163,8 +165,7 @@ def waits_for(robots, i, route, p, kinds, near):
 def find_wait_cycles(who, cycle, walk):
     """Write into cycle int[N] the lowest robot of the wait cycle of each robot, NOBODY for those in none.
 
-    who int[N]: whom each waits for, or NOBODY; walk int[N]: scratch, the walk on which a robot was met, so that each is
-    walked over once.
+    who int[N]: the robot that each waits for, or NOBODY; walk int[N]: scratch, the walk that first met each robot.
     """
     cycle[:] = NOBODY
     walk[:] = NOBODY
@@ -188,9 +189,9 @@ def find_wait_cycles(who, cycle, walk):
 
 @part
 def find_wait_cycles_of(robots, routes, least, most, found, p, kinds):
-    """Find the wait cycles through robots that have stood for `least` to `most` [s], and whom they wait for.
+    """Find the wait cycles through robots that have stood for `least` to `most` [s].
 
-    Only they, and whoever they wait for, are asked: to look for who is in the way takes long.
+    Only these robots and those that they wait for are looked at, since finding the body in the way is slow.
     """
     who = found[WHO]
     who[:] = _UNASKED
@@ -212,9 +213,9 @@ def find_wait_cycles_of(robots, routes, least, most, found, p, kinds):
 
 @part
 def look(robots, found):
-    """Find whom each robot of ROBOT[N] yields to, the wait cycles, and the stages; return how many search a way.
+    """Find whom each of ROBOT[N] yields to, the wait cycles and the stages; return how many SEEK or are STUCK.
 
-    Those are who SEEKS and who is STUCK. Only cycles that right of way knows are left.
+    Recovery leaves only wait cycles that right of way knows.
     """
     who, cycle, stage, broken, count = found[WHO], found[CYCLE], found[STAGE], found[SPARE], 0
     for i in range(robots.shape[0]):
@@ -235,3 +236,37 @@ def look(robots, found):
             stage[i] = STUCK
         count += stage[i] > WAITS
     return count
+
+
+class Jams(NamedTuple):
+    """The wait-for graph of all standing robots, int32[B, N] each; see jams_of."""
+
+    waits_for: NDArray[np.int32]
+    cycle: NDArray[np.int32]
+    stage: NDArray[np.int32]
+
+
+@kernel
+def _write_jams(robots, routes, params, kinds, jams, found):
+    """Write Jams; see jams_of."""
+    who, cycle, stage = jams
+    for b in range(robots.shape[0]):
+        look(robots[b], found)
+        stage[b] = found[STAGE]
+        for i in range(robots.shape[1]):
+            who[b, i] = waits_for(robots[b], i, routes[b, i], params[0], kinds, found[SPARE])
+        find_wait_cycles(who[b], cycle[b], found[SPARE])
+
+
+def jams_of(
+    robots: NDArray[Any], routes: NDArray[np.float32], params: NDArray[Any], kinds: NDArray[Any] | None
+) -> Jams:
+    """Return for ROBOT[B, N] whom each waits for, the lowest robot of its wait cycle (NOBODY: none), and its stage.
+
+    A chain of robots is a queue, a cycle a deadlock (Coffman et al. 1971), whatever options are on. Only a robot that
+    has stood for a second or rocked for five waits, and no parked one. routes float32[B, N, R, 2] [m]; params
+    PARAMETERS[1]; kinds: see kinds.py.
+    """
+    jams = Jams(*(np.empty(robots.shape, dtype=np.int32) for _ in range(3)))
+    _write_jams(robots, routes, params, kinds, jams, scratch(robots.shape[1]))
+    return jams
