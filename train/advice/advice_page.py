@@ -50,7 +50,7 @@ class Recommended(NamedTuple):
 
 def recommended(advice: Advice) -> Recommended:
     """Return the floor with the one change that surely gains most; changes were not measured together."""
-    gains = [effect for effect in advice.effects if effect.told and effect.gain.mean > 0]
+    gains = [effect for effect in advice.effects if effect.significant and effect.gain.mean > 0]
     best = max(gains, key=lambda effect: effect.gain.mean, default=None)
     return Recommended(advice.plan.grid if best is None else best.candidate.grid, best)
 
@@ -193,7 +193,7 @@ def changes_table(advice: Advice) -> Table:
     cells = [
         (
             effect.candidate.text, effect.candidate.kind, str(effect.tried), difference(effect.gain),
-            str(effect.gain.samples), "told" if effect.told else "not told",
+            str(effect.gain.samples), "significant" if effect.significant else "may be chance",
             f"{100 * storage_lost(advice.plan.grid, effect.candidate).share:.0f}",
         )
         for effect in advice.effects

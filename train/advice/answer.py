@@ -148,7 +148,7 @@ def effect_text(effect: Effect, aim: Aim = GOALS) -> str:
     """Say what a change gains; a gain is reported from PAIRS pairs on."""
     share = f" ({100 * effect.gain.mean / effect.base.mean:+.1f}%)" if effect.base.mean > 0 else ""
     text = f"{_commas(difference(effect.gain))} {aim.gained} an hour{share} in {effect.gain.samples} pairs of episodes"
-    if effect.told:
+    if effect.significant:
         return f"it {'gains' if effect.gain.mean > 0 else 'loses'} {text}"
     why = "there are too few pairs to tell" if effect.gain.samples < PAIRS else "the difference may be chance"
     return f"{why}, {text}"

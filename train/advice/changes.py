@@ -32,7 +32,7 @@ class Effect(NamedTuple):
     gain: Interval  # difference; all gains of an advice together hold with 95%
 
     @property
-    def told(self) -> bool:
+    def significant(self) -> bool:
         """Whether there are enough pairs, and the interval excludes 0."""
         return self.gain.samples >= PAIRS and not self.gain.low <= 0 <= self.gain.high
 

@@ -32,21 +32,21 @@ def tried(salt: int, pairs: int = PAIRS, **changed: float) -> list[Effect]:
 def test_noise_is_called_a_gain_on_at_most_one_floor_in_twenty() -> None:
     floors = [tried(salt) for salt in range(60)]
     assert all([effect.tried for effect in floor] == [6, 6] for floor in floors)
-    assert sum(any(effect.told for effect in floor) for floor in floors) <= 7  # of 60 at 5%, with 98%
+    assert sum(any(effect.significant for effect in floor) for floor in floors) <= 7  # of 60 at 5%, with 98%
 
 
 @pytest.mark.parametrize("salt", range(3))
 def test_what_helps_is_found_among_what_does_not(salt: int) -> None:
     best, *_ = tried(salt, 12, aisle_3=400.0, rule_1=-400.0)
     assert best.candidate.text == "aisle 3"
-    assert best.told
+    assert best.significant
     assert best.gain.mean == pytest.approx(400.0, abs=150.0)
 
 
 def test_few_pairs_tell_nothing() -> None:
     best, *_ = tried(0, PAIRS - 1, aisle_3=4000.0)
     assert best.gain.low > 0
-    assert not best.told
+    assert not best.significant
 
 
 def test_as_many_changes_as_there_is_time_for() -> None:
