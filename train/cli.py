@@ -82,7 +82,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except WarehouseError as error:
         print(f"{PROGRAM}: {error}", file=sys.stderr)
         return LOST if isinstance(error, LostError) else 2
-    except BrokenPipeError:  # the reader, say `head`, has seen enough
+    except BrokenPipeError:  # the reader, such as `head`, has closed the pipe
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except OSError as error:
@@ -117,24 +117,6 @@ def _notes() -> Callable[..., str]:
         return "" if again else text
 
     return formatted
-
-
-_USUAL = warnings.formatwarning
-
-
-def _noted_once() -> Callable[..., str]:
-    """Return a formatter that shows a MapWarning as one sentence, once, however many simulators give it."""
-    said = set[str]()
-
-    def shown(message: Warning | str, category: type[Warning], *where: Any) -> str:
-        if not issubclass(category, MapWarning):
-            return _USUAL(message, category, *where)
-        text = f"{PROGRAM}: note: {message}\n"
-        first = text not in said
-        said.add(text)
-        return text if first else ""
-
-    return shown
 
 
 class _TerminationError(KeyboardInterrupt):

@@ -10,7 +10,7 @@ import numpy as np
 
 from agents.policy import Action
 from train.central.pibt import CentralPIBT
-from warehouse_env.config import ActionType, EnvConfig
+from warehouse_env.config import EnvConfig
 from warehouse_env.simulation.simulator import Simulator
 
 __all__ = ["CENTRAL", "CentralEntry", "CentralPlanner", "central_config"]
@@ -31,20 +31,17 @@ class CentralPlanner(Protocol):
 
 @dataclass(frozen=True)
 class CentralEntry:
-    """One line of the registry: how to make a planner, and its type of action."""
+    """One line of the registry: what a planner is, and how to make it."""
 
     summary: str
     make: Callable[[EnvConfig], CentralPlanner]
-    action_type: ActionType
 
 
 CENTRAL: dict[str, CentralEntry] = {
-    "central_pibt": CentralEntry(
-        "PIBT on the cells, driven in the order of the plan at each cell", CentralPIBT, "continuous"
-    ),
+    "central_pibt": CentralEntry("PIBT on the cells, driven in the order of the plan at each cell", CentralPIBT),
 }
 
 
-def central_config(name: str, base: EnvConfig) -> EnvConfig:
-    """Return `base` with what the planner of CENTRAL needs: its action type and a decision every 0.2 s."""
-    return base.replace(action_type=CENTRAL[name].action_type, action_repeat=max(1, round(0.2 / base.time_step)))
+def central_config(base: EnvConfig) -> EnvConfig:
+    """Return `base` with what planners of CENTRAL need: continuous actions and a decision every 0.2 s."""
+    return base.replace(action_type="continuous", action_repeat=max(1, round(0.2 / base.time_step)))

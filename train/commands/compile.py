@@ -29,7 +29,7 @@ class Compile(Checked):
     """Write the seconds of each part to this file as JSON lines."""
 
     def run(self) -> None:
-        """Compile, and say how long each part took."""
+        """Compile, and print how long each part took."""
         if self.processes < 1 or self.seed < 0:
             raise ConfigError(f"--processes {self.processes} must be at least 1 and --seed {self.seed} at least 0")
         file, begin = RowFile(self.json), time.perf_counter()

@@ -47,7 +47,7 @@ class Layouts(Checked):
     """Write a row for each floor listed or drawn to this file as JSON lines."""
 
     def run(self) -> None:
-        """Save or draw a floor if one is named, else list all."""
+        """Save or draw the named floor; list all layouts if none is named."""
         if self.draw is None and (self.png is not None or self.save is not None):
             raise ConfigError("--png and --save need --draw NAME_OR_FILE, the floor to write")
         if self.png is not None:

@@ -35,7 +35,7 @@ class Work(Checked):
     """Simulate batteries and charging."""
 
     def work(self) -> dict[str, Any]:
-        """Return the fields of EnvConfig that the options set; ConfigError for a file without orders, say."""
+        """Return the fields of EnvConfig that the options set; ConfigError for a bad file of orders."""
         make_allocator(self.allocation)
         given: dict[str, Any] = {}
         if self.orders is not None and self.orders_per_hour is not None:
@@ -93,7 +93,7 @@ class Orders(Checked):
         self._require(self.seed >= 0, "seed", "at least 0")
 
     def run(self) -> None:
-        """Draw the orders, write them, and say what they are."""
+        """Draw the orders and write them."""
         spec = OrderSpec(None, self.per_hour, self.demand, self.faces, self.picks, self.weight, self.due, self.wave)
         grid = make_layout(self.layout)
         file = RowFile(self.json)

@@ -57,7 +57,7 @@ class Policies(_Parts):
         parts = {
             name: (entry.summary, "rules" if entry.weights is None else "trained weights", policy_config(name, usual))
             for name, entry in POLICIES.items()
-        } | {name: (entry.summary, "all robots' state", central_config(name, usual)) for name, entry in CENTRAL.items()}
+        } | {name: (entry.summary, "all robots' state", central_config(usual)) for name, entry in CENTRAL.items()}
         return [
             {"policy": name, "what it is": summary, "made of": made_of, "driven with": _needs(config)}
             for name, (summary, made_of, config) in parts.items()
@@ -65,7 +65,7 @@ class Policies(_Parts):
 
 
 def _needs(config: EnvConfig) -> str:
-    """Say in which options a config is not the usual one."""
+    """Describe how a config differs from the default."""
     usual, traffic = EnvConfig(), written_traffic(config.traffic_spec)
     texts = [] if traffic == usual.traffic else [f"traffic {traffic}"]
     texts += [text for name, text in _NEEDS.items() if getattr(config, name) != getattr(usual, name)]

@@ -49,7 +49,7 @@ class PlanCommand(Checked):
     goal: str | None = None
     """Goal of a single task, as ROW,COLUMN."""
     tasks: int | None = None
-    """Number of tasks, drawn from the scenario file if there is one, else at random from the floor."""
+    """Number of tasks, drawn from the scenario file, or at random from the floor without one."""
     runs: int = 30
     """Runs of each planner on each task, each with its own seed."""
     seed: int = 0

@@ -108,7 +108,7 @@ class ReplayCommand(Checked):
         self._between(64, 8192, "pixels")
 
     def run(self) -> None:
-        """Load the episodes, show them, and say what was written."""
+        """Load the episodes, show them, and print what was written."""
         if (self.html is None) == (self.video is None):
             raise ConfigError("choose one of --html FILE and --video FILE")
         if not 1 <= len(self.episodes) <= 2:
@@ -172,7 +172,7 @@ def world_of(path: Path, seeds: tuple[int, ...], seed: int | None) -> int:
 
 
 def names_of(paths: Sequence[Path], episodes: Sequence[Episode]) -> list[str]:
-    """Return what episodes are called: by their policies, where these differ, else by their files."""
+    """Return what episodes are called: by their policies if these differ, otherwise by their files."""
     policies = [Path(episode.policy).name for episode in episodes]
     differ = all(policies) and len(set(policies)) == len(policies)
     return policies if differ else [path.stem for path in paths]

@@ -75,7 +75,7 @@ def config_of(policy: str, base: EnvConfig, chosen: Mapping[str, Any]) -> EnvCon
 
     A chosen `traffic` may be a text for `read_traffic`, in which "own" stands for what the policy needs.
     """
-    config = central_config(policy, base) if policy in CENTRAL else policy_config(policy, base)
+    config = central_config(base) if policy in CENTRAL else policy_config(policy, base)
     if isinstance(traffic := chosen.get("traffic"), str):
         chosen = {**chosen, "traffic": read_traffic(traffic, config.traffic_spec)}
     config = config.replace(**chosen)

@@ -1,6 +1,7 @@
 """`warehouse tables papers` and `warehouse tables planners`: run studies as jobs, and write them as one page.
 
-A job is a block: all runs of one system on one task. Its rows are known again by everything that made them.
+A job is a block: all runs of one system on one task. Its rows carry everything that made them, so that changed code,
+maps or parameters are run again.
 """
 
 from __future__ import annotations
@@ -66,7 +67,7 @@ class PlanBlock(Job):
 
     @property
     def identity(self) -> Row:
-        """What its rows are known by."""
+        """Fields by which its rows are recognised."""
         task, system = self.subject()
         return {
             "study": self.study, "setting": self.setting, "number": self.number, "system": self.system,

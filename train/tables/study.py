@@ -27,7 +27,7 @@ OPEN: Final = "cannot be told"
 
 
 class TableTask(NamedTuple):
-    """A map with a start and a goal on it; others: start and goal of whatever else moves in an experiment."""
+    """A map with a start and a goal on it; others: start and goal of everything else that moves in an experiment."""
 
     grid: GridMap
     start: Cell

@@ -154,7 +154,7 @@ def percent(relative: Interval, unit: str = "%") -> str:
 
 
 def verdict_counts(verdicts: Sequence[ClaimVerdict]) -> str:
-    """Say how many claims hold, hold in part and do not; those that depend on the clock are counted apart."""
+    """Return how many claims hold, hold in part and do not, as a sentence; claims by the clock stand apart."""
     counts = Counter(verdict.word for verdict in verdicts if not verdict.by_clock)
     whole, part, none = (counts[word] for word in (HOLDS, IN_PART, FAILS))
     more = f"; {counts[OPEN]} cannot be told" if counts[OPEN] else ""

@@ -94,7 +94,7 @@ def test_a_cell_is_entered_only_when_the_one_before_has_left() -> None:
 def test_a_central_planner_drives_to_goals_and_makes_rows(name: str) -> None:
     base = EnvConfig(layout="open", num_agents=4, planner="astar")
     experiments = [make_experiment(name, base, episodes, 40.0, seed=3) for episodes in (1, 2)]
-    assert experiments[0].config == central_config(name, base).replace(max_steps=200)
+    assert experiments[0].config == central_config(base).replace(max_steps=200)
     alone, beside = (run(experiment) for experiment in experiments)
     assert alone[0]["policy"] == name
     assert alone[0]["goals"] > 0
@@ -105,7 +105,7 @@ def test_a_central_planner_drives_to_goals_and_makes_rows(name: str) -> None:
 
 @pytest.mark.parametrize("name", list(CENTRAL))
 def test_a_reset_begins_a_new_plan(name: str) -> None:
-    config = central_config(name, EnvConfig(layout="open", num_agents=3, planner="astar"))
+    config = central_config(EnvConfig(layout="open", num_agents=3, planner="astar"))
     simulator, planner, ways = Simulator(config), CENTRAL[name].make(config), []
     for _ in range(2):
         simulator.reset(5)

@@ -7,8 +7,6 @@ from pathlib import Path
 import pytest
 
 from train.cli import main
-from train.commands import demo
-from train.commands.demo import Demo
 from train.reporting.rows import read_rows
 
 
@@ -27,13 +25,3 @@ def test_demo_writes_rows_pictures_and_a_video(tmp_path: Path, capsys: pytest.Ca
     }  # fmt: skip
     assert len(read_rows(tmp_path / "rows.jsonl")) == 2
     assert (tmp_path / "video.mp4").read_bytes()[4:8] == b"ftyp"
-
-
-@pytest.mark.parametrize("compiled", [True, False])
-def test_kernels_are_compiled_once_before_any_policy_drives(compiled: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    done: list[str] = []
-    monkeypatch.setattr(demo, "is_compiled", lambda: compiled)
-    monkeypatch.setattr(demo, "compile_all", lambda processes: done.append(f"compiled in {processes}"))
-    monkeypatch.setattr(demo.Evaluate, "run", lambda _: done.append("driven"))
-    Demo(video_seconds=0, processes=3).run()
-    assert done == ["driven"] if compiled else ["compiled in 3", "driven"]

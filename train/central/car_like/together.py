@@ -192,7 +192,7 @@ def _repair(fleet: _Fleet, budget: int, nodes: int, random: np.random.Generator)
 
 
 def _who_meet(fleet: _Fleet, size: int, random: np.random.Generator) -> list[int]:
-    """Return up to `size` robots: one that meets another, then those that these meet or come near."""
+    """Return up to `size` robots: one that meets another, then robots that these meet or come near."""
     pairs = np.argwhere(fleet.met)
     chosen = [int(pairs[random.integers(len(pairs)), 0])]
     while len(chosen) < min(size, fleet.robots):
