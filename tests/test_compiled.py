@@ -91,21 +91,6 @@ def test_what_is_linked_into_a_kernel_is_kept_for_the_next_kernel(tmp_path: Path
     assert run(tmp_path, body) == "1.0 1\n"
 
 
-FROM_PYTHON = """
-import mine
-from numba.core.dispatcher import Dispatcher
-print(mine.inner(1.0))
-Dispatcher.typeof_pyval = None  # which finds out a type slowly, where Numba knows no fast way
-print(mine.inner(2.0), mine.inner(3.0))
-"""
-
-
-def test_what_only_kernels_call_may_be_called_from_python(tmp_path: Path) -> None:
-    """Every call is that of a kernel of its own, compiled once."""
-    (tmp_path / "mine.py").write_text(SOURCE, encoding="utf-8")
-    assert run(tmp_path, FROM_PYTHON) == "2.0\n3.0 4.0\n"
-
-
 TUPLES = """
 from typing import NamedTuple
 from warehouse_env.kernel import kernel

@@ -61,3 +61,21 @@ def test_read_only_files_are_not_replaced(folder: Path) -> None:
         with pytest.raises(WarehouseError, match="read-only"):
             write_text(folder / name, "text")
     assert (folder / "old").read_text() == "old"
+
+
+def test_nothing_is_left_of_a_failed_output(tmp_path: Path) -> None:
+    def fail(error: Exception) -> None:
+        with complete_file(tmp_path / "x.png") as part:
+            part.write_bytes(b"half")
+            raise error
+
+    with pytest.raises(RuntimeError, match="meanwhile"):
+        fail(RuntimeError("meanwhile"))
+    with pytest.raises(WarehouseError, match=r"cannot write .*x\.png: No space left"):
+        fail(OSError(28, "No space left on device"))
+    assert list(tmp_path.iterdir()) == []
+    (tmp_path / "plain").write_text("")
+    write_text(tmp_path / "y.txt", "whole")
+    assert (tmp_path / "y.txt").stat().st_mode == (tmp_path / "plain").stat().st_mode
+    with pytest.raises(WarehouseError, match="is a folder"):
+        write_text(tmp_path, "text")

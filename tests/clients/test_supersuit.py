@@ -47,14 +47,3 @@ def test_each_world_is_the_env_itself(small: dict[str, Any]) -> None:
         seen = [step[0] for step in steps]
         np.testing.assert_array_equal(reward, np.float32([value for step in steps for value in step[1].values()]))
     env.close()
-
-
-def test_a_robot_that_parks_ends_with_its_world(small: dict[str, Any]) -> None:
-    one_shot = supersuit.black_death_v3(parallel_env(**small | {"tasks": "one_shot", "max_steps": 300}))
-    env = supersuit.concat_vec_envs_v1(
-        supersuit.pettingzoo_env_to_vec_env_v1(one_shot), 1, base_class="stable_baselines3"
-    )
-    env.reset()
-    dones = np.sum([env.step(np.full(3, 15))[2] for _ in range(400)], axis=0)
-    assert dones.min() == dones.max() > 0
-    env.close()

@@ -119,10 +119,9 @@ def logged(model: BaseAlgorithm, folder: Path) -> list[dict[str, float]]:
 
 
 def test_the_callback_logs_what_the_infos_say(tiny: EnvConfig, tmp_path: Path) -> None:
-    accumulator = pytest.importorskip("tensorboard.backend.event_processing.event_accumulator")
     configs = [tiny, tiny.replace(tasks="one_shot", max_steps=150)]
     model = PPO("MlpPolicy", vec_env(2, configs=configs), n_steps=40, batch_size=80, n_epochs=1, seed=0, device="cpu")
-    model.set_logger(configure(str(tmp_path), ["csv", "tensorboard"]))
+    model.set_logger(configure(str(tmp_path), ["csv"]))
     seen: list[list[dict[str, float]]] = []
 
     class Spy(MetricsCallback):
@@ -136,14 +135,11 @@ def test_the_callback_logs_what_the_infos_say(tiny: EnvConfig, tmp_path: Path) -
     model.learn(4 * 40 * 12, callback=Spy())
     rows = logged(model, tmp_path)
     assert len(rows) == len(seen) == 4
-    board = accumulator.EventAccumulator(str(tmp_path)).Reload()
-    assert {"robot/distance_m", "robot/waiting_share", "world/collisions_per_km"} <= set(board.Tags()["scalars"])
-    for k, (row, episodes) in enumerate(zip(rows, seen, strict=True)):
+    for row, episodes in zip(rows, seen, strict=True):
         assert len(episodes) >= 18  # 40 steps end three episodes of 6 robots at least
         names = {name for episode in episodes for name in episode}
         assert {f"robot/{name}" for name in names} == {name for name in row if name.startswith("robot/")}
         for name in names:
             mean = float(np.mean([episode[name] for episode in episodes if name in episode]))
             assert row[f"robot/{name}"] == pytest.approx(mean, rel=1e-6, abs=1e-9)
-        assert board.Scalars("robot/distance_m")[k].value == pytest.approx(row["robot/distance_m"], rel=1e-5)
         assert row["world/robot_km"] > 0

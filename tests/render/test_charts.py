@@ -8,8 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from warehouse_env.errors import WarehouseError
-from warehouse_env.files import complete_file
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.render import chart_style, charts
 from warehouse_env.render.colours import CONTACT, RGB, name_colours
@@ -73,23 +71,3 @@ def test_rounding_errors_of_zero_are_no_collisions() -> None:
     assert (ax.get_yscale(), ax.get_ylim()) == ("linear", (0, 1))
     chart_style.log_scale(ax, [0.0, 0.3, 40.0])
     assert (ax.get_yscale(), ax.get_ylim()[0]) == ("symlog", 0)
-
-
-def test_nothing_is_left_of_a_failed_picture(tmp_path: Path, grid: GridMap) -> None:
-    def fail(error: Exception) -> None:
-        with complete_file(tmp_path / "x.png") as part:
-            part.write_bytes(b"half")
-            raise error
-
-    with pytest.raises(RuntimeError, match="meanwhile"):
-        fail(RuntimeError("meanwhile"))
-    with pytest.raises(WarehouseError, match=r"cannot write .*x\.png: No space left"):
-        fail(OSError(28, "No space left on device"))
-    assert list(tmp_path.iterdir()) == []
-    (tmp_path / "plain").write_text("")
-    with complete_file(tmp_path / "y.txt") as part:
-        part.write_text("whole")
-    assert (tmp_path / "y.txt").stat().st_mode == (tmp_path / "plain").stat().st_mode
-    (tmp_path / "x.png").mkdir()
-    with pytest.raises(WarehouseError, match="is a folder"):
-        charts.trajectories(grid, [], np.zeros((0, 2)), "", tmp_path / "x.png")

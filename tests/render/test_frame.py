@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-import subprocess
-import sys
 from collections.abc import Callable
 
 import numpy as np
@@ -149,22 +147,3 @@ def test_colours_are_distinct_and_stay_with_their_names() -> None:
     both = name_colours(["ppo", "follow", "mine"])
     assert name_colours(["mine", "ppo"]) == {"mine": both["mine"], "ppo": both["ppo"]}
     assert len(set(name_colours(["a", "b", "c", "d", "ppo"]).values())) == 5
-
-
-def test_missing_pygame_gives_one_sentence() -> None:
-    code = """
-import sys
-sys.modules["pygame"] = None
-import numpy as np
-from warehouse_env.config import RobotSpec
-from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.render.frame import Scene, draw
-grid = GridMap(occupied=np.zeros((4, 4), dtype=bool))
-none = np.zeros(0, dtype=bool)
-try:
-    draw(Scene(grid, RobotSpec(), np.zeros((0, 3)), np.zeros((0, 2), int), [], none, none, 0.0, ""))
-except ValueError as error:
-    print(error)
-"""
-    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert result.stdout == "pictures need the package 'pygame'; pip install \"warehouse-env[render]\"\n"

@@ -7,7 +7,7 @@ import pytest
 
 from train.live import listeners
 from train.live.figures import WINDOW, LiveFigures, Sample
-from train.live.listeners import Listener, Listeners
+from train.live.listeners import Listener
 
 
 def moment(goals: int, contacts: int = 0, waits: tuple[int, ...] = (-1, -1), speed: tuple[float, ...] = (1.0, 1.0)):  # type: ignore[no-untyped-def]
@@ -56,13 +56,3 @@ def test_a_slow_page_begins_again_with_a_whole_world(monkeypatch: pytest.MonkeyP
     assert listener.take(0.0) == b""
     listener.put(b"a whole world", world=True)
     assert listener.take(0.0) == b"a whole world"
-
-
-def test_all_listeners_hear_and_leave() -> None:
-    everybody = Listeners()
-    with everybody.joined() as one, everybody.joined() as two:
-        for listener in everybody.now():
-            listener.put(b"world", world=True)
-        everybody.put(b"!")
-        assert one.take(0.0) == two.take(0.0) == b"world!"
-    assert everybody.now() == []

@@ -84,21 +84,3 @@ def test_it_shows_and_steers_a_world(server: Server, open_live: Opener) -> None:
         until(one, "live.robots() === 6")
     until(page, "document.querySelector('#robots-said').textContent === '6'")
     assert other.input_value("#robots") == "6"
-
-
-@needs_chromium
-@pytest.mark.nightly
-def test_a_refusal_is_told_and_changes_nothing(server: Server, open_live: Opener) -> None:
-    page = open_live()
-    page.keyboard.press("Space")
-    until(page, "!live.pace().playing")
-    world = server.runner.drive.world  # type: ignore[union-attr]
-    cell = world.grid.cell(world.simulator.state.pose[0, 0, :2]).tolist()
-    page.keyboard.press("s")
-    page.mouse.click(*page.evaluate("([r, c]) => live.place(r, c)", cell))
-    until(page, "document.querySelector('#said').textContent.includes('robot 0')")
-    assert not page.evaluate("([r, c]) => live.shelf(r, c)", cell)
-    page.fill("#seed", "no")
-    page.click("#anew")
-    assert not page.evaluate("document.querySelector('#seed').checkValidity()")
-    assert world.made == 1
