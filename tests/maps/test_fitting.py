@@ -52,6 +52,16 @@ def test_a_wide_body_keeps_to_the_middle_by_hand() -> None:
     assert notes == ()
 
 
+@pytest.mark.parametrize(("width", "corners"), [(1.2, False), (1.4, True)])
+def test_a_body_keeps_off_a_shelf_by_half_its_width(width: float, corners: bool) -> None:
+    """The corner of a shelf is 0.71 m from the centre of the cell beyond; half the body and its margin 0.65 or 0.75."""
+    grid = drawn(".......", ".p.....", ".......", "...#...", ".......", ".....s.", ".......")
+    floor, _ = fitted(grid, RobotSpec(length=1.4, width=width))
+    row, column = np.abs(np.indices(grid.shape) - 3)
+    near = np.maximum(row, column) <= 1 if corners else row + column <= 1
+    np.testing.assert_array_equal(floor.closed, near | (np.maximum(row, column) == 3))
+
+
 def test_what_does_not_fit_is_one_sentence() -> None:
     grid = drawn("............", "p..........s", "............", "##.#########", "p...........", "..........s.")
     with pytest.warns(MapWarning) as found:
