@@ -24,7 +24,7 @@ COMPILING := setuptools numba gymnasium pettingzoo pyyaml safetensors platformdi
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test night kills hostile long bounds docs gallery chart clients lint format bench clean missing
+.PHONY: help setup demo test night kills hostile long bounds docs gallery chart clients cuda lint format bench clean missing
 
 help: ## list what make can do (the default)
 	@awk -F ':.*## ' '/^[a-z]+:.*## /{printf "  make %-7s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -67,6 +67,11 @@ chart: $(STAMP) ## draw docs/throughput.svg anew, from docs/measured/throughput.
 clients: ## use SuperSuit, TorchRL, RLlib, Gymnasium and SB3 for real, briefly, in .venv-clients
 	@$(MAKE) --no-print-directory test VENV=$(VENV)-clients EXTRAS=$(EXTRAS),clients \
 	  CONSTRAINTS=constraints-clients.txt TESTS="tests/clients --verbosity 1 --durations 0 --durations-min 1"
+
+cuda: $(STAMP) ## compile the kernels for a GPU; where there is one, also compare its bits with the CPU's
+	@$(INSTALL) --no-build-isolation --editable ".[$(EXTRAS),cuda]"
+	$(RUN)/python -m pytest tests/simulation/device -m "nightly or not nightly" --verbosity 1 --durations 0 \
+	  --durations-min 1
 
 lint: $(STAMP) ## ruff and strict mypy
 	$(RUN)/ruff check

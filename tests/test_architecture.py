@@ -101,7 +101,13 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
 
 # A package that only these modules may import.
 ONLY_IN: dict[str, tuple[str, ...]] = {
-    "torch": ("agents.networks", "agents.sb3_model", "train"),
+    "torch": (
+        "agents.networks",
+        "agents.sb3_model",
+        "train",
+        "warehouse_env.envs.tensors",
+        "warehouse_env.simulation.device",
+    ),
     "stable_baselines3": (
         "warehouse_env.envs.vector", "warehouse_env.envs.callback", "agents.sb3_model", "train.ppo",
     ),

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from warehouse_env.envs.callback import MetricsCallback
     from warehouse_env.envs.parallel import WarehouseParallelEnv, aec_env, parallel_env
     from warehouse_env.envs.single import WarehouseSingleEnv, single_env
+    from warehouse_env.envs.tensors import WarehouseTensorEnv, tensor_env
     from warehouse_env.envs.vector import WarehouseVecEnv, vec_env
     from warehouse_env.errors import ActionError, ConfigError, MapError, PlanError, WarehouseError, WeightsError
     from warehouse_env.maps.grid_map import GridMap
@@ -40,6 +41,7 @@ _HOME = {  # public name -> the module that holds it
         "envs.callback": "MetricsCallback",
         "envs.parallel": "WarehouseParallelEnv aec_env parallel_env",
         "envs.single": "WarehouseSingleEnv single_env",
+        "envs.tensors": "WarehouseTensorEnv tensor_env",
         "envs.vector": "WarehouseVecEnv vec_env",
         "errors": "ActionError ConfigError MapError PlanError WarehouseError WeightsError",
         "maps.grid_map": "GridMap",
@@ -62,9 +64,10 @@ __all__ = [
     "LAYOUTS", "PLANNERS", "ActionError", "BasePlanner", "BatterySpec", "ConfigError", "EnvConfig", "ErrorBounds",
     "FleetPart", "GridMap", "MapError", "MetricsCallback", "OrderSpec", "Plan", "PlanError", "Planner",
     "RewardWeights", "RobotSpec", "Scene", "SensorSpec", "ServiceSpec", "Simulator", "TrafficSpec", "UncertaintySpec",
-    "VideoWriter", "WarehouseError", "WarehouseParallelEnv", "WarehouseSingleEnv", "WarehouseVecEnv", "WeightsError",
-    "__version__", "aec_env", "draw", "make_layout", "make_planner", "observation_layout", "parallel_env", "read_map",
-    "read_scen", "scene_of", "set_num_threads", "single_env", "vec_env", "write_map",
+    "VideoWriter", "WarehouseError", "WarehouseParallelEnv", "WarehouseSingleEnv", "WarehouseTensorEnv",
+    "WarehouseVecEnv", "WeightsError", "__version__", "aec_env", "draw", "make_layout", "make_planner",
+    "observation_layout", "parallel_env", "read_map", "read_scen", "scene_of", "set_num_threads", "single_env",
+    "tensor_env", "vec_env", "write_map",
 ]  # fmt: skip
 
 

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import Any, TypeVar
 
 from warehouse_env.config import EnvConfig, EnvOptions
 from warehouse_env.errors import ConfigError, shown
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning.plan import Planner
 from warehouse_env.simulation.simulator import Simulator
+
+Made = TypeVar("Made")
 
 
 class WorldOptions(EnvOptions, total=False):
@@ -20,15 +22,21 @@ class WorldOptions(EnvOptions, total=False):
     planner: Planner | str | None  # an object, or a name of PLANNERS
 
 
-def build_simulator(
+def build_simulator(config: EnvConfig | None, changes: EnvOptions, **parts: Any) -> Simulator:
+    """Build a Simulator from `config` (or the defaults) with `changes` put in (see `build`)."""
+    return build(Simulator, config, changes, **parts)
+
+
+def build(
+    kind: Callable[..., Made],
     config: EnvConfig | None,
     changes: EnvOptions,
     *,
     num_worlds: int = 1,
     planner: Planner | str | None = None,
     **parts: Any,
-) -> Simulator:
-    """Build a Simulator from `config` (or the defaults) with `changes` put in.
+) -> Made:
+    """Build a Simulator, or what takes the same arguments, from `config` (or the defaults) with `changes` put in.
 
     `planner` is an object, or a name of PLANNERS that goes into the config; `parts` go to the Simulator as they
     are. ConfigError names an unknown parameter, with near matches; MapError says what is wrong with a map.
@@ -38,7 +46,7 @@ def build_simulator(
     chosen: dict[str, Any] = {**changes}
     if isinstance(planner, str):
         chosen["planner"], planner = planner, None
-    return Simulator((config or EnvConfig()).replace(**chosen), num_worlds, planner=planner, **parts)
+    return kind((config or EnvConfig()).replace(**chosen), num_worlds, planner=planner, **parts)
 
 
 def share_routes(simulators: Sequence[Simulator]) -> None:

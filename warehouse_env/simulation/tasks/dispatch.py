@@ -210,7 +210,7 @@ class Dispatcher(Portable):
         """Give a robot a line float32[R, 2] [m] of someone else's making as its route, evenly spaced along it."""
         self.give_route(world, robot, Route(self.book.grid.nearest_cell(line).astype(np.int32), line))
 
-    def arrive(self, steps: NDArray[np.int64], arrived: Iterable[tuple[int, int]]) -> list[Arrival]:
+    def arrive(self, steps: NDArray[np.int64], arrived: Iterable[Sequence[int]]) -> list[Arrival]:
         """Book the arrivals and return them, and give lifelong robots their next task.
 
         steps [B]: since the resets; arrived: (world, robot), in ascending order.
@@ -271,7 +271,7 @@ class Dispatcher(Portable):
                     worlds.append(world)
         return worlds
 
-    def return_to_route(self, steps: NDArray[np.int64], off: Iterable[tuple[int, int]]) -> list[int]:
+    def return_to_route(self, steps: NDArray[np.int64], off: Iterable[Sequence[int]]) -> list[int]:
         """Give robots (world, robot) routes from where they are; return their worlds."""
         worlds = []
         for world, robot in off:

@@ -1,0 +1,97 @@
+"""A Gymnasium vector environment of torch tensors: worlds on a GPU (or on the CPU), one row for each robot."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, Unpack
+
+import gymnasium
+import numpy as np
+import torch
+from gymnasium.vector import AutoresetMode, VectorEnv
+
+from warehouse_env.config import EnvConfig, EnvOptions
+from warehouse_env.envs.infos import known
+from warehouse_env.envs.options import build
+from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.planning.plan import Planner
+from warehouse_env.simulation import state
+from warehouse_env.simulation.device.simulator import DeviceSimulator
+
+Step = tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor, dict[str, Any]]
+
+
+class WarehouseTensorEnv(VectorEnv[torch.Tensor, torch.Tensor, torch.Tensor]):
+    """Many worlds in parallel, rows = worlds x robots, tensors in and out; worlds reset themselves when truncated.
+
+    Observations and rewards are the simulator's own tensors, overwritten by the next step: copy what you keep. In a
+    step that ends worlds, infos hold "final_obs" float32[rows, D], "_final_obs" bool[rows] (which rows of it are the
+    last of an episode) and "world_metrics", a dict of each ended world's metrics.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {"autoreset_mode": AutoresetMode.SAME_STEP, "render_modes": []}
+
+    def __init__(self, simulator: DeviceSimulator) -> None:
+        """Wrap a simulator; reset before the first step."""
+        self.simulator, self.device = simulator, simulator.device
+        self.num_envs = simulator.num_worlds * simulator.num_agents
+        self.single_observation_space = simulator.host.observation_space
+        self.single_action_space = simulator.host.action_space
+        self.observation_space = gymnasium.vector.utils.batch_space(self.single_observation_space, self.num_envs)
+        self.action_space = gymnasium.vector.utils.batch_space(self.single_action_space, self.num_envs)
+        self._never = torch.zeros(self.num_envs, dtype=torch.bool, device=self.device)
+
+    def reset(
+        self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[torch.Tensor, dict[str, Any]]:
+        """Start all worlds anew, world b from the draws of (seed, b); return observations float32[rows, D]."""
+        if isinstance(seed, list) or options:
+            raise ValueError("reset takes one seed for all worlds, and no options")
+        return self._rows(self.simulator.reset(seed)), {}
+
+    def step(self, actions: torch.Tensor) -> Step:
+        """Advance all worlds; actions: int[rows], or float[rows, 2] in [-1, 1], on the device.
+
+        Returns observations [rows, D], rewards, terminations and truncations [rows], and infos.
+        """
+        simulator = self.simulator
+        shape = (simulator.num_worlds, simulator.num_agents)
+        observation = self._rows(simulator.step(actions.view(*shape, *actions.shape[1:])))
+        ended = np.flatnonzero(simulator.truncated).tolist()
+        if not ended:
+            return observation, self._rows(simulator.reward), self._never, self._never, {}
+        last = torch.from_numpy(np.repeat(simulator.truncated, simulator.num_agents)).to(self.device)
+        metrics = {world: known(row) for world, row in zip(ended, simulator.metrics(ended), strict=True)}
+        infos = {"final_obs": observation.clone(), "_final_obs": last, "world_metrics": metrics}
+        simulator.reset_worlds(ended)
+        return observation, self._rows(simulator.reward), self._never, last, infos
+
+    def _rows(self, tensor: torch.Tensor) -> torch.Tensor:
+        return tensor.view(self.num_envs, *tensor.shape[2:])
+
+    def state(self) -> torch.Tensor:
+        """Return float32[worlds, N * 8] for centralised critics (Simulator.global_state)."""
+        simulator = self.simulator
+        robots = simulator.download(list(range(simulator.num_worlds)))
+        side = max(simulator.host.grid.shape) * simulator.host.grid.cell_size
+        views = np.stack([state.global_view(one, side, simulator.config) for one in robots])
+        return torch.from_numpy(views).to(self.device)
+
+
+def tensor_env(
+    num_worlds: int = 1,
+    config: EnvConfig | None = None,
+    *,
+    device: str = "cuda",
+    grid: GridMap | None = None,
+    planner: Planner | str | None = None,
+    **changes: Unpack[EnvOptions],
+) -> WarehouseTensorEnv:
+    """Return an environment of torch tensors, e.g. `tensor_env(4096, num_agents=16, device="cuda")`.
+
+    device: as torch names it; "cpu" has the same bits and needs no GPU. ConfigError says what cannot be used: a device
+    simulates neither people nor orders, live routes, right of way, mixed fleets or errors yet.
+    """
+    simulator = build(
+        DeviceSimulator, config, changes, num_worlds=num_worlds, planner=planner, grid=grid, device=device
+    )
+    return WarehouseTensorEnv(simulator)

@@ -1,0 +1,212 @@
+"""DeviceSimulator: B worlds whose step runs on a GPU, with the bits of the Simulator.
+
+Motion, contact, manoeuvres, observations and rewards are computed on the device. The host keeps a Simulator of the same
+worlds. It places robots at a reset, and gives those that arrive their next goal and route: only their records travel.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from warehouse_env.config import EnvConfig
+from warehouse_env.errors import ActionError, ConfigError
+from warehouse_env.simulation import state
+from warehouse_env.simulation.device import drivers
+from warehouse_env.simulation.device.memory import mapped, memory_of, tensor_of
+from warehouse_env.simulation.driver.scratch import make_search_scratch
+from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.simulation.tasks.tasks import Arrival
+from warehouse_env.simulation.traffic import off_route
+from warehouse_env.simulation.worlds import Worlds, make_scratch
+
+SEARCHES = 4096  # threads that search manoeuvres at once: each has 1 MB of scratch
+
+# What a config may not have on a device, and how an error names it
+_ABSENT: tuple[tuple[str, Callable[[EnvConfig], bool]], ...] = (
+    ("mixed fleets", lambda config: bool(config.fleet)),
+    ("people", lambda config: config.people > 0),
+    ("orders, services and batteries", lambda config: config.works),
+    ("live routes", lambda config: config.traffic_spec.routes is not False),
+    ("right of way", lambda config: config.traffic_spec.right_of_way),
+    ("errors, latency and lost messages", lambda config: config.uncertainty_spec != type(config.uncertainty_spec)()),
+    ("one-shot tasks", lambda config: config.tasks == "one_shot"),
+    ("terminate_on_collision", lambda config: config.terminate_on_collision),
+)
+
+
+def check_device(config: EnvConfig) -> None:
+    """ConfigError that names what a config has and a device has not."""
+    missing = [name for name, has in _ABSENT if has(config)]
+    if missing:
+        raise ConfigError(
+            f"a device does not simulate {', '.join(missing)} yet: leave that out "
+            "(for instance traffic=TrafficSpec(shield=True)), or use the CPU"
+        )
+
+
+def _where(chosen: torch.Tensor, one: float, other: float) -> torch.Tensor:
+    both = torch.tensor([other, one], dtype=torch.float64, device=chosen.device)
+    return both[chosen.long()]
+
+
+class DeviceSimulator:
+    """B independent worlds of N robots in lock-step, on a device.
+
+    `observation` float32[B, N, D], `reward` float32[B, N], `reward_terms` float32[B, N, T] are tensors on the device,
+    overwritten by the next step. `truncated` bool[B] (max_steps reached) and `steps` int64[B] are the host's.
+    """
+
+    def __init__(self, config: EnvConfig, num_worlds: int = 1, *, device: str = "cuda", **parts: Any) -> None:
+        """Build the worlds; call `reset` before the first step.
+
+        device: as torch names it, "cpu" too; parts: grid, planner or routes, as the Simulator takes them. ConfigError
+        for a device that cannot be used, and for what it does not simulate.
+        """
+        check_device(config)
+        self._memory = memory_of(device)
+        self.host = Simulator(config, num_worlds, **parts)
+        self.config, self.num_worlds, self.num_agents = config, num_worlds, config.num_agents
+        self.device, self.arrivals = self._memory.device, list[Arrival]()
+        self._tensors: dict[str, torch.Tensor] = {}
+        self._allocate()
+
+    @property
+    def steps(self) -> NDArray[np.int64]:
+        """Env steps since each world's reset."""
+        return self.host.steps
+
+    @property
+    def truncated(self) -> NDArray[np.bool_]:
+        """Whether each world has reached max_steps."""
+        return self.host.truncated
+
+    def _allocate(self) -> None:
+        host, memory = self.host, self._memory
+        views = dict[str, Any]()
+        for name, array in host.worlds._asdict().items():
+            views[name] = None
+            if array is not None:
+                self._tensors[name], views[name] = memory.allocate(array.shape, array.dtype)
+        scratch = make_scratch(host.setup, self.num_agents, decides=False)
+        unused = tuple(np.empty((0,) * one.ndim, one.dtype) for one in scratch.meetings)  # of right of way
+        self._calls, calls = memory.allocate((self.num_worlds, self.num_agents), np.dtype(np.bool_))
+        self._threads, self._searches = memory.threads(self.num_worlds), memory.threads(min(self.num_worlds, SEARCHES))
+        self._batch = drivers.Batch(
+            Worlds(**views), mapped(host.setup, memory.constant),
+            mapped(scratch._replace(meetings=unused), lambda array: memory.scratch(self._threads, array)),
+            mapped(host.search_setup, memory.constant),
+            mapped(make_search_scratch(self.num_agents), lambda array: memory.scratch(self._searches, array)),
+            host.dispatcher.far, calls,
+        )  # fmt: skip
+        self.observation, self.reward = self._tensors["observation"], self._tensors["reward"]
+        self.reward_terms = self._tensors["terms"]
+        self._table = tensor_of(host.actions.table).to(self.device)
+
+    def reset(self, seed: int | None = None) -> torch.Tensor:
+        """Start all worlds anew, as `Simulator.reset` does, and return the observation."""
+        self.host.reset(seed)
+        self._upload(range(self.num_worlds))
+        return self.observation
+
+    def reset_worlds(self, worlds: list[int]) -> None:
+        """Start some worlds anew; their generators go on."""
+        self.host.reset_worlds(worlds)
+        self._upload(worlds)
+
+    def _upload(self, worlds: range | list[int]) -> None:
+        """Copy some worlds to the device, observations included."""
+        self._fit_routes()
+        rows = list(worlds)
+        on_device = torch.as_tensor(rows, device=self.device)
+        for name, array in self.host.worlds._asdict().items():
+            if array is not None and array.size:
+                axis = 1 if name == "commands" else 0
+                part = tensor_of(np.take(array, rows, axis=axis)).to(self.device)
+                self._tensors[name].index_copy_(axis, on_device, part)
+
+    def step(self, actions: torch.Tensor) -> torch.Tensor:
+        """Advance all worlds by one env step and return the observation.
+
+        actions: int[B, N] of a discrete config, else float[B, N, 2] in [-1, 1] (clipped), on the device. ActionError
+        for another shape, and for what is out of range or not finite.
+        """
+        valid = self._decode(actions)
+        self._launch(drivers.advance, self._threads)
+        self._launch(drivers.search, self._searches)
+        calls = torch.nonzero(self._calls.view(-1)).view(-1)  # waits for the device, as `bool` below
+        if not bool(valid):
+            raise ActionError("actions must be finite, and discrete ones in 0..K-1; some are not")
+        self.host.steps += 1
+        self.host.truncated[:] = self.host.steps >= self.config.max_steps
+        self.arrivals = self._answer(calls) if len(calls) else []
+        self._launch(drivers.observe, self._threads)
+        return self.observation
+
+    def _launch(self, driver: Callable[..., None], threads: int) -> None:
+        self._memory.launch(driver, threads, self._batch)
+
+    def _decode(self, actions: torch.Tensor) -> torch.Tensor:
+        """Write the commands that actions mean; return whether all actions are valid, as a tensor."""
+        commands = self._tensors["commands"][0]
+        discrete = self.config.action_type == "discrete"
+        shape = commands.shape[:2] if discrete else commands.shape
+        if actions.shape != shape or actions.dtype.is_floating_point is discrete:
+            raise ActionError(
+                f"{self.config.action_type} actions must be {'whole numbers' if discrete else 'numbers'} of shape "
+                f"{tuple(shape)}, not {actions.dtype} {tuple(actions.shape)}"
+            )
+        if discrete:
+            count = len(self._table)
+            commands.copy_(self._table[actions.clamp(0, count - 1).long()])
+            return ((actions >= 0) & (actions < count)).all()
+        self.host.actions.write_scaled(actions.clip(-1, 1), commands, _where)
+        return actions.isfinite().all()
+
+    def _answer(self, calls: torch.Tensor) -> list[Arrival]:
+        """Give the robots that arrived, or are off their routes, what the Simulator would give them."""
+        host, count = self.host, self.num_agents
+        robots = self._tensors["robots"].view(-1, state.ROBOT.itemsize)
+        worlds, numbers = np.divmod(calls.cpu().numpy(), count)
+        records = robots[calls].cpu().numpy().view(state.ROBOT)[:, 0]
+        host.robots[worlds, numbers] = records
+        who = list(zip(worlds.tolist(), numbers.tolist(), strict=True))
+        arrived = [one for one, record in zip(who, records, strict=True) if record["events"]["arrived"]]
+        arrivals = host.dispatcher.arrive(host.steps, arrived)
+        host.dispatcher.return_to_route(host.steps, self._off_route(worlds, numbers))
+        self._fit_routes()
+        robots[calls] = tensor_of(host.robots[worlds, numbers]).to(self.device)
+        routes = self._tensors["routes"].view(-1, *self._tensors["routes"].shape[2:])
+        routes[calls] = tensor_of(host.routes[worlds, numbers]).to(self.device)
+        return arrivals
+
+    def _off_route(self, worlds: NDArray[np.int64], numbers: NDArray[np.int64]) -> list[tuple[int, int]]:
+        """Return which of some robots, as the host has them, are off their routes."""
+        off = np.zeros((1, len(worlds)), np.bool_)
+        robots, routes = self.host.robots[worlds, numbers][None], self.host.routes[worlds, numbers][None]
+        off_route.find_off_route(robots, routes, self.host.dispatcher.far, off)
+        return [(int(worlds[k]), int(numbers[k])) for k in np.flatnonzero(off)]
+
+    def _fit_routes(self) -> None:
+        """Take a longer array of routes on the device once the host has one."""
+        held, wanted = self._tensors["routes"], self.host.routes.shape
+        if held.shape[2] != wanted[2]:
+            tensor, view = self._memory.allocate(wanted, self.host.routes.dtype)
+            tensor[:, :, : held.shape[2]] = held
+            self._tensors["routes"] = tensor
+            self._batch = self._batch._replace(worlds=self._batch.worlds._replace(routes=view))
+
+    def download(self, worlds: list[int]) -> NDArray[Any]:
+        """Copy the robots of some worlds to the host and return them, ROBOT[W, N]."""
+        rows = self._tensors["robots"][torch.as_tensor(worlds, device=self.device)]
+        self.host.robots[worlds] = rows.cpu().numpy().view(state.ROBOT)[..., 0]
+        return self.host.robots[worlds]
+
+    def metrics(self, worlds: list[int]) -> list[dict[str, float]]:
+        """Return the numbers of some worlds' episodes so far (Simulator.episode_metrics)."""
+        self.download(worlds)
+        return [self.host.episode_metrics(world) for world in worlds]
