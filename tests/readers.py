@@ -23,7 +23,7 @@ from train.fleet.driven import load_episode
 from train.fleet.factsheet import factsheet_of
 from train.fleet.listen import hear_log
 from train.learning import checkpoint
-from train.learning.curves import read_run
+from train.learning.progress import read_run
 from train.reporting.comparison import read_runs
 from train.reporting.rows import read_rows, whole_rows
 from warehouse_env.config import EnvConfig

@@ -37,8 +37,7 @@ from train.evaluation.episodes import EpisodesJob
 from train.evaluation.jobs import of_all_runs
 from train.evaluation.rollout import make_experiment
 from train.learning.config import PPOConfig, ReinforceConfig, ThreadedPPOConfig
-from train.learning.curves import read_run
-from train.learning.progress import ProgressLog
+from train.learning.progress import ProgressLog, read_run
 from train.live.commands import read_command
 from train.reporting.comparison import compare, read_runs
 from train.reporting.rows import read_rows

@@ -87,7 +87,7 @@ def test_rows_are_not_replaced_by_a_table(tmp_path: Path, capsys: pytest.Capture
 
 
 WRITERS = {
-    "warehouse_env/files.py", "train/reporting/rows.py", "train/reporting/lock.py", "train/fleet/listen.py",
+    "warehouse_env/files.py", "train/reporting/rows.py", "train/fleet/listen.py",
 }  # fmt: skip
 
 

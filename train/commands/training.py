@@ -15,8 +15,7 @@ import tyro
 from agents.weights_folder import read_record
 from train.commands.kinds import read_fleet
 from train.learning.config import PPOConfig, ReinforceConfig, ThreadedPPOConfig, TrainingConfig
-from train.learning.curves import read_run
-from train.learning.progress import ROWS
+from train.learning.progress import ROWS, read_run
 from train.learning.recipes import Recipe, ThreadedPPORecipe, by_recipe
 from train.reporting.report import require_charts
 from train.reporting.rows import RowFile, read_rows

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from train.evaluation.pictures import MEASURES, bars
-from train.evaluation.places import KEY, PAGE, FloorNotes, floor_of_notes
+from train.evaluation.places import KEY, PAGE, floor_of_notes
 from train.evaluation.recorded import worst_episodes, write_replays
 from train.evaluation.rollout import Experiment
 from train.reporting.page import Page, PagePart, Shown, made_by
@@ -35,11 +35,10 @@ def write_report(
         bar = progress.add_task("replays of the worst episodes", total=len(worst))
         links = write_replays(worst, experiments, folder, lambda: progress.advance(bar))
     short = short_names({str(row[name]) for row in rows for name in ("layout", "policy")})
-    floors = _floors(rows, notes)
     parts = [
         PagePart("Table", tables=[evaluation_table(rows)]),
         PagePart("Over the number of robots", pictures=_over_robots(rows, short)),
-        _where(experiments, rows, floors, short),
+        _where(experiments, rows, notes, short),
         PagePart("Worst episodes", _WORST, links=links),
         PagePart("What was run", facts=_facts(rows, notes)),
     ]
@@ -56,13 +55,6 @@ _WORST = (
     "The worst episode of each policy, then the second worst of each: by collisions per km, then by robots stuck at "
     "the end, then by the longest standing. Each opens as a replay; the .npz file beside it plays it again to the bit."
 )
-
-
-def _floors(rows: Sequence[Row], notes: Sequence[Row]) -> dict[str, FloorNotes]:
-    """Return the notes of each policy on each floor with the most robots there, by policy@layout."""
-    most = {layout: max(row["robots"] for row in own) for (layout,), own in grouped(rows, ("layout",)).items()}
-    full = grouped((note for note in notes if note["robots"] == most[note["layout"]]), ("policy", "layout"))
-    return {f"{policy}@{layout}": floor_of_notes(own) for (policy, layout), own in full.items()}
 
 
 # Charts over the number of robots: label, what is better, and the measures by their titles.
@@ -95,33 +87,26 @@ def _over_robots(rows: Sequence[Row], short: Mapping[str, str]) -> list[Shown]:
     return pictures
 
 
-def _on_floors(
-    rows: Sequence[Row], floors: Mapping[str, FloorNotes], short: Mapping[str, str]
-) -> Iterator[tuple[str, str, dict[str, FloorNotes]]]:
-    """Yield each layout, a phrase that names it, and the notes of each policy there by the policy's short name."""
-    for layout in dict.fromkeys(str(row["layout"]) for row in rows):
-        parts = {name.partition("@"): floor for name, floor in floors.items()}
-        own = {short[policy]: floor for (policy, _, place), floor in parts.items() if place == layout}
-        robots = max(row["robots"] for row in select(rows, layout=layout))
-        yield layout, f"on {short[layout]} with {counted(robots, 'robot')}", own
-
-
 def _where(
-    experiments: Sequence[Experiment], rows: Sequence[Row], floors: Mapping[str, FloorNotes], short: Mapping[str, str]
+    experiments: Sequence[Experiment], rows: Sequence[Row], notes: Sequence[Row], short: Mapping[str, str]
 ) -> PagePart:
-    """Return the heat maps of each floor, a panel a policy."""
+    """Return the heat maps of each floor with the most robots there, a panel a policy."""
     grids = {one.place: load_floor(one.config) for one in experiments}
     pictures = []
-    for layout, there, own in _on_floors(rows, floors, short):
-        panels = [Panel(name, grids[layout], floor.waiting, floor.contacts) for name, floor in own.items()]
-        if panels:
-            label = f"Where robots wait and collide {there}"
-            hours = number(sum(floor.hours for floor in own.values()) / len(own), 2)
-            caption = (
-                f"{label}: the colour is the seconds per hour that a robot's centre stands on a cell, red crosses are "
-                f"collisions in {hours} simulated hours per policy, blue squares are stations."
-            )
-            pictures.append(Shown(heat_maps(panels, "standing [s per hour]", label), caption))
+    for (layout,), own in grouped(rows, ("layout",)).items():
+        robots = max(row["robots"] for row in own)
+        noted = grouped(select(notes, layout=layout, robots=robots), ("policy",))
+        floors = {short[str(policy)]: floor_of_notes(some) for (policy,), some in noted.items()}
+        if not floors:
+            continue
+        label = f"Where robots wait and collide on {short[str(layout)]} with {counted(robots, 'robot')}"
+        hours = number(sum(floor.hours for floor in floors.values()) / len(floors), 2)
+        caption = (
+            f"{label}: the colour is the seconds per hour that a robot's centre stands on a cell, red crosses are "
+            f"collisions in {hours} simulated hours per policy, blue squares are stations."
+        )
+        panels = [Panel(name, grids[str(layout)], floor.waiting, floor.contacts) for name, floor in floors.items()]
+        pictures.append(Shown(heat_maps(panels, "standing [s per hour]", label), caption))
     missing = "" if pictures else "No places were noted: the rows were kept from a run without a report."
     return PagePart("Where robots wait and collide", missing, pictures)
 

@@ -1,4 +1,7 @@
-"""The progress of a training: a bar or a line every minute, rows in progress.jsonl, and TensorBoard's log."""
+"""The progress of a training: a bar or a line every minute, rows in progress.jsonl, and TensorBoard's log.
+
+Learning curves are read from those rows.
+"""
 
 from __future__ import annotations
 
@@ -7,18 +10,23 @@ import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
+import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
+from agents.weights_folder import CONFIG, read_record
 from train.reporting.report import tell
-from train.reporting.rows import Row, RowFile, whole_rows, write_rows
+from train.reporting.rows import Row, RowFile, read_rows, whole_rows, write_rows
+from warehouse_env.errors import WeightsError
+from warehouse_env.render.learning_curves import PANELS, Curve
 
 ROWS = "progress.jsonl"
 LOG_SECONDS = 5.0  # between two rows
 LINE_SECONDS = 60.0  # between two lines where no bar is shown
 FIGURES = ("goals_per_robot_hour", "collisions_per_km", "stuck")  # of an evaluation on held-out seeds
+KEYS = tuple(key for key, _, _ in PANELS)
 
 
 def _steps(row: Row) -> float:
@@ -134,3 +142,36 @@ def open_board(directory: Path, settings: Mapping[str, Any], steps: int) -> Any:
 def _in_words(figures: Mapping[str, float]) -> str:
     goals, contacts, stuck = (figures[name] for name in FIGURES)
     return f"{goals:.0f} goals/robot-h, {contacts:.2f} collisions/km, {100 * stuck:.1f}% stuck"
+
+
+class CurveRun(NamedTuple):
+    """A training: its folder, its seed if that is known, and its curve."""
+
+    folder: Path
+    seed: int | None
+    curve: Curve
+
+    def rows(self) -> list[Row]:
+        """Return what is drawn, a row for each point."""
+        about = {"run": self.folder.name, "algorithm": self.curve.algorithm, "seed": self.seed}
+        columns = [self.curve.steps, *(self.curve.values[key] for key in KEYS)]
+        return [about | dict(zip(("steps", *KEYS), point, strict=True)) for point in zip(*columns, strict=True)]
+
+
+def read_run(folder: Path) -> CurveRun:
+    """Return the training in a folder; WarehouseError in one sentence if there is none, or it has no rows yet."""
+    for name in (CONFIG, ROWS):
+        if not (folder / name).is_file():
+            raise WeightsError(f"{folder} is no run of training: it has no {name}")
+    record, path = read_record(folder), folder / ROWS
+    rows = read_rows(path)
+    try:
+        steps = np.array([row["steps"] for row in rows], dtype=np.float64)
+        values = {key: np.array([row.get(key) for row in rows], dtype=np.float64) for key in KEYS}  # None becomes nan
+    except (KeyError, TypeError, ValueError):
+        raise WeightsError(f"{path} holds rows that are none of a training") from None
+    if not len(steps) or not (np.diff(steps) > 0).all():
+        raise WeightsError(f"{path} holds no rows whose steps grow")
+    config = record.training.get("config")
+    seed = config.get("seed") if isinstance(config, dict) else None
+    return CurveRun(folder, seed, Curve(record.algorithm, steps, values))

@@ -25,8 +25,8 @@ from train.learning.evaluations import Drive, Evaluations
 from train.learning.plan_ahead import plan_ahead
 from train.learning.progress import ProgressLog
 from train.learning.trainer import Trainer
-from train.reporting.lock import held
 from train.reporting.report import tell
+from train.reporting.rows import held
 from warehouse_env.errors import ConfigError, WarehouseError, WeightsError
 from warehouse_env.files import check_writable
 from warehouse_env.plugins import digests

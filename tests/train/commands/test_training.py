@@ -15,7 +15,7 @@ from tests.maps.halls.test_map_server import YAML, hall, room
 from train.cli import main
 from train.learning import checkpoint
 from train.reinforce import Reinforce
-from train.reporting.lock import held
+from train.reporting.rows import held
 from warehouse_env.config import RobotSpec
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.halls.map_server import write_pgm

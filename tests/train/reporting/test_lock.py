@@ -10,8 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from train.reporting.lock import held
-from train.reporting.rows import RowFile
+from train.reporting.rows import RowFile, held
 from warehouse_env.errors import WarehouseError
 
 ROOT = Path(__file__).parents[3]
@@ -32,7 +31,7 @@ def test_who_holds_it_is_said_and_nothing_is_left(tmp_path: Path) -> None:
 
 def test_a_killed_process_holds_nothing(tmp_path: Path) -> None:
     lock = tmp_path / ".lock"
-    body = "import os, sys; from pathlib import Path; from train.reporting.lock import held\n"
+    body = "import os, sys; from pathlib import Path; from train.reporting.rows import held\n"
     body += "with held(Path(sys.argv[1]), Path('it')): os.kill(os.getpid(), 9)"
     subprocess.run([sys.executable, "-c", body, lock], cwd=ROOT, check=False)
     assert lock.exists()
