@@ -38,12 +38,12 @@ class Route(NamedTuple):
     cells: NDArray[np.int32]  # [L, 2] (row, column)
     line: NDArray[np.float32]  # [R, 2] [m], way-points
     reach: float = math.inf  # [m] of the line that are drivable
-    end: Pose | None = None  # where it ends, if not at the centre of the last cell
-    either: bool = False  # the body may also stand there the other way round
+    end: Pose | None = None  # its last pose, if not the centre of the last cell
+    either: bool = False  # the body may also stand there with the opposite heading
 
 
 class RouteBook(Portable):
-    """Cache of the routes on one map by one planner. A copy knows only the plans on disk."""
+    """Cache of the routes on one map by one planner. A copy starts with the plans on disk alone."""
 
     bound = ("_solid", "_one_way", "_routes", "_fresh", "_store", "_table", "_usual", "_lock")
 
@@ -55,7 +55,7 @@ class RouteBook(Portable):
         keep_right: float = EnvConfig.keep_right,
         wider: float = 1.0,
     ) -> None:
-        """wider: width of the bodies that drive the lines over the default width (RobotSpec.wider)."""
+        """wider: width of the bodies over the default width (RobotSpec.wider)."""
         self.grid, self.planner = grid, planner
         self._keep_right, self._wider = keep_right, wider
         self._bind()
@@ -92,8 +92,8 @@ class RouteBook(Portable):
     def prepare(self, tasks: Sequence[tuple[Cell, Cell]]) -> None:
         """Plan unknown tasks (start, goal) in parallel, on as many threads as allowed.
 
-        Each has its own generator, so the plans do not depend on order or number of threads. Failures are reported when
-        the route is asked for.
+        Each plan has its own generator, so order and threads do not matter. A failed plan is an error only when its
+        route is needed.
         """
         new = [task for task in dict.fromkeys(tasks) if (*task, None, ()) not in self._routes]
         new = [task for task in new if self._stored(*task) is None]
@@ -197,20 +197,13 @@ class RouteBook(Portable):
     ) -> Route:  # fmt: skip
         """Return the route along cells [L, 2], from the point `begin` [m] in the first to one of `ends` in the last.
 
-        reach [m]: how much of it is drivable.
+        reach [m]: the length of it to make drivable.
         """
-        end = facing(ends, cells) if ends else None
-        return Route(cells, self._lay(cells, begin, reach, end), reach, end, len(ends) > 1)
-
-    def _lay(
-        self, cells: NDArray[np.int32], begin: NDArray[np.floating[Any]] | None, reach: float, end: Pose | None
-    ) -> NDArray[np.float32]:
-        """Return way-points float32[R, 2] [m]; see `along`."""
-        points = self.grid.centre(cells)
+        end, points = facing(ends, cells) if ends else None, self.grid.centre(cells)
         if begin is not None:
             points[0] = begin
         if end is not None:
             points[-1] = end[:2]
         floor = self._solid, self._one_way, self.grid.cell_size
-        line: NDArray[np.float32] = drivable_line(points, *floor, self._keep_right, reach, self._wider)
-        return line
+        line = drivable_line(points, *floor, self._keep_right, reach, self._wider)
+        return Route(cells, line, reach, end, len(ends) > 1)

@@ -1,8 +1,8 @@
 """Goals as poses: the front axle's position in a goal's cell, and the heading.
 
-A pick face or a station is served from the side, so a robot stands parallel to it, either way round, with the middle of
-its body in the middle of the cell. It drives on without a turn, others can pass, and in an aisle of one cell nothing
-else fits. Only forklifts face a shelf; this robot carries its load on its back (paper 000 has no fork).
+A pick face or a station is served from the side. The robot stands parallel to it, with either heading, and the middle
+of its body is in the middle of the cell. It drives on without a turn, others can pass, and in an aisle of one cell
+nothing else fits. Only forklifts face a shelf; this robot carries its load on its back (paper 000 has no fork).
 """
 
 from __future__ import annotations
@@ -37,10 +37,10 @@ def facing(poses: Sequence[Pose], cells: NDArray[np.integer[Any]]) -> Pose:
 
 
 def face(grid: GridMap, cell: Cell, robot: RobotSpec) -> Goal:
-    """Return the goal at an endpoint: parallel to the obstacle beside it, either way round.
+    """Return the goal at an endpoint: parallel to the obstacle beside it, with either heading.
 
-    Without an obstacle, or without a way on along it: at the cell's centre, at any heading. If a body longer than a
-    cell would touch something: with its axle at the cell's centre, at a heading that is free.
+    Without an obstacle, or with a dead end along it, the goal is the cell's centre at any heading. A body longer than a
+    cell that would touch something stands with its axle at the centre, at a free heading.
     """
     barred = {side: _is_barred(grid, cell, side) for side in (_EAST, _NORTH, _WEST, _SOUTH)}
     for ahead, left in ((_EAST, _NORTH), (_NORTH, _WEST)):

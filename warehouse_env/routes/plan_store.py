@@ -1,4 +1,4 @@
-"""Plans on disk, shared by processes and threads; a store that cannot be opened or is damaged is simply not used."""
+"""Plans on disk, shared by processes and threads. A store that is damaged or cannot be opened is ignored."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from platformdirs import user_cache_dir
 
-CACHE_FORMAT = 3  # raised whenever a planner's result changes for the same key, and when the table does
-LARGEST_STORE = 256 * 2**20  # [bytes] of plans on disk, about 200,000; a quarter of them, the oldest, then goes
+CACHE_FORMAT = 3  # raise it when a planner's result changes for the same key, or the files' form
+LARGEST_STORE = 256 * 2**20  # [bytes] of plans on disk, about 200,000; the oldest quarter is then dropped
 PENDING = 64  # plans written to disk at once
 _TROUBLE = (OSError, ValueError, TypeError, sqlite3.Error)  # ValueError: an error of SQLite that is no UTF-8
 
@@ -24,7 +24,7 @@ def cache_directory() -> Path:
 
 
 class PlanStore:
-    """The store in a folder. Each call opens the file anew, so that nothing is shared between threads or by a fork."""
+    """The store in a folder. Each call opens the file, so threads and forks share nothing."""
 
     def __init__(self, folder: Path) -> None:
         self._file = folder / f"plans-{CACHE_FORMAT}.sqlite"
@@ -66,7 +66,7 @@ def _write(file: Path, pending: list[tuple[str, bytes]]) -> None:
 
 
 def _evict(connection: sqlite3.Connection) -> None:
-    """Drop the oldest plans of a store that has grown too large; later plans reuse their place in the file."""
+    """Drop the oldest plans of a store that is too large; later plans reuse their place in the file."""
     pages, free, size = (
         connection.execute(f"PRAGMA {what}").fetchone()[0] for what in ("page_count", "freelist_count", "page_size")
     )

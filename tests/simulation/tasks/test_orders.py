@@ -60,11 +60,6 @@ def test_what_other_programs_save_is_read(name: str, text: str, tmp_path: Path) 
     assert read_orders(tmp_path / name) == (ONE,)
 
 
-def test_orders_are_no_json(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match=r"o\.jsonl: orders are written as CSV"):
-        write_orders(tmp_path / "o.jsonl", [ONE])
-
-
 def test_orders_to_cells_that_are_no_places_are_noted() -> None:
     stray = next(cell for cell in map(tuple, FLOOR.free_cells.tolist()) if cell not in map(tuple, FLOOR.endpoints[2]))
     with pytest.warns(MapWarning, match=r"open: orders lead to 1 cell that are neither .* \(\d+, \d+\) of order 2$"):

@@ -1,24 +1,19 @@
-"""Rules that give orders to robots, by the distance from each robot to each order's first pick face."""
+"""Rules that assign orders to robots, by the distance from each robot to each order's first pick face."""
 
 from __future__ import annotations
 
-from typing import Protocol
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.errors import unknown_name
 
+Allocator = Callable[[NDArray[np.float64]], list[tuple[int, int]]]
+"""A rule: from costs float[F, K] [cells] of each free robot to each open order, oldest first, to pairs (robot, order).
 
-class Allocator(Protocol):
-    """A rule that gives free robots open orders."""
-
-    def __call__(self, cost: NDArray[np.float64]) -> list[tuple[int, int]]:
-        """Return pairs (robot, order), each robot and order at most once; as many as there are robots or orders.
-
-        cost float[F, K] [cells]: from each free robot to each open order, oldest first. Ties go to the lower number.
-        """
-        ...
+It pairs each robot and order at most once, and as many as possible. Ties go to the lower number.
+"""
 
 
 def fifo(cost: NDArray[np.float64]) -> list[tuple[int, int]]:

@@ -1,9 +1,9 @@
-"""Batteries: energy that robots use and chargers give back.
+"""Batteries: the energy that robots use and chargers give back.
 
-A robot of mass m under a load l that drives a distance s in a time t uses c (m + l) g s + P t. c is the share of its
-weight that driving takes (BatterySpec.resistance), P the power that it takes at all times.
+A robot of mass m under a load l that drives a distance s in a time t uses c (m + l) g s + P t. c is the rolling
+resistance as a share of its weight (BatterySpec.resistance), P the power that it always takes.
 
-No robot strands: as soon as its charge falls to 1.5 times what the way to the nearest charger takes, it goes there.
+No robot strands: it drives to the nearest charger once its charge falls to 1.5 times the energy of the way there.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class Batteries:
         self._seen[:] = self._at = self.charged = 0.0
 
     def use(self, now: float, driven: NDArray[np.float64], load: NDArray[np.float64], at_charger: NDArray[Any]) -> None:
-        """Let time go on to `now` [s]; driven [N] [m] since the reset, load [N] [kg], at_charger bool[N]."""
+        """Advance the charge to `now` [s]; driven [N] [m] since the reset, load [N] [kg], at_charger bool[N]."""
         passed, spec = now - self._at, self.spec
         force = spec.resistance * GRAVITY * (self._mass + load)
         used = force * (driven - self._seen) + spec.standing * passed - at_charger * (spec.power * passed)
@@ -54,21 +54,21 @@ class Batteries:
         self._seen[:], self._at = driven, now
 
     def is_critical(self, cells: ArrayLike, load: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Return bool[N]: which robots must charge now, at cells int[N, 2] with loads [N] [kg]."""
+        """Return bool[N]: whether a robot at its cell, int[N, 2], with its load [N] [kg] must charge now."""
         return np.asarray(self.charge < self.needed(self._home[tuple(np.transpose(cells))], load))
 
     def needed(self, way: Any, load: Any) -> Any:
-        """Return what is kept for a way [m] to a charger under a load [kg], in watt-hours."""
+        """Return the reserve [Wh] for a way [m] to a charger under a load [kg]."""
         force = self.spec.resistance * GRAVITY * (self._mass + load)
         return (_MARGIN * way * (force + self.spec.standing / _SLOW) + self.spec.standing * self._pause) / _JOULES
 
     @property
     def share(self) -> NDArray[np.float64]:
-        """What is left, of the capacity [N]."""
+        """Charge as a share of the capacity [N]."""
         return self.charge / self.spec.capacity
 
     def row(self, seconds: float) -> dict[str, float]:
-        """Return the metrics: time at chargers of all time, the least charge of any robot, and robots without any."""
+        """Return the metrics: share of time at chargers, the lowest charge of any robot, and robots without charge."""
         return {
             "charging_share": self.charged / (len(self.charge) * seconds) if seconds > 0 else np.nan,
             "lowest_charge": float(self.lowest.min()) / self.spec.capacity,

@@ -15,7 +15,7 @@ from warehouse_env.work import OrderSpec
 
 
 class Demand:
-    """An endless stream of orders, drawn one after the other from a generator of its own.
+    """An endless stream of orders, drawn one by one from its own generator.
 
     The class (A, B, C, ...) of each pick face is drawn first and stays the same for the whole episode.
     """
@@ -30,7 +30,7 @@ class Demand:
         self._now = 0.0  # [s], when the last one came
 
     def draw(self) -> Order:
-        """Return the next order; none is released before the one drawn last."""
+        """Return the next order, released no earlier than the last one."""
         spec, rng = self._spec, self._rng
         self._now += float(rng.exponential(3600.0 / spec.per_hour))
         release = math.ceil(self._now / spec.wave) * spec.wave if spec.wave else self._now
@@ -43,12 +43,12 @@ class Demand:
         return Order(release, tuple(dict.fromkeys(picks)), drop, release + spec.due, weight)
 
     def until(self, seconds: float) -> Iterator[Order]:
-        """Yield the orders that are released before so many seconds."""
+        """Yield the orders that are released in the first `seconds`."""
         while (order := self.draw()).release < seconds:
             yield order
 
 
 def draw_orders(config: EnvConfig, grid: GridMap, seconds: float, seed: int) -> tuple[Order, ...]:
-    """Return the orders of so many seconds as `config.orders` says, for a file or a look; seed: any whole number."""
+    """Return the orders of the first `seconds` under `config.orders`, for a file or a look."""
     spec = config.orders or OrderSpec()
     return tuple(Demand(spec, grid, config.payload, np.random.default_rng(seed)).until(seconds))

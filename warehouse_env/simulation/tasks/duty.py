@@ -1,4 +1,4 @@
-"""What one robot does in a shift (shift.py), and how long its service takes."""
+"""A robot's activity in a shift (shift.py), and the length of a service."""
 
 from __future__ import annotations
 
@@ -12,31 +12,31 @@ from warehouse_env.work import ServiceSpec
 
 
 class Doing(IntEnum):
-    """What a robot is at."""
+    """A robot's activity."""
 
-    FREE = auto()  # nothing
+    FREE = auto()  # has nothing to do
     STOP = auto()  # drives to a stop of its work
-    SERVED = auto()  # stands there
-    WAITS = auto()  # for a cell that another holds: on its way to a place, or there
-    RESTS = auto()  # the same, for an order
+    SERVED = auto()  # stands at a stop
+    WAITS = auto()  # waits for a cell that another robot holds, at a waiting place or on the way there
+    RESTS = auto()  # likewise waits for an order
     CHARGER = auto()  # drives to a charger
     CHARGES = auto()
-    BROKEN = auto()  # stands for good: broken down, or without charge
+    BROKEN = auto()  # stands until the reset: broken down, or without charge
 
 
 @dataclass
 class Duty:
-    """What one robot is at."""
+    """One robot's activity and work."""
 
     doing: Doing = Doing.FREE
-    stops: list[Cell] = field(default_factory=list)  # of its work, to come
-    order: int | None = None  # its number, if the work is one
-    wants: Cell | None = None  # that it waits for
+    stops: list[Cell] = field(default_factory=list)  # still to visit
+    order: int | None = None  # the number of its order, if it has one
+    wants: Cell | None = None  # the cell that it waits for
     since: float = 0.0  # [s], when it began to wait
 
 
 def service_time(spec: ServiceSpec | None, at_station: bool, rng: np.random.Generator) -> float:
-    """Return a service's length [s]: always the mean, or gamma distributed about it; 0 where none takes time."""
+    """Return a service's length [s]: the mean, or gamma distributed about it; 0 without a spec."""
     if spec is None:
         return 0.0
     mean = spec.station if at_station else spec.pick

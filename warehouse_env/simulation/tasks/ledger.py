@@ -1,4 +1,4 @@
-"""The books of one world's shift: orders open, given and done; time in service and in queues, metres without a load."""
+"""The accounts of one world's shift: orders open, assigned and done; time in service and in queues; empty driving."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from warehouse_env.simulation.tasks.orders import Order
 
 
 class Ledger:
-    """Orders as they are released, given to a robot, and done."""
+    """Orders from release to completion."""
 
     def __init__(self, given: Sequence[Order] | Demand) -> None:
-        """given: all of them, by their release; or where they are drawn from."""
+        """given: all orders, sorted by release, or the demand to draw them from."""
         self._demand = given if isinstance(given, Demand) else None
         self._coming = [given.draw()] if isinstance(given, Demand) else list(reversed(given))
-        self.open: dict[int, Order] = {}  # released and nobody's yet, by number, oldest first
+        self.open: dict[int, Order] = {}  # released and not assigned, by number, oldest first
         self.given: dict[int, Order] = {}  # on their way
         self._released = 0
         self._took: list[float] = []  # [s] from release to done
@@ -27,7 +27,7 @@ class Ledger:
         self._late = 0
 
     def release(self, now: float) -> None:
-        """Make the orders known whose time has come [s]."""
+        """Open the orders released until now [s]."""
         while self._coming and self._coming[-1].release <= now:
             self.open[self._released] = self._coming.pop()
             self._released += 1
@@ -36,16 +36,16 @@ class Ledger:
 
     @property
     def next_release(self) -> float:
-        """When the next order becomes known [s]; never where there is none."""
+        """Time of the next release [s], inf without one."""
         return self._coming[-1].release if self._coming else math.inf
 
     def give(self, number: int) -> Order:
-        """Take an open order as a robot's."""
+        """Assign an open order to a robot."""
         order = self.given[number] = self.open.pop(number)
         return order
 
     def give_back(self, number: int) -> None:
-        """Open an order again that a robot cannot begin."""
+        """Reopen an order that a robot cannot begin."""
         self.open = dict(sorted({**self.open, number: self.given.pop(number)}.items()))
 
     def complete(self, number: int, now: float) -> None:
@@ -56,7 +56,7 @@ class Ledger:
         self._late += now > order.due
 
     def row(self, now: float) -> dict[str, float]:
-        """Return the metrics of the orders so far; due: done or not; late: done too late, or due and not done."""
+        """Return the metrics of the orders so far; late orders were done too late, or are due and not done."""
         overdue = sum(order.due < now for orders in (self.open, self.given) for order in orders.values())
         median, slow = np.quantile(self._took, (0.5, 0.95)).tolist() if self._took else (math.nan, math.nan)
         return {
@@ -73,7 +73,7 @@ class Ledger:
 
 
 class Tally:
-    """The sums of one world's shift, in seconds and metres of all its N robots together."""
+    """Sums over a world's N robots, in seconds and metres."""
 
     def __init__(self, count: int) -> None:
         self.waited = 0.0  # [s] for cells that others held
@@ -81,12 +81,12 @@ class Tally:
         self._seen = np.zeros(count)  # [m] driven when this was last looked at
 
     def serve(self, seconds: float, at_station: bool) -> None:
-        """Count a service that begins."""
+        """Count a service at its begin."""
         self._served += seconds
         self._at_stations += seconds if at_station else 0.0
 
     def drive(self, robot: int, driven: float, carried: bool) -> None:
-        """Count what a robot has driven since the last time, up to `driven` [m] since the reset."""
+        """Count a robot's way since the last call, up to `driven` [m] since the reset."""
         self._empty += 0.0 if carried else driven - self._seen[robot]
         self._seen[robot] = driven
 
@@ -100,8 +100,8 @@ class Tally:
         `station_utilisation`: of the stations' time, with a robot in service; `empty_driving`: of the metres driven,
         those without a load.
 
-        driven [N] [m], carries bool[N]: now; to_come: of each service that goes on, the seconds to come and whether it
-        is at one of the `stations`; waiting [s]: of those who wait, so far.
+        driven [N] [m], carries bool[N]: now; to_come: for each running service the remaining seconds and whether it is
+        at one of the `stations`; waiting [s]: of the robots that wait, so far.
         """
         served = self._served - sum(seconds for seconds, _ in to_come)
         at_stations = self._at_stations - sum(seconds for seconds, at_station in to_come if at_station)

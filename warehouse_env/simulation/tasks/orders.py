@@ -1,6 +1,6 @@
-"""Orders: what somebody wants fetched, from where, to where, and until when; read from and written to files.
+"""Orders: what to fetch, from where, to where, and until when; read from and written to CSV files.
 
-A file is CSV. Its first line names FIELDS, each further line is one order:
+The first line names FIELDS, each further line is one order:
 
     release_s,picks,drop,due_s,weight_kg
     0,12:7 15:7,1:9,900,120
@@ -30,9 +30,9 @@ _CELL = re.compile(r"(-?\d{1,9}):(-?\d{1,9})", re.ASCII)
 
 
 class Order(NamedTuple):
-    """One robot fetches it at its pick faces, one after the other, and drops it at a station."""
+    """One robot visits the pick faces in turn and drops the goods at a station."""
 
-    release: float  # [s] after the reset, from when on it is known
+    release: float  # [s] after the reset at which it becomes known
     picks: tuple[Cell, ...]
     drop: Cell
     due: float  # [s] after the reset
@@ -40,7 +40,7 @@ class Order(NamedTuple):
 
 
 def read_orders(path: str | Path) -> tuple[Order, ...]:
-    """Return the orders of a file by their release; ConfigError names the line that cannot be used."""
+    """Return the orders of a file, sorted by release; ConfigError names the line that is wrong."""
     text, what = read_text(path, "orders", _LARGEST_FILE, ConfigError), f"orders {path}"
     orders = [_order(row, f"{what}, line {line}") for line, row in named_rows(text, what, FIELDS, ConfigError)]
     if not orders:
@@ -49,9 +49,7 @@ def read_orders(path: str | Path) -> tuple[Order, ...]:
 
 
 def write_orders(path: str | Path, orders: Iterable[Order]) -> None:
-    """Write orders to a CSV file, which `read_orders` reads; ConfigError for the name of another format."""
-    if Path(path).suffix.lower() in (".json", ".jsonl"):
-        raise ConfigError(f"{path}: orders are written as CSV; give a name that ends in .csv")
+    """Write orders to a CSV file, which `read_orders` reads."""
     with complete_file(path) as part, part.open("w", encoding="utf-8", newline="") as file:
         table = csv.writer(file, lineterminator="\n")
         table.writerow(FIELDS)
@@ -62,7 +60,7 @@ def write_orders(path: str | Path, orders: Iterable[Order]) -> None:
 def check_orders(orders: Sequence[Order], grid: GridMap, payload: float) -> None:
     """Raise ConfigError or MapError for an order that no robot of `payload` [kg] can carry out on this floor.
 
-    Cells that are neither pick faces nor stations are warned of (MapWarning).
+    Warn of cells that are neither pick faces nor stations (MapWarning).
     """
     there = grid.return_region(grid.endpoints[2][0])
     for number, order in enumerate(orders, 1):
@@ -78,7 +76,7 @@ def check_orders(orders: Sequence[Order], grid: GridMap, payload: float) -> None
 
 
 def note_strays(orders: Sequence[Order], grid: GridMap) -> None:
-    """Warn of orders to cells that are neither pick faces nor stations (MapWarning); workers' parents have done so."""
+    """Warn of orders to cells that are neither pick faces nor stations (MapWarning), but not again in workers."""
     places = {tuple(cell) for cell in (*grid.picks.tolist(), *grid.stations.tolist())}
     visits = ((cell, k) for k, order in enumerate(orders, 1) for cell in (*order.picks, order.drop))
     strays = [(cell, k) for cell, k in visits if cell not in places]
@@ -120,9 +118,9 @@ def _cell(value: str, where: str) -> Cell:
 
 
 def as_table(orders: Sequence[Order]) -> list[list[float]]:
-    """Return a row of numbers for each stop of each order: its number, release, row, column, due, weight.
+    """Return a row of numbers for each stop of each order, for an episode's file (`from_table` reads it).
 
-    What an episode's file keeps; `from_table` reads it.
+    The numbers are the order's number, release, row, column, due time and weight.
     """
     return [
         [k, order.release, *cell, order.due, order.weight]
@@ -132,7 +130,7 @@ def as_table(orders: Sequence[Order]) -> list[list[float]]:
 
 
 def from_table(rows: Iterable[Sequence[float]]) -> tuple[Order, ...]:
-    """Return the orders that `as_table` has written; WarehouseError where these are none."""
+    """Return the orders that `as_table` wrote; WarehouseError for anything else."""
     stops: dict[float, list[Sequence[float]]] = {}
     for row in rows:
         stops.setdefault(row[0], []).append(row)

@@ -1,7 +1,7 @@
-"""Waiting places beside the traffic for robots without a goal, and the queues for cells that others hold.
+"""Waiting places beside the traffic for robots without a goal, and queues for cells that others hold.
 
 A place is a cell that is neither pick face nor station. A robot that stands there, at any heading, leaves all endpoints
-connected. Where the floor allows it, it blocks no aisle: the free cells around it stay connected without it.
+connected. Where the floor allows it, the free cells around the place stay connected, so it blocks no aisle.
 """
 
 from __future__ import annotations
@@ -15,15 +15,15 @@ from numpy.typing import NDArray
 from warehouse_env.config import EnvConfig
 from warehouse_env.maps.distance import label_regions
 from warehouse_env.maps.grid_map import Cell, GridMap
-from warehouse_env.simulation.tasks.well_formed import body_reach, disc_of
+from warehouse_env.simulation.tasks.well_formed import body_reach, covered, disc_of
 
 APART = 0.3  # [m] between the bodies of two that stand at neighbouring places, at any headings
 
 
 def standing_places(grid: GridMap, config: EnvConfig, count: int) -> list[Cell]:
-    """Return up to `count` places, those first that bar nothing, and of these those nearest to a station.
+    """Return up to `count` places that keep all endpoints connected.
 
-    Fewer where no more keep the endpoints joined.
+    Places that block no aisle come first, and of these the nearest to a station.
     """
     disc = disc_of(config, grid.cell_size)
     endpoints = grid.endpoints[2]
@@ -38,7 +38,7 @@ def standing_places(grid: GridMap, config: EnvConfig, count: int) -> list[Cell]:
         if any(np.hypot(cell[0] - r, cell[1] - c) < apart for r, c in chosen):
             continue
         left = free.copy()
-        left[_covered(cell, disc, grid.shape)] = False
+        left[covered(cell, disc, grid.shape)] = False
         labels = label_regions(left)
         ends = {int(labels[end]) for end in endpoints}
         if len(ends) == 1 and 0 not in ends:
@@ -48,7 +48,7 @@ def standing_places(grid: GridMap, config: EnvConfig, count: int) -> list[Cell]:
 
 
 def _by_use(grid: GridMap, config: EnvConfig, disc: NDArray[np.int64], inside: NDArray[np.bool_]) -> list[Cell]:
-    """Return the cells that could be places, whose disc covers no endpoint, the best ones first."""
+    """Return the cells whose disc covers no endpoint, the best places first."""
     ends = np.array(grid.endpoints[2])
     stations = grid.stations
     reach = float(np.sqrt((disc**2).sum(axis=1).max()))
@@ -62,7 +62,7 @@ def _by_use(grid: GridMap, config: EnvConfig, disc: NDArray[np.int64], inside: N
 
 
 def _bars(cell: Cell, disc: NDArray[np.int64], inside: NDArray[np.bool_]) -> bool:
-    """Whether a robot on a cell parts what is free around it."""
+    """Whether a robot on a cell disconnects the free cells around it."""
     reach = int(np.abs(disc).max()) + 1
     padded = np.pad(inside, reach)
     window = padded[cell[0] : cell[0] + 2 * reach + 1, cell[1] : cell[1] + 2 * reach + 1].copy()
@@ -71,29 +71,23 @@ def _bars(cell: Cell, disc: NDArray[np.int64], inside: NDArray[np.bool_]) -> boo
     return int(labels.max()) != 1
 
 
-def _covered(cell: Cell, disc: NDArray[np.int64], shape: tuple[int, ...]) -> tuple[NDArray[np.int64], ...]:
-    """Return the cells that a robot on a cell may bar, as an index."""
-    cells = disc + cell
-    return tuple(cells[((cells >= 0) & (cells < shape)).all(axis=1)].T)
-
-
 class Places:
-    """The cells of one world that robots hold, one robot each, and the queues for held cells."""
+    """The cells that robots of one world hold, each by one robot, and the queues for held cells."""
 
     def __init__(self, waiting: Sequence[Cell], spare: Sequence[Cell]) -> None:
-        """waiting: the places to stand; spare: other cells, where no place is left."""
+        """waiting: the places to stand; spare: other cells for when all places are held."""
         self._waiting, self._spare = list(waiting), list(spare)
         self.held_by: dict[Cell, int] = {}
         self._held: dict[int, Cell] = {}
         self._queues: dict[Cell, deque[int]] = {}
 
     def take(self, robot: int, cell: Cell) -> None:
-        """Let a robot hold a free cell, and no other any more; it waits for none."""
+        """Let a robot hold a free cell, and give up the cell it held and its place in queues."""
         self.leave(robot)
         self.held_by[cell], self._held[robot] = robot, cell
 
     def leave(self, robot: int) -> None:
-        """Let a robot hold nothing and wait for nothing."""
+        """Take a robot's cell and its place in queues away."""
         if robot in self._held:
             del self.held_by[self._held.pop(robot)]
         for cell in [cell for cell, queue in self._queues.items() if robot in queue]:
@@ -106,7 +100,7 @@ class Places:
         self._queues.setdefault(cell, deque()).append(robot)
 
     def queued(self, cell: Cell) -> int:
-        """Return how many wait for a cell."""
+        """Return the length of the queue for a cell."""
         return len(self._queues.get(cell, ()))
 
     def next_in(self) -> list[tuple[int, Cell]]:
@@ -114,11 +108,11 @@ class Places:
         return [(queue[0], cell) for cell, queue in self._queues.items() if cell not in self.held_by]
 
     def stands(self, robot: int) -> bool:
-        """Whether what a robot holds is a place to wait at."""
+        """Whether a robot holds a waiting place."""
         return self._held.get(robot) in self._waiting
 
     def near(self, cell: Cell) -> Cell | None:
-        """Return the free place nearest to a cell, else a spare one, None where all are held."""
+        """Return the free place nearest to a cell, or a spare one; None if all are held."""
         return self._nearest(self._waiting, cell) or self._nearest(self._spare, cell)
 
     def cell_of(self, robot: int) -> Cell:
