@@ -1,8 +1,8 @@
 """An actor's forward pass as kernels of our own: float32 from + - * / alone, in one fixed order for each row.
 
-A BLAS is about twice as fast on one thread, but it wakes threads of its own, which then wait for more work on the very
-cores that the simulator's next step needs; and its sums depend on the machine, the threads and the number of rows.
-Here a row's output has the same bits on every machine, alone or among others.
+A BLAS is about twice as fast on one thread. But it wakes its own threads, which then spin on the cores that the
+simulator's next step needs, and its sums depend on the machine, the threads and the number of rows. Here a row's output
+has the same bits on every machine, alone or among others.
 """
 
 from __future__ import annotations

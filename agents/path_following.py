@@ -1,4 +1,4 @@
-"""Policies that only follow the route: what any learned policy has to beat."""
+"""Policies that only follow the route: baselines for learned policies."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Follow:
 
 
 class Greedy(Follow):
-    """Drive along the route at the cruise speed, and leave all else to the right of way: no learning, no choice."""
+    """Drive along the route at the cruise speed; the right of way does the rest."""
 
     name = "greedy"
 
@@ -49,7 +49,7 @@ class Brake:
         return self._command.at_speed(observation, speed)
 
     def blocked(self, observation: Observation) -> NDArray[np.bool_]:
-        """Tell which rows must stop, bool[...]: another body reaches into the own corridor ahead.
+        """Return which rows must stop, bool[...]: another body reaches into the corridor ahead.
 
         The corridor is as wide as the body plus a margin, straight along the heading, and as long as the robot needs
         to stop from the cruise speed, reaction included: v t + v^2 / (2 a). A neighbour counts by the rectangle it

@@ -20,29 +20,29 @@ _STANDS = 0.1  # [m/s]
 
 @dataclass(frozen=True)
 class RuleNumbers:
-    """From where on two robots are in conflict, and how one steps aside; tuned on trial seeds."""
+    """Thresholds of conflicts and of stepping aside; tuned on trial seeds."""
 
     range: float = 2.5  # [m] between the bodies' centres
     corridor: float = 0.25  # [m] between two bodies that can pass each other
     aside: float = 0.6  # [m] of the step aside
     slow: float = 0.5  # [m/s] while stepping aside
-    patience: float = 2.0  # [s] standing, from when on a robot may back
-    begins: float = 0.1  # chance of a decision to back, once impatient
-    lasts: float = 0.97  # chance of going on with it
+    patience: float = 2.0  # [s] of standing after which a robot may back
+    begins: float = 0.1  # chance per decision to begin backing after that
+    lasts: float = 0.97  # chance per decision to continue backing
 
 
 class Rules:
-    """Of two in conflict, the one without priority waits at a node; head-on both step aside, or one backs.
+    """Wait at nodes without priority; step aside in head-on conflicts, or back.
 
-    Source: paper 001, section 2.3. There a coordinator knows all paths and finds two kinds of conflict. Two robots that
-    reach a node at once: the one of lower priority waits before it. Two that come head-on along the same cells: it
-    goes into a free cell beside its path until the other is past, if that takes less time than a new path from where it
-    is, and else takes the new path. Priority has, after the kind of task, whose remaining path is shorter.
-    Adapted: an observation holds neither the others' tasks nor their paths. At a node who is nearer to it by a body's
-    length goes first (the remaining path as far as it can be seen), else who comes from the right. Head-on both step
-    aside to their right while lidar finds that free, else to their left; where neither is, or the way stays barred, one
-    backs: which of the two is left to chance, since both see the same. A standing robot ahead (an occupied node) is
-    waited for. New paths are the environment's, where it has live routes.
+    Source: paper 001, section 2.3. A coordinator knows all paths and finds two kinds of conflict. If two robots reach a
+    node at once, the one of lower priority waits before it. If two meet head-on along the same cells, the one of lower
+    priority moves into a free cell beside its path until the other has passed, or takes a new path if that is faster.
+    Priority depends on the kind of task, then on the shorter remaining path.
+    Adapted: an observation holds neither the tasks nor the paths of others. At a node, a robot that is nearer by a
+    body's length goes first (the visible part of the remaining path); otherwise the robot from the right goes first.
+    Head-on, both step aside to their right if lidar finds that free, otherwise to their left. If neither side is free,
+    or the path stays blocked, one robot backs; chance decides which one, because both see the same. A robot waits for
+    a standing robot ahead (an occupied node). New paths come from the environment, if it has live routes.
     """
 
     name = "rules"
@@ -71,12 +71,12 @@ class Rules:
         return self._command.beside(observation, wanted, np.where(head_on, numbers.aside * side, 0.0))
 
     def head_on(self, near: Neighbours) -> Mask:
-        """Tell which neighbours come along the own way, bool[..., K]."""
+        """Return which neighbours drive head-on along the own path, bool[..., K]."""
         wide = np.abs(near.y) < self._robot.width + self._numbers.corridor
         return self._someone_ahead(near) & wide & (near.cos < -_ALIKE)
 
     def must_wait(self, near: Neighbours, speed: Floats) -> Mask:
-        """Tell for which moving neighbours the own robot, at `speed` [...] in m/s, waits before a node, bool[..., K].
+        """Return for which moving neighbours the robot, at `speed` [...] in m/s, waits before a node, bool[..., K].
 
         The node is where the own line, straight ahead, meets the other's: y + s sin = 0, own = x + s cos.
         """

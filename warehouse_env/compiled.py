@@ -1,9 +1,9 @@
 """Compiled kernels on disk, each under a digest of all that went into it.
 
-Numba by itself keeps a kernel beside its source and notices a change of that one file only, though a kernel holds the
+Numba by itself stores a kernel beside its source and notices changes of that file only, although a kernel contains the
 code of every function that it calls. Here a kernel's name on disk ends in a digest of its own code, of the code of all
-kernels that it calls, and of the constants that they use. So no kernel is ever stale, several versions share a folder,
-and an edit compiles only what depends on it. The folder may be read-only: what is there is used.
+kernels that it calls, and of the constants that they use. So kernels are never stale, several versions share a folder,
+and an edit compiles only what depends on it. A read-only folder is read.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def kernels_folder() -> Path:
 
 
 class KernelCache(NullCache):
-    """Numba's cache of one kernel, found when the kernel is first called: what it calls may be defined after it."""
+    """Numba's cache of one kernel, looked up at the first call, because its callees may be defined after it."""
 
     def __init__(self, dispatcher: Any, reading: type[CompileResultCacheImpl] = CompileResultCacheImpl) -> None:
         self._dispatcher, self._reading = dispatcher, reading
@@ -54,17 +54,17 @@ class KernelCache(NullCache):
         return str(kernels_folder())
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Return the compiled code for a signature; None if none is kept, or what is kept names what is no more."""
+        """Return the compiled code for a signature; None if none is stored, or it names types that no longer exist."""
         with contextlib.suppress(OSError, AttributeError, ImportError):
             return self._kept.load_overload(sig, target_context)
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Keep the compiled code for a signature, where the folder can be written."""
+        """Store the compiled code for a signature, where the folder can be written."""
         try:
             _remove_unused(self.cache_path)
             try:
                 self._kept.save_overload(sig, data)
-            except (AttributeError, ImportError):  # another version has kept code for tuples of types that are no more
+            except (AttributeError, ImportError):  # stored for tuples of types that no longer exist
                 self._kept.flush()
                 self._kept.save_overload(sig, data)
         except OSError:
@@ -115,7 +115,7 @@ def _warn_once(folder: str) -> None:
 
 @functools.cache  # once in a process
 def _remove_unused(folder: str) -> None:
-    """Remove kernels that nobody has loaded for some weeks."""
+    """Remove kernels that were not loaded for `_UNUSED_DAYS`."""
     before = time.time() - 86400 * _UNUSED_DAYS
     for file in Path(folder).glob("*.nb[ic]"):
         with contextlib.suppress(OSError):
@@ -125,14 +125,14 @@ def _remove_unused(folder: str) -> None:
 
 
 class _Own(NamedTuple):
-    """What a kernel consists of, apart from the kernels that it calls."""
+    """A kernel's own code as a digest, and the kernels that it calls."""
 
     digest: bytes
     calls: tuple[Any, ...]  # kernels
 
 
 def digest(kernel: Any) -> str:
-    """Return a digest of all that a kernel is compiled from: 64 hexadecimal digits, the same wherever it lies."""
+    """Return a digest of all that a kernel is compiled from: 64 hexadecimal digits, the same in any folder."""
     found, waiting = {}, [kernel]
     while waiting:
         one = waiting.pop()

@@ -1,12 +1,12 @@
-"""How every kernel is compiled: no fastmath, so that results are the same bits on every path.
+"""Decorators that compile kernels: no fastmath, so that results are the same bits on every path.
 
-`kernel` is called from Python, or makes arrays. `part` and `inline` are called by kernels, and compiled into these
-alone (linked.py). They work on what they are given: they neither make nor return arrays, so they need not count
-references to them (`_nrt`), which takes an atomic operation for each array passed, several times what a short function
-costs otherwise. `inline` also has no call.
+`kernel` compiles a function that Python calls, or that makes arrays. `part` and `inline` compile functions that only
+kernels call, into these kernels alone (linked.py). Such functions neither make nor return arrays, so they do not count
+references (`_nrt`): that takes an atomic operation for each array passed, several times the cost of a short function.
+`inline` also removes the call.
 
-Numba compiles a function again, with all that it calls, for a whole number of another width and for a constant. So
-callers say `whole(...)` where one would give the number 0 and another an int32 out of an array: a quarter of compiling.
+Numba compiles a function again, with all that it calls, for each width of whole numbers and for constants. Where one
+caller passes 0 and another an int32 from an array, both pass `whole(...)`. That saves a quarter of compiling.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _OPTIONS = {"error_model": "numpy", "nogil": True}
 
 def kernel(function: Function, /) -> Function:
     """Compile a function, and keep what is compiled (compiled.py)."""
-    made = _njit(**_OPTIONS, _nrt=True)(function)  # said, or it would take over its caller's
+    made = _njit(**_OPTIONS, _nrt=True)(function)  # explicit; otherwise it would inherit its caller's
     if hasattr(made, "py_func"):  # not under NUMBA_DISABLE_JIT
         made._cache = KernelCache(made)
     return made  # type: ignore[no-any-return]
@@ -66,9 +66,9 @@ whole: Any = np.int64  # see above
 
 
 def compiled_for(kernel: Callable[..., Any], *arguments: Any) -> Callable[..., Any]:
-    """Return the compiled code of a kernel for arguments of the types of these, which it takes for granted.
+    """Return the compiled code of a kernel for the types of these arguments, which it does not check.
 
-    To find out the types of 18 arguments takes a kernel 3 us at each call, a quarter of what eight robots' step takes.
+    A kernel finds the types of 18 arguments in 3 us at each call, a quarter of the time of eight robots' step.
     """
     if not hasattr(kernel, "compile"):  # NUMBA_DISABLE_JIT
         return kernel

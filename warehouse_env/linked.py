@@ -1,9 +1,9 @@
 """Compile functions that only kernels call into each of those kernels, and never by themselves.
 
-Numba makes machine code of every function that it compiles, with two wrappers for calls from outside, and again of all
-that the function calls. A function five calls deep is so optimised fifteen times, though in the end only the code in
-the kernel runs. Here a function becomes half-optimised bitcode for its callers, and a call from Python, if there is
-one, gets a kernel of its own. That halves the time of compiling. Bitcode is kept on disk as kernels are.
+Numba makes machine code of every function that it compiles, with two wrappers for calls from outside, and again for
+all that the function calls. A function five calls deep is optimised fifteen times, although only the code in the kernel
+runs. Here a function becomes half-optimised bitcode for its callers; a call from Python gets a kernel of its own. That
+halves the time of compiling. Bitcode is stored on disk like kernels.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ OPTIONS = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}  # of Numba, wh
 
 
 class _NoEngine:
-    """Numba's code generator for code that is not to run: it has no address at which to note an environment."""
+    """Numba's code generator for code that never runs: it has no address for an environment."""
 
     def __init__(self, codegen: Any) -> None:
         self._codegen = codegen
@@ -34,7 +34,7 @@ class _NoEngine:
 
 
 class _Linked(JITCodeLibrary):
-    """A function's code as it is to be linked into kernels."""
+    """A function's code, to be linked into kernels."""
 
     @property
     def codegen(self) -> _NoEngine:
@@ -42,9 +42,9 @@ class _Linked(JITCodeLibrary):
         return _NoEngine(self._codegen)
 
     def _optimize_final_module(self) -> None:
-        """Do the cheap half; the rest is for the kernel.
+        """Run the cheap passes; the kernel runs the rest.
 
-        With nothing done, some kernels would take minutes: callees are taken in before anything else.
+        Without any, some kernels would compile for minutes, because callees are inlined before anything else.
         """
         passes, builder = self._codegen._module_pass_manager(  # type: ignore[no-untyped-call]
             loop_vectorize=False, slp_vectorize=False, opt=self._codegen._opt_level, cost="cheap"
@@ -60,12 +60,12 @@ class _Linked(JITCodeLibrary):
         return 0
 
     def serialize_using_object_code(self) -> tuple[str, bytes]:
-        """Return the name and the bitcode, to be kept."""
+        """Return the name and the bitcode, to be stored."""
         return self.name, self._final_module.as_bitcode()
 
 
 class _FromBitcode:
-    """Numba's target context, except that it reads the kept bitcode of a `_Linked`."""
+    """Numba's target context, except that it reads the stored bitcode of a `_Linked`."""
 
     def __init__(self, context: Any) -> None:
         self._context = context

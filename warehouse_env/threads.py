@@ -1,10 +1,10 @@
 """The number of threads, and the helper threads that step many worlds; helpers sleep until there is work.
 
-Threads of OpenMP and of a BLAS spin for milliseconds after each piece of work. If two libraries share the cores, or the
-machine has other work, each waits for cores that the other one's spinning keeps. So the step enters no parallel region
-of Numba. Any thread may do any part, and the calling thread does all parts that no helper has taken, so it never waits
-for a helper without a core. We do not ask Numba for its number of threads either: that alone starts them, and resets
-torch's number where both use one OpenMP.
+Threads of OpenMP and of a BLAS spin for milliseconds after each piece of work. If two libraries share the cores, each
+waits for cores on which the other one spins. So the step enters no parallel region of Numba. Any thread may do any
+part, and the calling thread does every part that no helper has taken, so it never waits for a helper without a core.
+Numba is not asked for its number of threads either: that call starts them, and resets torch's number where both share
+one OpenMP.
 """
 
 from __future__ import annotations

@@ -73,7 +73,7 @@ def written_traffic(spec: TrafficSpec) -> str:
 
 
 def driven_with(base: TrafficSpec, needed: TrafficSpec) -> TrafficSpec:
-    """Return a base's traffic with what a policy needs switched on as well; "barred" stays as it is."""
+    """Return a base's traffic with the switches that a policy needs turned on; "barred" stays as it is."""
     return replace(
         base, shield=base.shield or needed.shield, right_of_way=needed.right_of_way or base.right_of_way,
         right_of_way_after=needed.right_of_way_after or base.right_of_way_after,
