@@ -76,33 +76,25 @@ def test_under_the_field_it_names_who_stands_in_the_way() -> None:
     assert waits(simulator) == [1, NOBODY]
 
 
-def test_a_goal_before_the_other_body_is_reached() -> None:
-    assert waits(standing(*QUEUE[:2], goals=[(6, 3), (6, 10)])) == [NOBODY, NOBODY]  # 1 m ahead, and 0.1 m are left
+CROSSING = [(5.2, 5.5, EAST), (6.5, 5.2, NORTH), (6.8, 6.5, WEST), (5.5, 6.8, SOUTH)]  # each before the next flank
+STANDING: dict[str, tuple[list[Pose], list[tuple[int, int]], list[int]]] = {  # poses, goals, whom each waits for
+    "a goal before the other body": (QUEUE[:2], [(6, 3), (6, 10)], [NOBODY, NOBODY]),  # 1 m ahead, 0.1 m are left
+    "a body 1 cm beside the way": ([(2.5, 5.5, EAST), (4.5, 6.11, EAST)], [(6, 10), (5, 10)], [NOBODY, NOBODY]),
+    "a body 1 cm in the way": ([(2.5, 5.5, EAST), (4.5, 6.09, EAST)], [(6, 10), (5, 10)], [1, NOBODY]),
+    "the first of two": (
+        [(2.5, 5.5, EAST), (5.2, 5.5, NORTH), (4.2, 5.5, SOUTH)], [(6, 10), (0, 5), (11, 4)], [2, NOBODY, NOBODY]
+    ),
+    "four around a point": (CROSSING, [(6, 11), (0, 6), (5, 0), (11, 5)], [1, 2, 3, 0]),
+    "nose to nose": ([(4.5, 5.5, EAST), (5.5, 5.5, WEST)], [(6, 10), (6, 0)], [1, 0]),
+}  # fmt: skip
 
 
-def test_a_body_beside_the_way_is_not_in_it() -> None:
-    beside = [(2.5, 5.5, EAST), (4.5, 6.11, EAST)]  # 1 cm of gap between the sides
-    assert waits(standing(*beside, goals=[(6, 10), (5, 10)])) == [NOBODY, NOBODY]
-    touching = [(2.5, 5.5, EAST), (4.5, 6.09, EAST)]
-    assert waits(standing(*touching, goals=[(6, 10), (5, 10)]))[0] == 1
-
-
-def test_the_first_of_two_counts() -> None:
-    three = [(2.5, 5.5, EAST), (5.2, 5.5, NORTH), (4.2, 5.5, SOUTH)]
-    assert waits(standing(*three, goals=[(6, 10), (0, 5), (11, 4)]))[0] == 2
-
-
-def test_four_that_turn_about_a_point_are_a_deadlock() -> None:
-    # Each drives a lane of a crossing, with the next one's flank across it.
-    poses = [(5.2, 5.5, EAST), (6.5, 5.2, NORTH), (6.8, 6.5, WEST), (5.5, 6.8, SOUTH)]
-    simulator = standing(*poses, goals=[(6, 11), (0, 6), (5, 0), (11, 5)])
-    assert waits(simulator) == [1, 2, 3, 0]
-    assert simulator.jams().cycle[0].tolist() == [0, 0, 0, 0]
-
-
-def test_nose_to_nose_is_a_deadlock() -> None:
-    simulator = standing((4.5, 5.5, EAST), (5.5, 5.5, WEST), goals=[(6, 10), (6, 0)])
-    assert waits(simulator) == [1, 0]
+@pytest.mark.parametrize("case", STANDING)
+def test_the_first_body_along_its_way_is_waited_for(case: str) -> None:
+    poses, goals, answer = STANDING[case]
+    simulator = standing(*poses, goals=goals)
+    assert waits(simulator) == answer
+    assert (simulator.jams().cycle[0] == (NOBODY if NOBODY in answer else 0)).all()
 
 
 def plain_cycles(waits_for: list[int]) -> list[int]:

@@ -50,12 +50,6 @@ def test_alone_a_robot_is_granted_what_it_asks_for() -> None:
     assert r["traffic"]["authority"] == pytest.approx(1.9, abs=ROUNDING)
 
 
-def test_near_its_goal_a_robot_need_not_stop() -> None:
-    world = World((5.0, 10.0, 0.0), length=1.0).decide()
-    assert world.robots["traffic"]["at_end"][0] == 1
-    assert world.robots["traffic"]["authority"][0] == math.inf
-
-
 @pytest.mark.parametrize("first", [0, 1])
 def test_of_two_that_cross_one_waits_off_the_others_path(first: int) -> None:
     world, other = crossing(first).decide(), 1 - first

@@ -50,6 +50,14 @@ def write_body(x, y, c, s, p, body):
 
 
 @inline
+def write_robot(r, p, body):
+    """Write the body of a ROBOT where it is; p: its parameters."""
+    motion = r["motion"]
+    x, y = motion["x"] - p["offset"] * motion["cos"], motion["y"] - p["offset"] * motion["sin"]
+    write_body(x, y, motion["cos"], motion["sin"], p, body)
+
+
+@inline
 def _rectangle(body):
     return Rectangle(
         body[CENTRE_X], body[CENTRE_Y], body[COS], body[SIN], body[HALF_LENGTH], body[HALF_WIDTH]

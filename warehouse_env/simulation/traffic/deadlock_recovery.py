@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from warehouse_env.kernel import inline, kernel, part, whole
-from warehouse_env.simulation.driver.bodies import SearchArea, write_body
+from warehouse_env.simulation.driver.bodies import SearchArea, write_body, write_robot
 from warehouse_env.simulation.driver.manoeuvre import NONE
 from warehouse_env.simulation.driver.room_field import write_room, write_way
 from warehouse_env.simulation.physics.geometry import pose_at
@@ -99,12 +99,7 @@ def _write_way_out(i, count, robots, setup, scratch):
     motion = r["motion"]
     if count > 0:
         j = r["traffic"]["yields_to"]
-        o, other = robots[j], own_of(j, setup)
-        x, y = (
-            o["motion"]["x"] - other["offset"] * o["motion"]["cos"],
-            o["motion"]["y"] - other["offset"] * o["motion"]["sin"],
-        )
-        write_body(x, y, o["motion"]["cos"], o["motion"]["sin"], other, scratch.bodies[0])
+        write_robot(robots[j], own_of(j, setup), scratch.bodies[0])
         others = 1 if j != i else 0  # none if it waits for itself
         around = SearchArea(
             scratch.bodies[:others], scratch.rooms[:others], scratch.avoid[:count], setup.floor,

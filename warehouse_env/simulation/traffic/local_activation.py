@@ -25,39 +25,29 @@ AROUND = np.float32(8.0)  # [m] ... and this far at most
 
 
 @inline
-def _activate_around(i, robots):
-    """Activate the rules near robot i, which calls for them."""
-    around = min(SPREAD * robots[i]["clocks"]["standing_time"], AROUND)
+def _activate_around(x, y, stood, robots):
+    """Activate the rules near (x, y) [m], where a robot has stood or kept a person for `stood` [s]."""
+    around = min(SPREAD * stood, AROUND)
     for r in robots:
-        dx, dy = r["motion"]["x"] - robots[i]["motion"]["x"], r["motion"]["y"] - robots[i]["motion"]["y"]
+        dx, dy = r["motion"]["x"] - x, r["motion"]["y"] - y
         if dx * dx + dy * dy < around * around:
             r["traffic"]["rules_active"] = CALM
 
 
 @part
-def _activate(robots, routes, found, p, kinds):
-    """Activate the rules near the robots that call for them; see activate_rules."""
+def _activate(robots, persons, routes, found, p, kinds):
+    """Activate the rules near robots that have stood and people who are kept; see activate_rules."""
     after = p["right_of_way_after"]
     find_wait_cycles_of(robots, routes, after, LONGER * after, found, p, kinds)
     for i in range(robots.shape[0]):
-        stood = robots[i]["clocks"]["standing_time"]
+        motion, stood = robots[i]["motion"], robots[i]["clocks"]["standing_time"]
         if robots[i]["task"]["alive"] == 0 or stood < after:
             continue
         if stood >= LONGER * after or found[CYCLE, i] != NOBODY:
-            _activate_around(i, robots)
-
-
-@inline
-def _activate_around_people(robots, persons):
-    """Activate the rules near people whom robots keep from walking, as near robots that have stood for as long."""
+            _activate_around(motion["x"], motion["y"], stood, robots)
     for o in persons:
-        if not is_kept(o):
-            continue
-        around = min(SPREAD * o["kept"], AROUND)
-        for r in robots:
-            dx, dy = r["motion"]["x"] - o["x"], r["motion"]["y"] - o["y"]
-            if dx * dx + dy * dy < around * around:
-                r["traffic"]["rules_active"] = CALM
+        if is_kept(o):
+            _activate_around(o["x"], o["y"], o["kept"], robots)
 
 
 @inline
@@ -83,8 +73,7 @@ def activate_rules(robots, persons, routes, commands, found, p, kinds):
     for r in robots:
         r["traffic"]["rules_active"] = ONE if after == ZERO else max(r["traffic"]["rules_active"] - seconds, ZERO)
     if after > ZERO:
-        _activate(robots, routes, found, p, kinds)
-        _activate_around_people(robots, persons)
+        _activate(robots, persons, routes, found, p, kinds)
     for i in range(robots.shape[0]):
         if robots[i]["traffic"]["rules_active"] > ZERO:
             anybody = True

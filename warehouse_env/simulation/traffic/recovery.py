@@ -17,7 +17,7 @@ import numpy as np
 from warehouse_env.kernel import inline, kernel, part
 from warehouse_env.simulation.driver import docking
 from warehouse_env.simulation.driver.arrival import docks_from
-from warehouse_env.simulation.driver.bodies import SearchArea, write_body
+from warehouse_env.simulation.driver.bodies import SearchArea, write_body, write_robot
 from warehouse_env.simulation.driver.driving import begin as begin_manoeuvre
 from warehouse_env.simulation.driver.line import way_point
 from warehouse_env.simulation.driver.manoeuvre import (
@@ -136,7 +136,7 @@ def write_near(i, world, others, people, setup, bodies):
         )
         square = (x - cx) * (x - cx) + (y - cy) * (y - cy)
         if ZERO < square < within * within:  # not the robot itself
-            write_body(x, y, o["motion"]["cos"], o["motion"]["sin"], other, bodies[count])
+            write_robot(o, other, bodies[count])
             count += 1
     before = RADIUS + ROOM_FOR_PEOPLE - p["half_width"]
     for o in world.persons:
