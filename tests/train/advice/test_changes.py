@@ -13,7 +13,7 @@ from tests.train.advice.floors import driver, floor_of, plan_of
 from train.advice.candidates import Candidate, storage_lost
 from train.advice.changes import PAIRS, Effect, affordable, effects
 from train.advice.study import Team, TrialRuns
-from train.advice.trials import TimeBudget, Trial
+from train.advice.trials import AS_IS, BLOCK, TimeBudget, Trial, Use
 
 HALL = floor_of(*["............"] * 10)
 TEAM = Team("ours", 20)
@@ -41,6 +41,19 @@ def test_what_helps_is_found_among_what_does_not(salt: int) -> None:
     assert best.candidate.text == "aisle 3"
     assert best.significant
     assert best.gain.mean == pytest.approx(400.0, abs=150.0)
+
+
+def test_a_gain_is_measured_on_seeds_that_had_no_part_in_the_race() -> None:
+    def drive(trials: Sequence[Trial]) -> list[dict[str, Any]]:
+        """Give changed floors twice as much on the seeds of the race."""
+        rows = driver({"ours": lambda robots: 4000.0})(trials)
+        for row, trial in zip(rows, trials, strict=True):
+            lucky = trial.floor != AS_IS and row["seed"] in plan_of(HALL).seeds(Use.LOOK, BLOCK)
+            row["goals_per_robot_hour"] *= 2 if lucky else 1
+        return rows
+
+    (effect,) = effects(TrialRuns(plan_of(HALL, episodes=12), drive, TimeBudget(None)), AISLES, TEAM)
+    assert effect.gain.mean == 0
 
 
 def test_few_pairs_tell_nothing() -> None:

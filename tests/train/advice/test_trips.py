@@ -47,6 +47,7 @@ def test_bottlenecks_say_where_in_metres_and_how_much() -> None:
 EAST = np.array([(3, column) for column in range(7)])
 SOUTH = np.array([(row, 3) for row in range(7)])
 JOINING = np.array([(1, 1), (2, 1), *EAST[2:].tolist()])
+SLOPE = np.array([(k, k) for k in range(4)])
 DIAGONALS = [np.array([(0, 0), (1, 1)]), np.array([(0, 1), (1, 0)])]
 
 
@@ -55,6 +56,7 @@ DIAGONALS = [np.array([(0, 0), (1, 1)]), np.array([(0, 1), (1, 0)])]
     [
         ([EAST, SOUTH], 2 / 6),  # a window of 1, and both take 6
         ([EAST, EAST[::-1]], 7 * 2 / 6),  # the opposing stretch is 6 long
+        ([SLOPE, SLOPE[::-1]], 2 * (1 + 3 * math.sqrt(2)) / (3 * math.sqrt(2))),
         ([EAST, EAST], 2 / 6),  # one behind the other
         ([EAST, JOINING], 1 / 6 + 1 / (5 + math.sqrt(2))),
         (DIAGONALS, 2 / math.sqrt(2)),  # no shared cell, but they cross

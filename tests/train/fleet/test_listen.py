@@ -17,7 +17,7 @@ from tests.train.fleet.stories import NAMES, ORIGIN, episode_story, story, write
 from train.fleet.build import episode_of
 from train.fleet.driven import FleetEpisode, load_episode, load_simulated
 from train.fleet.factsheet import body_of, factsheet_of
-from train.fleet.figures import MOMENT, PRESENT, UNDER_WAY, FleetFigures
+from train.fleet.figures import AT_SHELF, MOMENT, PRESENT, UNDER_WAY, FleetFigures
 from train.fleet.listen import hear_log
 from train.fleet.log import LogEntry, entry_of, moment_of
 from train.fleet.received import HeardFleet
@@ -294,17 +294,20 @@ def test_bodies_come_from_factsheets() -> None:
 
 def test_near_misses_and_contacts_are_counted_as_they_begin_and_end() -> None:
     figures = FleetFigures(EnvConfig(num_agents=2, time_step=1.0))
-    moment = np.zeros(2, MOMENT)
-    moment["bits"] = PRESENT | UNDER_WAY
-    # two bodies 0.9 m long, one behind the other: gaps of 1 m, 5 cm, 1 m, an overlap, 5 cm and 1 m
-    for gap in (1.0, 0.05, 1.0, -0.1, 0.05, 1.0):
+    # two bodies 0.9 m long, one behind the other: two near misses, then an overlap; the second touches a shelf twice
+    gaps, shelf = (1.0, 0.05, 1.0, 0.05, 1.0, -0.1, 0.05, 1.0), (0, 1, 1, 0, 0, 1, 0, 0)
+    for gap, touches in zip(gaps, shelf, strict=True):
+        moment = np.zeros(2, MOMENT)
+        moment["bits"] = PRESENT | UNDER_WAY
+        moment["bits"][1] |= AT_SHELF * touches
         figures.take(np.array([[1.0, 1.0, 0.0], [1.9 + gap, 1.0, 0.0]], np.float32), moment)
-    robots = figures.robots[0]
-    assert robots["totals"]["near_misses"].tolist() == [1, 1]
-    assert robots["totals"]["hits_robot"].tolist() == [1, 1]
-    assert robots["totals"]["distance"].tolist() == pytest.approx([0.0, 0.95 * 2 + 1.1 + 0.15 + 0.95], abs=1e-5)
-    assert robots["totals"]["waited"].tolist() == [5, 0]
-    assert robots["totals"]["longest_standing"][0] == 5.0
+    totals = figures.robots[0]["totals"]
+    assert totals["near_misses"].tolist() == [2, 2]
+    assert totals["hits_robot"].tolist() == [1, 1]
+    assert totals["hits_shelf"].tolist() == [0, 2]
+    assert totals["distance"].tolist() == pytest.approx([0.0, 0.95 * 4 + 1.1 + 0.15 + 0.95], abs=1e-5)
+    assert totals["waited"].tolist() == [7, 0]
+    assert totals["longest_standing"][0] == 7.0
 
 
 def test_times_are_read_as_they_are_written() -> None:
