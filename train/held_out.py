@@ -1,4 +1,4 @@
-"""Drive the policy of a training on seeds that no other training or evaluation uses."""
+"""Evaluate the policy of a training on seeds that no other training or evaluation uses."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The user's own parts that a command line names, loaded once here and in worker processes."""
+"""The user's own parts named on a command line, loaded once here and in each worker process."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def taken_in() -> list[Typed]:
 
 
 def versions(policy: str, planner: str, layout: str, orders: str = "") -> dict[str, str]:
-    """Return name -> digest of whatever may change under its name: own code, a policy's weights, orders."""
+    """Return name -> digest of what may change under the same name: own code, a policy's weights, orders."""
     found = digests(policy, planner, layout)
     if policy not in POLICIES:
         path = whereabouts(policy)

@@ -1,7 +1,7 @@
-"""Jobs and the runner that writes the rows of each job to a file as soon as the job ends.
+"""Jobs, and the runner that writes the rows of each job to a file as soon as the job ends.
 
-Jobs whose rows are in the file are not done again. The rows do not depend on who does the jobs: this process, several
-processes (processes.py) or the nodes of a cluster (cluster.py).
+Jobs whose rows are in the file are skipped. Rows are the same whether this process does the jobs, several processes
+(processes.py) or the nodes of a cluster (cluster.py).
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from warehouse_env.errors import LostError
 _EACH = 4  # parts of jobs for each worker, so that none idles for long at the end
 
 Tick = Callable[[float], None]
-"""Called by a job with how much of its size is done."""
+"""Called by a job with the part of its size that is done."""
 
 Progress = Callable[[float, str], None]
-"""Called with the size that is done in all, and a text for the progress bar."""
+"""Called with the total size that is done, and a text for the progress bar."""
 
 
 class Result(NamedTuple):
-    """The rows of a job, and whatever else it made for the caller of this run."""
+    """The rows of a job, and other results for the caller."""
 
     rows: list[Row]
     more: Any = None
@@ -55,7 +55,7 @@ class Job:
 
     @property
     def files(self) -> tuple[str, ...]:
-        """Names, as typed, of the files and folders that it reads; names of other things do no harm."""
+        """Names, as typed, of the files and folders that it reads; other names are ignored."""
         return ()
 
     def left(self, rows: Sequence[Row]) -> tuple[Sequence[Row], Job | None]:
@@ -67,7 +67,7 @@ class Job:
         return [self]
 
     def run(self, tick: Tick) -> Result:
-        """Do it."""
+        """Do the job."""
         raise NotImplementedError
 
 
@@ -76,11 +76,11 @@ Numbered = tuple[int, Job]
 
 
 class Workers(Protocol):
-    """Whoever does the jobs."""
+    """What does the jobs."""
 
     @property
     def width(self) -> int:
-        """How many jobs are done at a time."""
+        """Number of jobs done at a time."""
         ...
 
     def each(self, jobs: Sequence[Numbered], moved: Progress) -> Iterator[tuple[int, Result]]:
@@ -88,7 +88,7 @@ class Workers(Protocol):
         ...
 
     def close(self) -> None:
-        """Stop, whatever is under way."""
+        """Stop all jobs at once."""
         ...
 
 
@@ -98,7 +98,7 @@ class Here:
     width = 1
 
     def each(self, jobs: Sequence[Numbered], moved: Progress) -> Iterator[tuple[int, Result]]:
-        """Do one job after the other; errors are raised as they are."""
+        """Do the jobs in turn (see `Workers.each`); a job's own errors are raised unchanged."""
         done = 0.0
         for number, job in jobs:
             moved(done, job.title)
@@ -171,8 +171,8 @@ def go_on(file: RowFile, jobs: Sequence[Job], ours: Callable[[Row], bool], fresh
 class Runner:
     """A context that does the jobs whose rows are missing and writes their rows; it stops its workers at the end.
 
-    Errors of a job are raised as they are. On Ctrl-C the KeyboardInterrupt says which rows are kept. A job whose worker
-    is killed, say for its memory, is repeated. If that fails too, LostError names it after all other jobs.
+    A job's own errors are raised unchanged. On Ctrl-C the KeyboardInterrupt says which rows are kept. If a worker is
+    killed, say for its memory, its job is repeated. If that fails too, LostError names it after all other jobs.
     """
 
     def __init__(

@@ -15,7 +15,7 @@ Drive = Callable[[TrainingConfig], dict[str, float]]
 
 
 class Evaluations:
-    """Drives the policy of a training now and then, and logs the result. It does not change what is learned."""
+    """Drives the policy of a training from time to time and logs the result, without changing what is learned."""
 
     def __init__(self, config: TrainingConfig, drive: Drive, update: int | None) -> None:
         """Start the clock; update: after which the policy was driven last, if any."""
