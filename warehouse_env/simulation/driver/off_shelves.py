@@ -9,9 +9,8 @@ from warehouse_env.simulation.driver.driving import NARROW
 from warehouse_env.simulation.physics.footprint import (
     body_touches_shelf,
     disc_room,
-    meets_obstacle,
-    passes_obstacle,
     sweep_is_free,
+    touches_obstacle,
 )
 from warehouse_env.simulation.physics.geometry import Pose, body_of, grown
 from warehouse_env.simulation.physics.kinematics import (
@@ -83,9 +82,7 @@ def _stops_clear(r, next_speed, next_steer, p, floor):
                 way = way_driven(speed, to_speed, bend, p["far"], dt)
                 between = room_before + room <= way and not leaves
                 swept = Sweep(before, body, turns_back(speed, to_speed, bend, p))
-                if room <= ZERO and meets_obstacle(body, floor):
-                    return False
-                if between and passes_obstacle(swept, way, p, floor):
+                if (between or room <= ZERO) and touches_obstacle(swept, way, between, p, floor):
                     return False
                 leaves = False
             speed, steer = to_speed, to_steer

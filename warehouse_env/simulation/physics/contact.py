@@ -19,7 +19,7 @@ from warehouse_env.simulation.physics.footprint import (
     clearance_at,
     disc_room,
     meets_obstacle,
-    passes_obstacle,
+    touches_obstacle,
 )
 from warehouse_env.simulation.physics.geometry import body_of, grown, rectangles_touch, separation, squared_distance
 from warehouse_env.simulation.physics.kinds import kind_of
@@ -189,6 +189,16 @@ def _back(motion, i, p):
     return turns_back(speed, next_speed, bend, p)
 
 
+@part
+def _touches_obstacle(motion, i, between, p, floor):
+    """Whether robot i on trial touches a shelf at the end or, if asked, on the way."""
+    start, end = body_in(motion, i, p), trial_body(motion, i, p)
+    if not touches_obstacle(Sweep(start, end, _back(motion, i, p)), motion[WAY, i], between, p, floor):
+        return False
+    # a robot that was put into a shelf may leave it
+    return meets_obstacle(end, floor) or not body_touches_shelf(start, floor)
+
+
 @inline
 def _tries_a_shelf(motion, i, guarded, p, floor):
     """Whether robot i on trial touches a shelf at the end or, unless guarded, on the way."""
@@ -199,14 +209,10 @@ def _tries_a_shelf(motion, i, guarded, p, floor):
     body = trial_body(motion, i, p)
     room = disc_room(body, floor)
     motion[ROOM, i] = room
-    if room <= ZERO and meets_obstacle(body, floor):
-        return True
-    if guarded is not None or max(before, ZERO) + max(room, ZERO) > way:
-        return False
-    start = body_in(motion, i, p)
-    swept = Sweep(start, body, _back(motion, i, p))
-    # a robot that was put into a shelf may leave it
-    return passes_obstacle(swept, way, p, floor) and not body_touches_shelf(start, floor)
+    if guarded is not None:
+        return room <= ZERO and meets_obstacle(body, floor)
+    between = max(before, ZERO) + max(room, ZERO) <= way
+    return (between or room <= ZERO) and _touches_obstacle(motion, i, between, p, floor)
 
 
 @inline

@@ -126,8 +126,8 @@ def keeps_off_disc(x, y, radius, body, way, p):
 
 
 @part
-def passes_disc(body, way, p, floor, discs):
-    """Whether a robot's body, apart from all discs at two samples, touches one in between (as `sweep.passes_cell`)."""
+def touches_disc(body, way, between, p, floor, discs):
+    """Whether a robot's body touches a disc in a motion, as `sweep.touches_cell` does for shelves."""
     if discs is None:
         return False
     (start, end), cell, r = (body.start, body.end), p["cell"], p["radius"] + way
@@ -137,7 +137,10 @@ def passes_disc(body, way, p, floor, discs):
     for row in range(first_row, last_row + 1):
         for k in range(discs.first[row, left], discs.first[row, right + 1]):
             e = discs.near[k]
-            if not keeps_off_disc(discs.discs[e, 0], discs.discs[e, 1], discs.discs[e, 2], body, way, p):
+            x, y, radius = discs.discs[e, 0], discs.discs[e, 1], discs.discs[e, 2]
+            if squared_distance_to(x, y, end) <= radius * radius:
+                return True
+            if between and not keeps_off_disc(x, y, radius, body, way, p):
                 return True
     return False
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from warehouse_env.kernel import inline
-from warehouse_env.simulation.physics.discs import meets_disc, passes_disc, reached_rows
+from warehouse_env.simulation.physics.discs import meets_disc, reached_rows, touches_disc
 from warehouse_env.simulation.physics.floor import FINE, UNIT
 from warehouse_env.simulation.physics.geometry import Rectangle, half_box, rectangles_touch, square_at
-from warehouse_env.simulation.physics.sweep import passes_cell
+from warehouse_env.simulation.physics.sweep import touches_cell
 from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO, sin_cos
 
 _FINE = np.float32(FINE)
@@ -56,12 +56,12 @@ def meets_obstacle(body, floor):
 
 
 @inline
-def passes_obstacle(body, way, p, floor):
-    """Whether a body that touches nothing at both samples of its Sweep touches a shelf, the rim or a disc in between.
+def touches_obstacle(body, way, between, p, floor):
+    """Whether a robot's body touches a shelf, the rim or a disc at the end of a motion or, if asked, on the way.
 
-    way: the longest path of any point of it [m].
+    body: its Sweep; way: the longest path of any point of it [m].
     """
-    return passes_cell(body, way, p, floor.solid) or passes_disc(body, way, p, floor, floor.discs)
+    return touches_cell(body, way, between, p, floor.solid) or touches_disc(body, way, between, p, floor, floor.discs)
 
 
 @inline

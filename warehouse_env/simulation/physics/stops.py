@@ -10,7 +10,7 @@ import numpy as np
 
 from warehouse_env.kernel import inline, part
 from warehouse_env.simulation.physics.contact import COS, HEADING, SIN, SPEED, STEER, X, Y
-from warehouse_env.simulation.physics.footprint import body_room, body_touches_shelf, meets_obstacle, passes_obstacle
+from warehouse_env.simulation.physics.footprint import body_room, body_touches_shelf, touches_obstacle
 from warehouse_env.simulation.physics.geometry import (
     Rectangle,
     body_at,
@@ -196,11 +196,9 @@ def meets_shelf(row, paths, outlines, marks, p, floor):
         way, near = paths[row, n, WAY], room <= ZERO
         room = max(room, ZERO)
         between = before + room <= way
-        if near and meets_obstacle(body, floor):
-            return True
-        if between:
+        if near or between:
             swept = Sweep(sampled(row, n - 1, paths, p), body, outlines[TURNS_BACK, row])
-            if passes_obstacle(swept, way, p, floor):
+            if touches_obstacle(swept, way, between, p, floor):
                 return True
         n, before = n + 1, room
         if room > pace:

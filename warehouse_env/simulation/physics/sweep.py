@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from warehouse_env.kernel import inline, part
-from warehouse_env.simulation.physics.geometry import half_box, square_at
+from warehouse_env.simulation.physics.geometry import half_box, rectangles_touch, square_at
 from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO
 
 _EIGHTH = np.float32(0.125)
@@ -242,20 +242,13 @@ def _passes(along0, along1, across0, across1, long, wide):
 
 
 @part
-def passes_cell(body, way, p, solid):
-    """Whether a robot's body, apart from all shelves and the rim at two samples, touches one in between.
+def _passes_cell(box, body, spare, p, solid):
+    """Whether a body touches one of the cells in a box (first row, last row, first column, last column) on the way.
 
-    body: its Sweep; way: the longest path of any point [m], which leaves its chord by at most way^2 / 8 far.
-    Only cells that meet the box around the body at both ends count; its own axes at the end settle most of these.
+    body: its Sweep. The axes of the body at the end settle most cells.
     """
+    first_row, last_row, first_column, last_column = box
     start, end, cell, half = body.start, body.end, p["cell"], HALF * p["cell"]
-    spare = _EIGHTH * way * way / p["far"] + body.back + ROUNDING
-    (ex0, ey0), (ex1, ey1) = half_box(start), half_box(end)
-    (rows, columns), scale, more = solid.shape, ONE / cell, spare + _ON_FLOOR
-    first_row = max(int((min(start.y - ey0, end.y - ey1) - more) * scale + ONE), 0)  # under 0 is rounded up, to the rim
-    last_row = min(int((max(start.y + ey0, end.y + ey1) + more) * scale) + 1, rows - 1)
-    first_column = max(int((min(start.x - ex0, end.x - ex1) - more) * scale + ONE), 0)
-    last_column = min(int((max(start.x + ex0, end.x + ex1) + more) * scale) + 1, columns - 1)
     c, s = abs(start.c * end.c + start.s * end.s), abs(start.c * end.s - start.s * end.c)
     length, width, corner = end.length, end.width, half * (abs(end.c) + abs(end.s)) + spare
     long, wide = max(length, length * c + width * s) + corner, max(width, length * s + width * c) + corner
@@ -271,3 +264,28 @@ def passes_cell(body, way, p, solid):
             ) and touch_between(body, Sweep(shelf, shelf, ZERO), ZERO, p, p):  # fmt: skip
                 return True
     return False
+
+
+@inline
+def touches_cell(body, way, between, p, solid):
+    """Whether a robot's body touches a shelf or the rim at the end of its motion or, if asked, between the samples.
+
+    body: its Sweep; way: the longest path of any point [m], which leaves its chord by at most way^2 / 8 far.
+    Only cells that meet the box around the body at both ends count.
+    """
+    start, end, cell, half = body.start, body.end, p["cell"], HALF * p["cell"]
+    spare = _EIGHTH * way * way / p["far"] + body.back + ROUNDING
+    (ex0, ey0), (ex1, ey1) = half_box(start), half_box(end)
+    (rows, columns), scale, more, near = solid.shape, ONE / cell, spare + _ON_FLOOR, False
+    first_row = max(int((min(start.y - ey0, end.y - ey1) - more) * scale + ONE), 0)  # under 0 is rounded up, to the rim
+    last_row = min(int((max(start.y + ey0, end.y + ey1) + more) * scale) + 1, rows - 1)
+    first_column = max(int((min(start.x - ex0, end.x - ex1) - more) * scale + ONE), 0)
+    last_column = min(int((max(start.x + ex0, end.x + ex1) + more) * scale) + 1, columns - 1)
+    for row in range(first_row, last_row + 1):
+        for column in range(first_column, last_column + 1):
+            if solid[row, column] != 0:
+                near = between
+                x, y = (np.float32(column) - HALF) * cell, (np.float32(row) - HALF) * cell
+                if rectangles_touch(end, square_at(x, y, half)):
+                    return True
+    return near and _passes_cell((first_row, last_row, first_column, last_column), body, spare, p, solid)
