@@ -3,7 +3,7 @@
 
 PYTHON ?= python3
 VENV ?= .venv
-EXTRAS ?= render,train,orca,ray,docs,dev
+EXTRAS ?= render,train,orca,onnx,ray,docs,dev
 CONSTRAINTS ?= constraints.txt
 TESTS ?= -n auto --maxprocesses 8 --dist loadgroup
 KILLS ?= 1000

@@ -22,7 +22,7 @@ PACKAGES = ("warehouse_env", "agents", "train")
 CUDA = re.compile(r"(nvidia|cuda|triton)")
 
 # Those of constraints.txt; the clients have another.
-EXTRAS = ("render", "train", "orca", "ray", "fleet", "docs", "dev")
+EXTRAS = ("render", "train", "orca", "onnx", "ray", "fleet", "docs", "dev")
 
 settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 project = settings["project"]

@@ -13,7 +13,7 @@ from train.job_files import files_behind
 from warehouse_env.errors import ConfigError, WarehouseError
 from warehouse_env.files import check_writable, guarded, is_special
 
-OUTPUTS = {"json", "out", "html", "png", "video", "report", "save", "resume"}
+OUTPUTS = {"json", "out", "html", "png", "video", "onnx", "report", "save", "resume"}
 """Options that name outputs; any other path is an input."""
 _NAMED = {"draw", "layout", "layouts", "listen", "map", "planner", "policy"}  # text that may name files
 

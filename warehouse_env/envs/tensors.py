@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Unpack
+from typing import Any, Unpack
 
 import gymnasium
 import numpy as np
@@ -28,10 +28,9 @@ class WarehouseTensorEnv(VectorEnv[torch.Tensor, torch.Tensor, torch.Tensor]):
     last of an episode) and "world_metrics", a dict of each ended world's metrics.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"autoreset_mode": AutoresetMode.SAME_STEP, "render_modes": []}
-
     def __init__(self, simulator: DeviceSimulator) -> None:
         """Wrap a simulator; reset before the first step."""
+        self.metadata = {"autoreset_mode": AutoresetMode.SAME_STEP, "render_modes": []}
         self.simulator, self.device = simulator, simulator.device
         self.num_envs = simulator.num_worlds * simulator.num_agents
         self.single_observation_space = simulator.host.observation_space

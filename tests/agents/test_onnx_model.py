@@ -1,0 +1,92 @@
+"""ONNX models in onnxruntime against our forward pass and plain NumPy; what they say of themselves; what is refused."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from safetensors.numpy import load_file
+
+from agents import POLICIES, LearnedPolicy, Network, PolicyRecord, policy_config, save_policy
+from agents.onnx_model import onnx_model
+from agents.weights_folder import Activation
+from warehouse_env.config import EnvConfig
+from warehouse_env.observation import observation_layout
+from warehouse_env.simulation.simulator import Simulator
+
+onnxruntime = pytest.importorskip("onnxruntime")
+LEARNED = [name for name, entry in POLICIES.items() if entry.weights is not None]
+
+
+def folder_of(name: str) -> Path:
+    weights = POLICIES[name].weights
+    assert weights is not None
+    return weights
+
+
+def run(model: bytes, observation: Any) -> list[Any]:
+    session = onnxruntime.InferenceSession(model, providers=["CPUExecutionProvider"])
+    found: list[Any] = session.run(None, {"observation": observation})
+    return found
+
+
+def seen(config: EnvConfig) -> Any:
+    """Observations float32[rows, D] of robots on their way."""
+    simulator = Simulator(config.replace(planner="astar", num_agents=16))
+    simulator.reset(seed=3)
+    for _ in range(20):
+        simulator.step(np.full((1, 16), simulator.cruise_action))
+    return simulator.observation[0]
+
+
+@pytest.mark.parametrize("name", LEARNED)
+def test_three_ways_to_run_a_shipped_policy_agree(name: str) -> None:
+    directory, config = folder_of(name), policy_config(name, EnvConfig())
+    observation = seen(config)
+    own = LearnedPolicy(directory, config).output(observation)
+    (runtime,) = run(onnx_model(directory).SerializeToString(), observation)
+    np.testing.assert_allclose(runtime, own, atol=1e-5, rtol=1e-5)
+    tensors, x = load_file(directory / "weights.safetensors"), observation  # as README opens a folder
+    for k in range(3):
+        x = x @ tensors[f"actor.{k}.weight"].T + tensors[f"actor.{k}.bias"]
+        x = np.tanh(x) if k < 2 else x
+    np.testing.assert_allclose(x, own, atol=1e-5, rtol=1e-5)
+
+
+def test_a_model_says_what_its_numbers_mean() -> None:
+    said = {prop.key: json.loads(prop.value) for prop in onnx_model(folder_of("ppo")).metadata_props}
+    config = policy_config("ppo", EnvConfig())
+    layout = observation_layout(config)
+    assert said["observation"] == {name: [part.start, part.stop] for name, part in layout.slices.items()}
+    assert said["actions"][0] == [config.speed_levels[0], config.lateral_offsets[0]]
+    assert len(said["actions"]) == 20
+    assert (said["action_type"], said["mode"], said["decision_seconds"]) == ("discrete", "sample", 0.1)
+
+
+def test_real_valued_actions_have_means_and_deviations(tmp_path: Path) -> None:
+    rng, env = np.random.default_rng(0), EnvConfig(action_type="continuous")
+    network = Network(observation_layout(env).size, 2, False, (8,))
+    tensors = {name: rng.normal(size=shape).astype(np.float32) for name, shape in network.shapes().items()}
+    save_policy(tmp_path, PolicyRecord("ppo", network, env), tensors)
+    observation = rng.normal(size=(5, network.observation_size)).astype(np.float32)
+    mean, deviation = run(onnx_model(tmp_path).SerializeToString(), observation)
+    own = LearnedPolicy(tmp_path, env).output(observation)
+    np.testing.assert_allclose(mean, own, atol=1e-4, rtol=1e-5)
+    np.testing.assert_allclose(deviation, np.exp(tensors["log_std"]), rtol=1e-5)
+
+
+@pytest.mark.parametrize("activation", ["silu", "elu"])
+def test_every_activation_and_a_single_layer_are_exported(activation: Activation, tmp_path: Path) -> None:
+    rng, env = np.random.default_rng(0), EnvConfig()
+    for number, hidden in enumerate(((16, 8), ())):
+        network = Network(observation_layout(env).size, 20, True, hidden, activation)
+        tensors = {name: rng.normal(size=shape).astype(np.float32) for name, shape in network.shapes().items()}
+        actor = {name: array for name, array in tensors.items() if name.startswith("actor.")}
+        folder = save_policy(tmp_path / str(number), PolicyRecord("ppo", network, env), actor)
+        observation = rng.normal(size=(5, network.observation_size)).astype(np.float32)
+        (outputs,) = run(onnx_model(folder).SerializeToString(), observation)
+        own = LearnedPolicy(folder, env).output(observation)
+        np.testing.assert_allclose(outputs, own, atol=1e-4, rtol=1e-4)
