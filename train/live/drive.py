@@ -15,8 +15,8 @@ from warehouse_env.render.replay import Lines
 
 TELLS_EVERY = 0.04  # [s] between two messages to pages
 MOST_MOMENTS = 250  # in a message
-MAKING = "The world is being made; kernels that are new are compiled, once, for a minute or so."
-_LATE = 0.25  # [s] behind the pace, from which on it starts anew
+MAKING = "Building the world. New kernels compile once, for about a minute."
+_LATE = 0.25  # [s] behind the pace after which the pace restarts
 _IDLE = 0.5  # [s] between two turns while paused
 
 

@@ -7,16 +7,16 @@ const KEYS = [
   { keys: ["+", "="], shown: "+", says: "zoom in", act: (app) => app.zoom(1.3) },
   { keys: ["-"], shown: "−", says: "zoom out", act: (app) => app.zoom(1 / 1.3) },
   { keys: ["0"], shown: "0", says: "show the whole floor", act: (app) => app.fit() },
-  { keys: [","], shown: ",", says: "robot before", act: (app) => app.choose(app.robot - 1) },
+  { keys: [","], shown: ",", says: "previous robot", act: (app) => app.choose(app.robot - 1) },
   { keys: ["."], shown: ".", says: "next robot", act: (app) => app.choose(app.robot + 1) },
   { keys: ["/"], shown: "/", says: "find a robot by its number", act: () => document.querySelector("#find").focus() },
   { keys: ["f"], shown: "F", says: "follow the chosen robot", act: (app) => app.follow(!app.following) },
   ...Object.entries(LAYERS).map(([layer, key]) => ({
     keys: [key], shown: key.toUpperCase(), says: `show or hide ${layer}`, act: (app) => app.layer(layer),
   })),
-  { keys: ["d"], shown: "D", says: "dark or light", act: (app) => app.theme(!app.dark) },
-  { keys: ["?", "h"], shown: "?", says: "this help", act: (app) => app.help() },
-  { keys: ["Escape"], shown: "Esc", says: "choose no robot", act: (app) => app.choose(-1) },
+  { keys: ["d"], shown: "D", says: "switch between dark and light", act: (app) => app.theme(!app.dark) },
+  { keys: ["?", "h"], shown: "?", says: "show this help", act: (app) => app.help() },
+  { keys: ["Escape"], shown: "Esc", says: "clear the choice", act: (app) => app.choose(-1) },
 ];
 
 function buildKeys(app, keys) {
@@ -53,7 +53,7 @@ function buildButtons(app, acts) {
       find.value = "";
       find.blur();
     }
-    find.setCustomValidity(found || !find.value ? "" : `robots have the numbers 0 to ${app.replays[app.active].robots - 1}`);
+    find.setCustomValidity(found || !find.value ? "" : `robot numbers run from 0 to ${app.replays[app.active].robots - 1}`);
     find.reportValidity();
   });
   const span = document.querySelector("#span");

@@ -1,4 +1,4 @@
-// What lies on the floor beside the robots: routes, trails, goals, lidar, who waits for whom, what has just happened.
+// Overlays on the floor: routes, trails, goals, lidar, waiting, and recent events.
 
 const TRAIL_SECONDS = 12;
 const OWN_TRAIL_SECONDS = 60; // of the chosen robot
@@ -124,7 +124,7 @@ function drawLidar(context, episode, place, style) {
   }
 }
 
-// Arrows from who waits to whom it waits for; thin dotted ones from who gives way while it drives.
+// Arrows from a waiting robot to the one that it waits for; thin dotted ones from a robot that gives way while driving.
 function drawWaiting(context, episode, place, style) {
   for (let i = 0; i < episode.robots; i++) {
     const waits = episode.get("waits_for", i, episode.moment);

@@ -148,11 +148,11 @@ function stateOf(episode, robot) {
   const waits = episode.get("waits_for", robot, k), held = episode.get("held_by", robot, k);
   const yields = episode.get("yields_to", robot, k);
   if (episode.flag("touching", robot, k)) said.push("touches something");
-  if (waits >= 0) said.push(`waits for ${waits}${episode.flag("deadlocked", robot, k) ? ", in a circle" : ""}`);
-  else if (episode.flag("served", robot, k)) said.push("stands at its place");
+  if (waits >= 0) said.push(`waits for ${waits}${episode.flag("deadlocked", robot, k) ? ", in a wait cycle" : ""}`);
+  else if (episode.flag("served", robot, k)) said.push("is served at its place");
   else said.push(Math.abs(episode.now[5 * robot + 3]) > 0.05 ? "drives" : "stands");
   if (yields >= 0 && yields !== waits) said.push(`gives way to ${yields}`);
-  if (held >= 0 && held !== waits) said.push(`is braked before ${held}`);
+  if (held >= 0 && held !== waits) said.push(`is braked for ${held}`);
   said.push(episode.flag("loaded", robot, k) ? "with a load" : "empty");
   const route = episode.routes[episode.get("route", robot, k)];
   const left = route.length ? Math.max(0, route[route.length - 1] - episode.get("along", robot, k)) : 0;

@@ -1,4 +1,4 @@
-// What the policy would like to do: chances of each speed level over time, and of every command now.
+// What the policy would like to do: probability of each speed level over time, and of every command now.
 
 function buildPreferences(app) {
   const box = document.querySelector("#preferences");

@@ -67,7 +67,7 @@ function drawRobot(context, episode, robot, place, style) {
   if (style.numbers && place.scale >= NUMBERS_FROM * style.ratio) drawNumber(context, episode, robot, place, style);
 }
 
-// What a robot stands out in: in touch, in a circle, waiting.
+// What a robot stands out in: in touch, in a wait cycle, waiting.
 function rimOf(episode, robot, frame, style) {
   if (episode.flag("touching", robot, frame)) return style.marks.collision;
   if (!style.waiting) return null;

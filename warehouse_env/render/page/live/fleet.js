@@ -3,12 +3,12 @@
 const KEPT_SAMPLES = 900; // one a second
 const SHOWN_SECONDS = 300;
 const FLEET = [
-  { title: "goals a robot and hour", columns: [1], least: 10, say: ([goals]) => fixed(goals, 0) },
+  { title: "goals per robot-hour", columns: [1], least: 10, say: ([goals]) => fixed(goals, 0) },
   {
-    title: "", spoken: "share of robots that wait and that stand", names: ["waiting", "standing"], columns: [2, 3], least: 0.25,
+    title: "", spoken: "shares of waiting and standing robots", names: ["waiting", "standing"], columns: [2, 3], least: 0.25,
     say: ([waiting, standing]) => `${fixed(100 * waiting, 0)}, ${fixed(100 * standing, 0)}%`,
   },
-  { title: "contacts since it began", columns: [4], least: 1, say: ([contacts]) => `${contacts}` },
+  { title: "contacts since the start", columns: [4], least: 1, say: ([contacts]) => `${contacts}` },
 ];
 
 function buildFleet(app) {

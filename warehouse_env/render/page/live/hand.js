@@ -6,7 +6,7 @@ function buildHand(app) {
   const bar = element("div");
   bar.id = "hand";
   bar.setAttribute("role", "group");
-  bar.setAttribute("aria-label", "what the mouse does on the floor");
+  bar.setAttribute("aria-label", "mouse tool");
   for (const hand of HANDS) {
     const button = element("button", "chip", hand);
     button.dataset.hand = hand;
@@ -18,7 +18,7 @@ function buildHand(app) {
   said.setAttribute("role", "status");
   document.querySelector("#stage").append(bar, said);
   const [canvas] = app.canvases;
-  // before the listeners that move the floor: who holds something does not move it
+  // before the listeners that move the floor: an active tool does not move it
   const holder = canvas.parentElement;
   holder.addEventListener("pointerdown", (event) => begin(app, canvas, event), true);
   holder.addEventListener("pointermove", (event) => drag(app, canvas, event), true);

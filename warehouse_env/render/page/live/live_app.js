@@ -23,7 +23,7 @@ class LiveApp extends App {
     return this.episode.last;
   }
 
-  // Show another world; who was chosen stays so, if there still is one of that number.
+  // Show another world. The chosen robot stays chosen if its number still exists.
   renew(message) {
     const before = this.episode;
     const moments = new Moments(message, this.about.flags);
@@ -42,7 +42,7 @@ class LiveApp extends App {
     document.querySelector("figcaption span").textContent = this.episode.about;
   }
 
-  // Add what has happened since; a gap is left by who was too far behind, and a whole world closes it.
+  // Add new moments. A page that falls too far behind has a gap, which the next whole world closes.
   hear(message) {
     if (message.first !== this.episode.next) return;
     this.frame -= this.episode.add(message.columns, message);

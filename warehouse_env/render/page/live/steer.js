@@ -4,13 +4,13 @@ const SPEED_STEPS = [0.25, 0.5, 1, 2, 4, 8, 16, 32, null]; // null: as fast as t
 const SAID_FOR = 6000; // [ms]
 
 const LIVE_KEYS = [
-  { keys: [" ", "k"], shown: "Space", says: "go on or pause", act: (app) => play(app) },
-  { keys: ["ArrowRight"], shown: "→", says: "pause, and one step", act: () => send({ do: "step" }) },
+  { keys: [" ", "k"], shown: "Space", says: "play or pause", act: (app) => play(app) },
+  { keys: ["ArrowRight"], shown: "→", says: "pause, then one step", act: () => send({ do: "step" }) },
   { keys: ["ArrowUp"], shown: "↑", says: "faster", act: (app) => faster(app, 1) },
   { keys: ["ArrowDown"], shown: "↓", says: "slower", act: (app) => faster(app, -1) },
-  { keys: ["v"], shown: "V", says: "the mouse looks", act: (app) => take(app, "look") },
-  { keys: ["s"], shown: "S", says: "the mouse sets and removes shelves", act: (app) => take(app, "shelves") },
-  { keys: ["p"], shown: "P", says: "the mouse sets and removes people", act: (app) => take(app, "people") },
+  { keys: ["v"], shown: "V", says: "use the mouse to look", act: (app) => take(app, "look") },
+  { keys: ["s"], shown: "S", says: "use the mouse to add and remove shelves", act: (app) => take(app, "shelves") },
+  { keys: ["p"], shown: "P", says: "use the mouse to add and remove people", act: (app) => take(app, "people") },
 ];
 
 let sending = Promise.resolve(), silence = 0;

@@ -4,14 +4,14 @@ const SPEEDS = [0.25, 0.5, 1, 2, 4, 8, 16];
 
 const PLAYER_KEYS = [
   { keys: [" ", "k"], shown: "Space", says: "play or pause", act: (app) => app.toggle() },
-  { keys: ["ArrowLeft"], shown: "←", says: "a step back", act: (app) => app.step(-1) },
-  { keys: ["ArrowRight"], shown: "→", says: "a step on", act: (app) => app.step(1) },
+  { keys: ["ArrowLeft"], shown: "←", says: "step back", act: (app) => app.step(-1) },
+  { keys: ["ArrowRight"], shown: "→", says: "step forward", act: (app) => app.step(1) },
   { keys: ["Shift+ArrowLeft"], shown: "Shift ←", says: "5 s back", act: (app) => app.step(-5 / app.seconds) },
   { keys: ["Shift+ArrowRight"], shown: "Shift →", says: "5 s on", act: (app) => app.step(5 / app.seconds) },
   { keys: ["Home"], shown: "Home", says: "to the start", act: (app) => app.seek(0) },
   { keys: ["End"], shown: "End", says: "to the end", act: (app) => app.seek(app.last) },
-  { keys: ["[", "p"], shown: "[", says: "to the event before", act: (app) => app.toEvent(-1) },
-  { keys: ["]", "e"], shown: "]", says: "to the next event", act: (app) => app.toEvent(1) },
+  { keys: ["[", "p"], shown: "[", says: "previous event", act: (app) => app.toEvent(-1) },
+  { keys: ["]", "e"], shown: "]", says: "next event", act: (app) => app.toEvent(1) },
   { keys: ["ArrowUp"], shown: "↑", says: "faster", act: (app) => app.faster(1) },
   { keys: ["ArrowDown"], shown: "↓", says: "slower", act: (app) => app.faster(-1) },
 ];
