@@ -66,7 +66,8 @@ chart: $(STAMP) ## draw docs/throughput.svg anew, from docs/measured/throughput.
 
 clients: ## use SuperSuit, TorchRL, RLlib, Gymnasium and SB3 for real, briefly, in .venv-clients
 	@$(MAKE) --no-print-directory test VENV=$(VENV)-clients EXTRAS=$(EXTRAS),clients \
-	  CONSTRAINTS=constraints-clients.txt TESTS="tests/clients --verbosity 1 --durations 0 --durations-min 1"
+	  CONSTRAINTS=constraints-clients.txt \
+	  TESTS="tests/clients -m 'nightly or not nightly' --verbosity 1 --durations 0 --durations-min 1"
 
 cuda: $(STAMP) ## compile the kernels for a GPU; where there is one, also compare its bits with the CPU's
 	@$(INSTALL) --no-build-isolation --editable ".[$(EXTRAS),cuda]"

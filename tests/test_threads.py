@@ -98,7 +98,7 @@ import os, sys
 sys.path.insert(0, {root!r})
 from warehouse_env.threads import set_num_threads
 set_num_threads(2)
-from tests.simulation.test_determinism import ACTION_TYPES, MAP, drawn, run
+from tests.simulation.test_determinism import MAP, drawn, run
 def digests():
     return run(64, 5, 4, "raw", drawn(MAP))
 here = digests()

@@ -132,7 +132,7 @@ def test_wrong_tensors_are_refused(folder: Path, name: str) -> None:
         ({"format": 2}, "format 2"),
         ({"mode": "best"}, "mode='best' must be one of sample, greedy"),
         ({"network": {}}, "lacks the entry 'observation_size'"),
-        ({"network": 3}, "must be an object of names and values, not 3"),
+        ({"network": 3}, "network=3 must be a Network"),
         ({"env": {"wheels": 3}}, "unknown EnvConfig parameter 'wheels'"),
     ],
 )

@@ -13,7 +13,7 @@ from gymnasium.vector import AsyncVectorEnv, SyncVectorEnv
 ID = "warehouse_env:Warehouse-v0"  # the module before the name: so a process that has not imported it finds it
 
 
-@pytest.mark.parametrize("start", ["fork", "spawn"])
+@pytest.mark.parametrize("start", ["fork", pytest.param("spawn", marks=pytest.mark.nightly)])
 def test_both_vector_envs_give_the_same(small: dict[str, Any], start: str) -> None:
     """Through the end of an episode and into the next; the same as one env alone."""
     make = partial(gymnasium.make, ID, **small)

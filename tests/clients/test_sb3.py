@@ -9,6 +9,7 @@ from typing import Any
 
 import gymnasium
 import numpy as np
+import pytest
 from stable_baselines3 import PPO
 from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.evaluation import evaluate_policy
@@ -43,6 +44,7 @@ def test_evaluation_tells_each_episodes_return_and_length(small: dict[str, Any])
     assert np.isfinite(returns).all()
 
 
+@pytest.mark.nightly
 def test_ppo_learns_on_the_single_env_in_processes_of_their_own(small: dict[str, Any]) -> None:
     make = partial(gymnasium.make, "warehouse_env:Warehouse-v0", **small)
     env = make_vec_env(make, n_envs=2, seed=3, vec_env_cls=SubprocVecEnv)
