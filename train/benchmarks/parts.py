@@ -26,6 +26,7 @@ _CHUNKS = 9  # a rate is the median over these
 _TRAINING_TURNS = 5
 _WARM_UP = 3  # updates of a training before the clock starts, which load kernels
 _START_SEEDS = 16  # large batches repeat these starts: planning 30,000 routes is not what is measured
+_ON_CARD = ((65536, 16, False), (65536, 16, True), (16384, 64, False), (4096, 16, False))  # worlds, robots, shield
 _SQUARE_PER_ROBOTS = {32: 46, 256: 130, 1024: 260}  # robots -> side of the floor [cells], at one density
 
 
@@ -136,6 +137,26 @@ def vec_env(budget: Budget) -> Iterator[Row]:
     yield _speed(rate(lambda k: env.step(pool[k % _POOL]), budget.seconds), 64, 16, 1)
 
 
+def cuda(budget: Budget) -> Iterator[Row]:
+    """Step worlds on a GPU at full speed along their routes with a fifth of random commands, observed each step."""
+    import torch
+
+    from warehouse_env.simulation.device.simulator import DeviceSimulator
+    from warehouse_env.traffic_spec import TrafficSpec
+
+    rng = np.random.default_rng(budget.seed)
+    for worlds, robots, shield in _ON_CARD:
+        config = EnvConfig(num_agents=robots, max_steps=sys.maxsize, traffic=TrafficSpec(shield=shield))
+        sim = DeviceSimulator(config, worlds, device="cuda")
+        sim.reset([budget.seed + k % _START_SEEDS for k in range(worlds)])
+        commands = np.full((_POOL, worlds, robots), sim.host.cruise_action)
+        random = rng.random(commands.shape) < 0.2
+        commands[random] = rng.integers(0, len(sim.host.actions.table), int(random.sum()))
+        pool = torch.from_numpy(commands).to(sim.device)
+        measured = rate(lambda k, sim=sim, pool=pool: sim.step(pool[k % _POOL]), budget.seconds)  # type: ignore[misc]
+        yield {**_speed(measured, worlds, robots, 1), "shield": shield, "card": torch.cuda.get_device_name(sim.device)}
+
+
 def training(budget: Budget) -> Iterator[Row]:
     """Run the trainers by their recipe `bare` in turns: agent-steps/s of the whole loop, and shares of its time."""
     from train.learning import config as configs
@@ -170,5 +191,5 @@ def training(budget: Budget) -> Iterator[Row]:
 
 
 PARTS: dict[str, Callable[[Budget], Iterator[Row]]] = {
-    part.__name__: part for part in (simulator, reference, pettingzoo, vec_env, training)
+    part.__name__: part for part in (simulator, reference, pettingzoo, vec_env, cuda, training)
 }

@@ -18,7 +18,7 @@ from warehouse_env.errors import ConfigError
 if TYPE_CHECKING:
     from train.benchmarks.parts import Budget
 
-What = Literal["simulator", "reference", "pettingzoo", "vec_env", "training"]
+What = Literal["simulator", "reference", "pettingzoo", "vec_env", "cuda", "training"]
 
 _SMALL = 32  # robots of the single world that larger ones are compared with
 
@@ -28,7 +28,7 @@ class Bench(Checked):
     """Measure agent-steps/s of the simulator, environments and trainers, and the step beside fixed work in C."""
 
     only: tuple[What, ...] = ()
-    """What to measure (everything if left out)."""
+    """What to measure (everything but cuda, which needs a GPU, if left out)."""
     quick: bool = False
     """Measure a fifth as long, and no world of more than 256 robots."""
     threads: tuple[int, ...] = (1, 2)
@@ -57,7 +57,7 @@ class Bench(Checked):
             print("\n".join(table.markdown() for table in tables(read_rows(self.rows))))
             return
         budget = self._budget()
-        chosen = [what for what in get_args(What) if not self.only or what in self.only]
+        chosen = [what for what in get_args(What) if what in self.only or (not self.only and what != "cuda")]
         file = RowFile(self.json, keep=self.append)
         rows = measure(chosen, PARTS, budget, file)
         for table in tables(rows):

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 import pytest
+import torch
 
 from train.benchmarks import parts
 from train.benchmarks.parts import PARTS, Budget, rate
@@ -15,6 +16,7 @@ from train.commands.bench import What, ratios, tables
 from train.learning import recipes
 from train.learning.recipes import by_recipe
 from train.reporting.rows import read_rows
+from warehouse_env.simulation.device import memory, simulator
 
 SMALL: dict[str, Any] = {
     "layouts": ("open",), "robots": (2,), "rows": 8, "planner": "astar", "rollout": 4, "hidden": (20,), "threads": 1,
@@ -77,3 +79,18 @@ def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert (row["what"], row["envs"], row["agents"], row["threads"]) == ("pettingzoo", 1, 8, 1)
     assert row["env_steps_per_s"] * 8 == pytest.approx(row["agent_steps_per_s"])
     assert "pettingzoo" in capsys.readouterr().out
+
+
+@pytest.mark.skipif(torch.cuda.is_available(), reason="there is a GPU")
+def test_a_gpu_that_is_not_there_is_missed_in_one_sentence(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["bench", "--only", "cuda", "--quick"]) == 2
+    assert "device='cuda' needs" in capsys.readouterr().err
+
+
+def test_worlds_on_a_device_are_measured(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(parts, "_ON_CARD", ((2, 4, False),))
+    monkeypatch.setattr(torch.cuda, "get_device_name", lambda device: "a card")
+    monkeypatch.setattr(simulator, "memory_of", lambda device: memory.Memory())
+    (row,) = parts.cuda(TINY)
+    assert (row["envs"], row["agents"], row["shield"], row["card"]) == (2, 4, False, "a card")
+    assert 0 < row["low"] <= row["agent_steps_per_s"] <= row["high"]

@@ -6,7 +6,7 @@ worlds. It places robots at a reset, and gives those that arrive their next goal
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -107,7 +107,7 @@ class DeviceSimulator:
         self.reward_terms = self._tensors["terms"]
         self._table = tensor_of(host.actions.table).to(self.device)
 
-    def reset(self, seed: int | None = None) -> torch.Tensor:
+    def reset(self, seed: int | Sequence[int] | None = None) -> torch.Tensor:
         """Start all worlds anew, as `Simulator.reset` does, and return the observation."""
         self.host.reset(seed)
         self._upload(range(self.num_worlds))
