@@ -28,7 +28,8 @@ PLANNING = (*BASE, "warehouse_env.maps", "warehouse_env.planning")
 ROUTES = (*PLANNING, "warehouse_env.routes")
 SIMULATION = (*ROUTES, "warehouse_env.observation", "warehouse_env.simulation")
 # The rooms of the simulation, from the ground up: each sees those below it, and the records of `state`.
-PHYSICS = (*BASE, "warehouse_env.maps", "warehouse_env.simulation.state", "warehouse_env.simulation.physics")
+DOOR = "warehouse_env.simulation.state", "warehouse_env.simulation.draws"
+PHYSICS = (*BASE, "warehouse_env.maps", *DOOR, "warehouse_env.simulation.physics")
 # A driver shoots along curves, which know of no map; of routes it sees nothing else.
 DRIVER = (*PHYSICS, "warehouse_env.routes.reeds_shepp", "warehouse_env.simulation.driver")
 SENSES = (*DRIVER, "warehouse_env.observation", "warehouse_env.simulation.senses")
@@ -55,7 +56,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "warehouse_env.maps": (*BASE, "warehouse_env.maps"),
     "warehouse_env.planning": PLANNING,
     "warehouse_env.routes": ROUTES,
-    "warehouse_env.simulation.state": BASE,
+    **dict.fromkeys(DOOR, BASE),
     "warehouse_env.simulation.physics": PHYSICS,
     "warehouse_env.simulation.driver": DRIVER,
     "warehouse_env.simulation.senses": SENSES,

@@ -88,7 +88,7 @@ def test_all_adapters_give_each_robot_the_same_metrics(mode: EnvConfig) -> None:
 
 def test_the_metrics_are_the_sums_of_the_infos(mode: EnvConfig) -> None:
     seen: dict[str, float] = {}
-    for infos in zoo(mode, 2).values():
+    for infos in zoo(mode, 4).values():
         metrics = infos[-1]["episode_metrics"]
         totals = ("distance_m", "goals", "collisions_robot", "collisions_shelf", "collisions_person", "near_misses")
         for name in totals:

@@ -151,7 +151,7 @@ def test_permuted_robots_give_permuted_results(action_type: Any, robots: int) ->
     # One-shot, since lifelong robots draw their next goals in their order.
     config = EnvConfig(num_agents=robots, action_type=action_type, planner="astar", action_repeat=2, tasks="one_shot")
     original = Simulator(config, grid=room(7, 7) if robots == 7 else room(20, 20))
-    original.reset(seed=13)
+    original.reset(seed=5)
     order = np.random.default_rng(1).permutation(robots)
     shuffled = permuted(original, order)
     total = 0

@@ -162,7 +162,7 @@ def test_of_a_shared_reward_a_part_is_the_mean_of_those_near() -> None:
     config = EnvConfig(layout="open", num_agents=3, planner="astar")
     alone, sharing = (TrainingSimulator(config, 1, 60.0, shared) for shared in (0.0, 0.25))
     for simulator in (alone, sharing):
-        simulator.reset(seed=4)
+        simulator.reset(seed=5)
         pose = [[[10.0, 10.0, 0.0], [14.0, 10.0, 1.0], [30.0, 30.0, 2.0]]]  # 4 m apart, and far from both
         simulator.put(pose, [[0.0, 0.0, 0.0]])
     commands = np.array([[int(alone.cruise_action), 5, int(alone.cruise_action)]])

@@ -21,6 +21,7 @@ from warehouse_env.portable import Portable
 from warehouse_env.routes.book import RouteBook
 from warehouse_env.simulation import given, state, step
 from warehouse_env.simulation.actions import ActionDecoder
+from warehouse_env.simulation.draws import Draws
 from warehouse_env.simulation.driver.manoeuvre import ARCS
 from warehouse_env.simulation.driver.scratch import make_search_scratch
 from warehouse_env.simulation.driver.turning import turning_metrics
@@ -118,9 +119,11 @@ class Simulator(Portable):
         self._planned = np.zeros((num_worlds, config.num_agents), dtype=state.ROBOT)
         self.robots = self._planned.copy() if errs(config) else self._planned  # at their true poses
         self.people = People(planned, self.grid, num_worlds)
-        self.dispatcher = Dispatcher(planned, routes, self._planned, self.people.persons, self._limits, orders)
-        self._deviation = Deviation(config, num_worlds)
-        self._messages = Messages(config, num_worlds)
+        self._draws = Draws(num_worlds)
+        parts = self.people.persons, self._limits, self._draws, orders
+        self.dispatcher = Dispatcher(planned, routes, self._planned, *parts)
+        self._deviation = Deviation(config, num_worlds, self._draws)
+        self._messages = Messages(config, num_worlds, self._draws)
         self._make_arrays(planned)
 
     def _make_arrays(self, planned: EnvConfig) -> None:
@@ -251,7 +254,7 @@ class Simulator(Portable):
         """Start all worlds anew and return the observation.
 
         seed: an int (world b draws from SeedSequence([seed, b])), one int a world (each then equals a single world
-        reset with that int), or None (each world goes on with its own generator).
+        reset with that int), or None (each world begins the next episode of its last seed).
         """
         return self._reset([None] * self.num_worlds, seed)
 
@@ -270,7 +273,7 @@ class Simulator(Portable):
         return self.observation
 
     def reset_world(self, world: int, seed: int | None = None) -> None:
-        """Start one world anew; its row of `observation` is updated. seed None: its generator goes on."""
+        """Start one world anew; its row of `observation` is updated. seed None: the next episode of its last seed."""
         self._reset_world(world, None if seed is None else [given.whole_seed(seed), 0])
         self._show()
         self._observe(world)
@@ -292,12 +295,13 @@ class Simulator(Portable):
         robots["events"]["gap"] = robots["totals"]["min_gap"] = state.GAP_HORIZON
         robots["shield"]["vetoed_by"] = robots["traffic"]["yields_to"] = state.NOBODY
         self.people.leave(world)
+        self._draws.begin(world, entropy)
         self.dispatcher.begin(world, entropy, assignment, self._floor)
-        self._messages.begin(world, entropy)
+        self._messages.begin(world)
         self.people.begin(world, entropy, robots)
         robots["clocks"]["anchor_x"], robots["clocks"]["anchor_y"] = robots["motion"]["x"], robots["motion"]["y"]
         if self.robots is not self._planned:
-            self._deviation.begin(world, entropy, robots)
+            self._deviation.begin(world, robots)
 
     def _show(self) -> None:
         """Update the robots' true poses if they differ from the plan."""

@@ -240,7 +240,7 @@ def test_the_check_finds_a_robot_that_cannot_stop_before_a_person() -> None:
 def test_people_begin_away_from_robots_and_where_they_can_walk() -> None:
     crowded = Simulator(EnvConfig(num_agents=2, people=1, planner="astar"), grid=room(2, 4))
     with pytest.raises(ConfigError, match="people=1"):
-        crowded.reset(0)
+        crowded.reset(1)
     simulator = Simulator(EnvConfig(layout="narrow", num_agents=16, people=20, planner="astar"), 2)
     simulator.reset(5)
     persons, robots = simulator.people.persons, simulator.robots

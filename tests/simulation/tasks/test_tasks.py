@@ -17,6 +17,7 @@ from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.tasks.tasks import Tasks
 from warehouse_env.work import OrderSpec
 
+KEY = np.array([4, 7, 0], np.uint64)
 PICKS, STATIONS = [(0, 0), (0, 1), (0, 2), (0, 3), (0, 4)], [(4, 0), (4, 2), (4, 4)]
 
 
@@ -33,26 +34,26 @@ def tasks_for(robots: int, picks: list[Cell] = PICKS, stations: list[Cell] = STA
 def test_goals_are_distinct_and_never_where_the_robot_is(robots: int, seed: int) -> None:
     rng = np.random.default_rng(seed)
     tasks = tasks_for(robots)
-    tasks.reset(rng)
+    tasks.reset(KEY)
     starts = [tasks.places[k] for k in rng.permutation(8)[:robots]]
-    goals = [tasks.next_goal(robot, starts[robot], rng) for robot in range(robots)]
+    goals = [tasks.next_goal(robot, starts[robot], KEY) for robot in range(robots)]
     for _ in range(60):
         assert len(set(goals)) == robots
         robot = int(rng.integers(robots))
         before = goals[robot]
-        goals[robot] = tasks.next_goal(robot, before, rng)
+        goals[robot] = tasks.next_goal(robot, before, KEY)
         assert goals[robot] != before
         assert goals[robot] in PICKS + STATIONS
 
 
 def test_a_robot_alternates_between_picks_and_stations() -> None:
     for seed in range(8):
-        rng = np.random.default_rng(seed)
+        key = np.array([seed, 0, 0], np.uint64)
         tasks = tasks_for(2)
-        tasks.reset(rng)
+        tasks.reset(key)
         goal, kinds = (2, 2), []
         for _ in range(20):
-            goal = tasks.next_goal(1, goal, rng)
+            goal = tasks.next_goal(1, goal, key)
             kinds.append(goal in PICKS)
         assert all(a != b for a, b in zip(kinds[1:], kinds, strict=False))
 
@@ -167,7 +168,7 @@ def test_one_shot_robots_terminate_where_they_arrived_and_stay() -> None:
 def test_a_collision_may_terminate(tasks: str) -> None:
     config = EnvConfig(num_agents=10, planner="astar", action_repeat=2, terminate_on_collision=True, tasks=tasks)  # type: ignore[arg-type]
     simulator = Simulator(config, grid=room(7, 7))
-    simulator.reset(seed=0)
+    simulator.reset(seed=3)
     cruise = np.full((1, 10), simulator.cruise_action)
     hit = np.zeros(10, dtype=bool)
     for _ in range(60):

@@ -148,7 +148,7 @@ def meet(meeting: str) -> Simulator:
     rights = {"traffic": "rules"}
     config = EnvConfig(num_agents=len(starts), action_repeat=2, planner="astar", max_steps=10**6, **rights)
     sim = Simulator(config, grid=WINDING)
-    sim.reset_to([Assignment(np.array(starts), np.array(goals))], 0)
+    sim.reset_to([Assignment(np.array(starts), np.array(goals))], 1)
     for _ in range(900):
         sim.step(np.full((1, len(starts)), int(sim.cruise_action)))
     return sim

@@ -514,7 +514,7 @@ def folded(planner: str) -> int:
     """Count routes that fold back on themselves in their first 7 m, of 1,500 among robots that stand on `narrow`."""
     config = EnvConfig(layout="narrow", num_agents=64, planner=planner, traffic="routes")
     simulator, rng, count = Simulator(config), np.random.default_rng(0), 0
-    simulator.reset([0])
+    simulator.reset([2])
     routes, robots = live_of(simulator), simulator.robots[0]
     robots["clocks"]["standing_time"] = STOOD_FOR
     cells = simulator.grid.free_cells

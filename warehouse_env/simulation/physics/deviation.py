@@ -14,7 +14,6 @@ stands. So beyond the bounds it drives in jerks, and contacts are possible.
 from __future__ import annotations
 
 import math
-from collections import defaultdict
 from dataclasses import replace
 from typing import Any
 
@@ -23,6 +22,7 @@ from numpy.typing import NDArray
 
 from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.kernel import inline, kernel
+from warehouse_env.simulation.draws import DRIFT, ERROR, Draws, fraction, words
 from warehouse_env.simulation.physics import contact
 from warehouse_env.simulation.physics.contact import HEADING, SPEED, STEER, X, Y
 from warehouse_env.simulation.physics.footprint import clearance_at
@@ -43,7 +43,6 @@ ERRORS = 5
 OFF_PLAN = 0.03  # [m] that a point of a body may seem to be off its plan
 _RESERVE, _LESS_STEERING = 0.02, 0.05  # shares of the limits that are kept for steering back, beside all errors
 _DRIFT, _PERIOD = 0.7, 20.0  # share of an error that drifts, the rest is new each step; [s] to drift through all of it
-_STREAM = 5  # behind the world's own entropy, see messages.py
 _TRUSTS = 0.5  # [m] of its way after which a robot believes its localisation, as much as to 1 - 1/e
 _PER_METRE = np.float32(1.0 / _TRUSTS)
 _STIFF = np.float32(3.0)  # [1/m]: of what a body is aside, a way of 1 / _STIFF leaves 2/e
@@ -91,7 +90,7 @@ class Deviation:
     acceleration and steering in it, as shares. Each drifts within its bound, and jitters.
     """
 
-    def __init__(self, config: EnvConfig, worlds: int) -> None:
+    def __init__(self, config: EnvConfig, worlds: int, draws: Draws) -> None:
         spec = config.uncertainty_spec
         aside = spec.pose_error / math.sqrt(2.0)
         bounds = (aside, aside, spec.heading_error, spec.actuation_error, spec.actuation_error)
@@ -101,17 +100,13 @@ class Deviation:
         self.bodies = np.zeros(shape, dtype=BODY)
         self.errors = np.zeros((worlds, config.action_repeat, shape[1], ERRORS), dtype=F)
         self._drift = np.zeros((*shape, ERRORS))  # -1 to 1
-        # made when first used, as the Dispatcher's
-        self._rngs: defaultdict[int, np.random.Generator] = defaultdict(np.random.default_rng)
+        self._keys = draws.keys
+        self._steps = np.zeros(worlds, dtype=np.int64)  # env steps of each world's episode
 
-    def begin(self, world: int, entropy: list[int] | None, robots: NDArray[Any]) -> None:
-        """Begin a world's episode: robots ROBOT[N] stand where they believe, not quite where their bodies are.
-
-        entropy: seeds its generator; None: it continues.
-        """
-        if entropy is not None:
-            self._rngs[world] = np.random.default_rng(np.random.SeedSequence([*entropy, _STREAM]))
-        self._drift[world] = self._rngs[world].uniform(-1.0, 1.0, self._drift[world].shape)
+    def begin(self, world: int, robots: NDArray[Any]) -> None:
+        """Begin a world's episode: its robots ROBOT[N] are where they believe to be, and their bodies a little off."""
+        self._steps[world] = 0
+        _draw_drift(self._keys[world], self._drift[world])
         self.bodies[world] = np.zeros((), dtype=BODY)
         error = (_DRIFT * self._drift[world] * self._bounds).astype(F)
         for name, column in (("error_x", POSE_X), ("error_y", POSE_Y), ("error_heading", POSE_HEADING)):
@@ -124,18 +119,35 @@ class Deviation:
 
     def draw(self) -> None:
         """Draw the errors of the next env step."""
-        worlds, repeats, robots, _ = self.errors.shape
-        for world in range(worlds):
-            both = self._rngs[world].uniform(-1.0, 1.0, (repeats, 2, robots, ERRORS))
-            for repeat, (walk, jitter) in enumerate(both):
-                drift = self._drift[world] + self._pace * walk
-                self._drift[world] = np.where(np.abs(drift) > 1.0, np.sign(drift) * 2.0 - drift, drift)
-                self.errors[world, repeat] = (_DRIFT * self._drift[world] + (1 - _DRIFT) * jitter) * self._bounds
+        _draw_errors(self._keys, self._steps, self._pace, self._bounds, self._drift, self.errors)
+        self._steps += 1
 
     def show(self, robots: NDArray[Any], planned: NDArray[Any]) -> None:
         """Make `robots` ROBOT[B, N] equal to `planned`, with the poses and speeds of their bodies."""
         robots[...] = planned
         robots["motion"] = self.bodies["motion"]
+
+
+@kernel
+def _draw_drift(key, drift):
+    """Draw where the errors of a world's robots begin to drift, from -1 to 1, into float64[N, ERRORS]."""
+    for i, error in np.ndindex(drift.shape):
+        word, _, _, _ = words(key, DRIFT, i, 0, error)
+        drift[i, error] = 2.0 * fraction(word) - 1.0
+
+
+@kernel
+def _draw_errors(keys, steps, pace, bounds, drift, errors):
+    """Draw the errors of an env step into float32[B, repeat, N, ERRORS]; steps: int64[B]; see Deviation."""
+    repeats = errors.shape[1]
+    for b, repeat, i, error in np.ndindex(errors.shape):
+        walk, jitter, _, _ = words(keys[b], ERROR, i, steps[b] * repeats + repeat, error)
+        drifted = drift[b, i, error] + pace * (2.0 * fraction(walk) - 1.0)
+        if abs(drifted) > 1.0:
+            drifted = np.sign(drifted) * 2.0 - drifted
+        drift[b, i, error] = drifted
+        share = _DRIFT * drifted + (1.0 - _DRIFT) * (2.0 * fraction(jitter) - 1.0)
+        errors[b, repeat, i, error] = share * bounds[error]
 
 
 @kernel

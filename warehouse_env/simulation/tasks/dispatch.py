@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
@@ -17,6 +16,7 @@ from warehouse_env.maps.grid_map import Cell
 from warehouse_env.portable import Portable
 from warehouse_env.routes.book import Route, RouteBook
 from warehouse_env.routes.goals import Goal, Pose, face, facing
+from warehouse_env.simulation.draws import Draws
 from warehouse_env.simulation.physics.floor import Floor
 from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.tasks.assignment import Assignment
@@ -55,13 +55,13 @@ class Dispatcher(Portable):
 
     def __init__(
         self, config: EnvConfig, book: RouteBook, robots: NDArray[np.void], persons: NDArray[np.void],
-        limits: Limits, orders: Sequence[Order] | None = None,
+        limits: Limits, draws: Draws, orders: Sequence[Order] | None = None,
     ) -> None:  # fmt: skip
         """Make each world's tasks; ConfigError where they, or live routes, cannot be had.
 
         orders: instead of those that the config names.
         """
-        self.book, self.robots = book, robots
+        self.book, self.robots, self._draws = book, robots, draws
         self.routes = np.zeros((*robots.shape, ROUTE_BLOCK, 2), dtype=np.float32)
         self._config, self._limits, self._kind_of = config, limits, config.kind_of
         self._astray, self.far = np.empty(robots.shape, dtype=np.bool_), far_off(config, book.grid.cell_size)
@@ -71,8 +71,6 @@ class Dispatcher(Portable):
         self.tasks = [tasks(book.grid, config) for _ in range(len(robots))]
         check_given(orders, config)
         self.shifts = Shifts(config, book.grid, self.tasks, limits, orders) if config.works else None
-        # made when first used: never seeded copies of a Simulator that has not begun go their own ways
-        self._rngs: defaultdict[int, np.random.Generator] = defaultdict(np.random.default_rng)
         self._told: dict[tuple[int, int], Goal] = {}  # points and poses that an assignment gives, up to the arrival
         self._faces: dict[tuple[int, Cell], tuple[Pose, ...]] = {}  # of kinds at endpoints, once asked for
         # nan only where headings matter, since it is equal to nothing, not even in a copy of the same robot
@@ -85,17 +83,15 @@ class Dispatcher(Portable):
     def begin(self, world: int, entropy: list[int] | None, assignment: Assignment | None, floor: Floor) -> None:
         """Stand the robots of a world on the floor with their first tasks, by chance or as the assignment says.
 
-        entropy: what the world's generator is seeded with; None: it goes on.
+        entropy: what the generator of the world's shift is seeded with; None: it goes on.
         """
-        if entropy is not None:
-            self._rngs[world] = np.random.default_rng(np.random.SeedSequence(entropy))
-        self.tasks[world].reset(self._rngs[world])
+        self.tasks[world].reset(self._draws.keys[world])
         for robot in range(self.robots.shape[1]):
             self._told.pop((world, robot), None)
         if self.live is not None:
             self.live.begin(world)
         if self.shifts is not None:
-            self.shifts.begin(world, entropy)
+            self.shifts.begin(world, entropy, self._draws.keys[world])
         if assignment is not None:
             self._assign(world, assignment, floor)
         else:
@@ -129,10 +125,10 @@ class Dispatcher(Portable):
 
     def _place_all(self, world: int, floor: Floor, idle: bool) -> None:
         """Give every robot of a world a start, a goal and a route; idle: it stands, and its goal is where."""
-        rng, tasks, robots = self._rngs[world], self.tasks[world], self.robots.shape[1]
-        places = tasks.starts(rng)
+        key, tasks, robots = self._draws.keys[world], self.tasks[world], self.robots.shape[1]
+        places = tasks.starts(key)
         cells, spare = places[:robots], places[robots:]
-        goals = cells if idle else tasks.first_goals(cells, rng)
+        goals = cells if idle else tasks.first_goals(cells, key)
         if self.live is None or not self.live.plans_first:
             self.book.prepare(list(zip(cells, goals, strict=True)))
         elsewhere: list[Cell] | None = None
@@ -141,7 +137,7 @@ class Dispatcher(Portable):
                 continue
             if self._place_on_one(world, robot, spare, idle, floor):
                 continue
-            elsewhere = tasks.elsewhere(rng) if elsewhere is None else elsewhere
+            elsewhere = tasks.elsewhere(key) if elsewhere is None else elsewhere
             if not self._place_on_one(world, robot, elsewhere, idle, floor):
                 raise ConfigError(
                     f"num_agents={robots} do not fit on map {self.book.grid.name!r}: only {robot} found a "
@@ -150,10 +146,10 @@ class Dispatcher(Portable):
 
     def _place_on_one(self, world: int, robot: int, cells: list[Cell], idle: bool, floor: Floor) -> bool:
         """Put a robot on the first of some cells on which it touches nothing; take all that were tried off the list."""
-        tasks, rng = self.tasks[world], self._rngs[world]
+        tasks, key = self.tasks[world], self._draws.keys[world]
         while cells:
             cell = cells.pop(0)
-            goal, centre = cell if idle else tasks.next_goal(robot, cell, rng), self.book.grid.centre(cell)
+            goal, centre = cell if idle else tasks.next_goal(robot, cell, key), self.book.grid.centre(cell)
             # asked before a route is planned, which takes far longer, for most of these cells are taken
             fits = (place(self.robots[world], robot, centre, way, self._limits, floor) for way in _ALONG_AISLES)
             if any(fits) and self._place(world, robot, cell, goal, floor):
@@ -231,7 +227,7 @@ class Dispatcher(Portable):
             if self.shifts is None and config.tasks == "lifelong" and r["task"]["alive"]:
                 self._told.pop((world, robot), None)
                 start = state.goal_of(r)
-                goal = self.tasks[world].next_goal(robot, start, self._rngs[world])
+                goal = self.tasks[world].next_goal(robot, start, self._draws.keys[world])
                 self.give_task(world, robot, goal, self._route(world, robot, start, goal, step))
         return arrivals
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from warehouse_env.config import EnvConfig
 from warehouse_env.maps.grid_map import Cell, GridMap
+from warehouse_env.simulation.draws import TRIAL, Key, below
 from warehouse_env.simulation.tasks.placement import GAP
 from warehouse_env.simulation.tasks.tasks import Tasks
 from warehouse_env.simulation.tasks.well_formed import body_reach, cut_off, disc_of
@@ -33,31 +34,32 @@ class OneShotTasks(Tasks):
         self._apart = (2 * body_reach(config) + float(GAP)) / grid.cell_size  # [cells] between starts
         self._starts: list[Cell] = []
 
-    def starts(self, rng: np.random.Generator) -> list[Cell]:
+    def starts(self, key: Key) -> list[Cell]:
         """Return all places, those first that are far enough from each other."""
         first: list[Cell] = []
         rest: list[Cell] = []
-        for cell in super().starts(rng):
+        for cell in super().starts(key):
             roomy = all(math.dist(cell, other) >= self._apart for other in first)
             (first if roomy else rest).append(cell)
         return first + rest
 
-    def elsewhere(self, rng: np.random.Generator) -> list[Cell]:
+    def elsewhere(self, key: Key) -> list[Cell]:
         """Return none: goals are well-formed for starts on places."""
         return []
 
-    def first_goals(self, starts: Sequence[Cell], rng: np.random.Generator) -> list[Cell]:
+    def first_goals(self, starts: Sequence[Cell], key: Key) -> list[Cell]:
         """Draw goals, then anew for one that is cut off and one that may bar it, as long as no more are cut off."""
         self._starts = list(starts)
         for robot in range(len(starts)):
-            self._redraw(robot, self._kinds[self._next_kind[robot]], rng)
+            self._redraw(robot, self._kinds[self._next_kind[robot]], key)
         lost = np.flatnonzero(self._cut_off())
-        for _ in range(TRIALS):
+        for trial in range(TRIALS):
             if not len(lost):
                 break
-            robot, before = int(rng.choice(lost)), list(self._goals)
-            for one in sorted({robot, self._neighbour(robot, rng)}):
-                self._redraw(one, self.places, rng)
+            robot, before = int(lost[below(key, TRIAL, 0, trial, 0, len(lost))]), list(self._goals)
+            near = self._neighbours(robot)
+            for one in sorted({robot, int(near[below(key, TRIAL, 0, trial, 1, len(near))])}):
+                self._redraw(one, self.places, key)
             cut_off = np.flatnonzero(self._cut_off())
             if len(cut_off) <= len(lost):
                 lost = cut_off
@@ -71,40 +73,40 @@ class OneShotTasks(Tasks):
         super().assign(starts, goals)
         self._starts = list(starts)
 
-    def next_goal(self, robot: int, at: Cell, rng: np.random.Generator) -> Cell:
+    def next_goal(self, robot: int, at: Cell, key: Key) -> Cell:
         """Give a goal to a robot whose start has become another."""
         self._starts[robot] = at
-        return self._redraw(robot, self._kinds[self._next_kind[robot]], rng)
+        return self._redraw(robot, self._kinds[self._next_kind[robot]], key)
 
     def cut_off(self) -> float:
         """Return how many robots others parked at their goals could cut off from theirs; nan before the first reset."""
         return math.nan if None in self._goals else float(self._cut_off().sum())
 
-    def _redraw(self, robot: int, wanted: list[Cell], rng: np.random.Generator) -> Cell:
+    def _redraw(self, robot: int, wanted: list[Cell], key: Key) -> Cell:
         """Give a robot another goal, a wanted one if its disc can cover no other start or goal, else any free one."""
         old, self._goals[robot] = self._goals[robot], None
+        self._drawn[robot] += 1
         if old is not None:
             self._taken.discard(old)
         start, others = self._starts[robot], self._others(robot)
         for cells in (wanted, self.places):
             roomy = [cell for cell in self._apart_from(cells, others) if cell != start]
             if roomy:
-                goal = roomy[int(rng.integers(len(roomy)))]
+                goal = self._one_of(roomy, robot, 0, key)
                 break
         else:
-            goal = self._draw(self.places, start, rng) or start
+            goal = self._draw(self.places, robot, start, key) or start
         self._taken.add(goal)
         self._goals[robot] = goal
         return goal
 
-    def _neighbour(self, robot: int, rng: np.random.Generator) -> int:
-        """Return by chance one of the robots whose goals lie nearest to a robot's start or goal: they may bar it."""
+    def _neighbours(self, robot: int) -> NDArray[np.int64]:
+        """Return int64[K]: the robots whose goals lie nearest to a robot's start or goal, and so may bar it."""
         own = np.array([self._starts[robot], self._goals[robot]], dtype=np.int64)
         goals = np.array(self._goals, dtype=np.int64)
         squared = ((goals[:, None] - own[None]) ** 2).sum(axis=2).min(axis=1)
         squared[robot] = squared.max() + 1
-        near = np.argsort(squared, kind="stable")[:NEAR]
-        return int(near[int(rng.integers(len(near)))])
+        return np.argsort(squared, kind="stable")[:NEAR]
 
     def _others(self, robot: int) -> NDArray[np.int64]:
         """Return int64[K, 2], the starts and goals of all other robots."""

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from warehouse_env.config import EnvConfig
 from warehouse_env.maps.grid_map import Cell, GridMap
+from warehouse_env.simulation.draws import Key
 from warehouse_env.simulation.tasks.allocation import make_allocator
 from warehouse_env.simulation.tasks.battery import Batteries
 from warehouse_env.simulation.tasks.duty import Doing, Duty, service_time
@@ -53,12 +54,12 @@ class Shift:
         self.batteries = batteries
         self.load = np.zeros(config.num_agents)  # [kg]
         self._payloads = np.array([max(robot.payload, 1.0) for robot in config.robots])  # [kg]
-        self.begin(np.random.default_rng(), None)
+        self.begin(np.random.default_rng(), np.zeros(3, np.uint64), None)
 
-    def begin(self, rng: np.random.Generator, ledger: Ledger | None) -> None:
-        """Begin an episode in which nobody has anything to do."""
+    def begin(self, rng: np.random.Generator, key: Key, ledger: Ledger | None) -> None:
+        """Begin an episode in which nobody has anything to do; rng: for services, key: for goals."""
         count = self._config.num_agents
-        self._rng, self.ledger = rng, ledger
+        self._rng, self._key, self.ledger = rng, key.copy(), ledger
         self.duties = [Duty() for _ in range(count)]
         self._places = Places(self._waiting, self._grid.endpoints[2])
         self.load[:] = 0.0
@@ -186,7 +187,7 @@ class Shift:
             self._head_for(robot, duty.stops[0], Doing.STOP)
         elif self.ledger is None:
             held = self._places.cell_of(robot)
-            duty.stops = [self._tasks.next_goal(robot, held, self._rng)]
+            duty.stops = [self._tasks.next_goal(robot, held, self._key)]
             self._head_for(robot, duty.stops[0], Doing.STOP)
 
     def _head_for(self, robot: int, cell: Cell, doing: Doing) -> None:

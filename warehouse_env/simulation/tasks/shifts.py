@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.errors import ConfigError, shown
 from warehouse_env.maps.grid_map import Cell, GridMap
+from warehouse_env.simulation.draws import Key
 from warehouse_env.simulation.state import goal_of
 from warehouse_env.simulation.tasks.battery import Batteries
 from warehouse_env.simulation.tasks.demand import Demand
@@ -110,8 +111,8 @@ class Shifts:
         charging = found[::every][:chargers]
         return [cell for cell in found if cell not in charging], charging
 
-    def begin(self, world: int, entropy: list[int] | None) -> None:
-        """Begin a world's episode; entropy: what its generator is seeded with; None: it goes on."""
+    def begin(self, world: int, entropy: list[int] | None, key: Key) -> None:
+        """Begin a world's episode; entropy: what its generator is seeded with; None: it goes on; key: for goals."""
         if entropy is not None:
             self._rngs[world] = np.random.default_rng(np.random.SeedSequence([*entropy, _STREAM]))
         rng, config, ledger = self._rngs[world], self._config, None
@@ -119,7 +120,7 @@ class Shifts:
             ledger = Ledger(self.orders)
         elif config.orders is not None:
             ledger = Ledger(Demand(config.orders, self._grid, config.payload, rng.spawn(1)[0]))
-        self._each[world].begin(rng, ledger)
+        self._each[world].begin(rng, key, ledger)
         self._put_loads(world, range(config.num_agents))
 
     def begin_at(self, world: int, robots: NDArray[Any]) -> None:

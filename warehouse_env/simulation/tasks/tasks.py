@@ -13,7 +13,10 @@ from warehouse_env.errors import ConfigError
 from warehouse_env.kernel import kernel
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.portable import Portable
+from warehouse_env.simulation.draws import ELSEWHERE, GOAL, KIND, START, Key, below, permutation
 from warehouse_env.simulation.driver.line import forget_grants
+
+_BLIND = 8  # draws of a goal before all free ones are listed
 
 
 class Arrival(NamedTuple):
@@ -129,36 +132,40 @@ class Tasks(Portable):
                 "goals are distinct; use fewer robots or a map with more picks and stations"
             )
         self._goals: list[Cell | None] = [None] * robots
-        self._next_kind = [0] * robots
+        self._next_kind, self._drawn = [0] * robots, [0] * robots  # goals drawn so far
         self._taken: set[Cell] = set()
 
     def _bind(self) -> None:
         """Look up the map's endpoints, which all worlds share."""
         *self._kinds, self.places = self._grid.endpoints
 
-    def reset(self, rng: np.random.Generator) -> None:
-        """Forget all goals; each robot's first is a pick face or a station, by chance."""
+    def reset(self, key: Key) -> None:
+        """Forget all goals; each robot's first is a pick face or a station, by chance.
+
+        key: of the world's draws (draws.py).
+        """
         count = len(self._goals)
-        self._goals = [None] * count
-        self._next_kind = rng.integers(0, 2, count).tolist()
+        self._goals, self._drawn = [None] * count, [0] * count
+        self._next_kind = [below(key, KIND, robot, 0, 0, 2) for robot in range(count)]
         self._taken = set()
 
-    def starts(self, rng: np.random.Generator) -> list[Cell]:
+    def starts(self, key: Key) -> list[Cell]:
         """Return all places in the order in which robots may be stood on them."""
-        return [self.places[k] for k in rng.permutation(len(self.places))[::-1]]
+        return [self.places[k] for k in permutation(key, START, len(self.places))]
 
-    def elsewhere(self, rng: np.random.Generator) -> list[Cell]:
+    def elsewhere(self, key: Key) -> list[Cell]:
         """Return the other cells of floor from which all places can be reached and back, in a random order.
 
         Robots that do not fit on pick faces and stations start there.
         """
         region = self._grid.return_region(self.places[0])
         region[tuple(np.transpose(self.places))] = False
-        return [(int(row), int(column)) for row, column in rng.permutation(np.argwhere(region))]
+        cells = np.argwhere(region)
+        return [(row, column) for row, column in cells[permutation(key, ELSEWHERE, len(cells))].tolist()]
 
-    def first_goals(self, starts: Sequence[Cell], rng: np.random.Generator) -> list[Cell]:
+    def first_goals(self, starts: Sequence[Cell], key: Key) -> list[Cell]:
         """Give each robot its first goal."""
-        return [self.next_goal(robot, start, rng) for robot, start in enumerate(starts)]
+        return [self.next_goal(robot, start, key) for robot, start in enumerate(starts)]
 
     def assign(self, starts: Sequence[Cell], goals: Sequence[Cell]) -> None:
         """Take these as the robots' goals; after a pick face the next is a station, after anything else a pick face.
@@ -173,11 +180,12 @@ class Tasks(Portable):
         """Return how many robots others parked at their goals could cut off from theirs; nan where nobody parks."""
         return math.nan
 
-    def next_goal(self, robot: int, at: Cell, rng: np.random.Generator) -> Cell:
+    def next_goal(self, robot: int, at: Cell, key: Key) -> Cell:
         """Give a robot its next goal: neither where it is nor the goal of another robot."""
         old = self._goals[robot]
+        self._drawn[robot] += 1
         kind = self._next_kind[robot]
-        goal = self._draw(self._kinds[kind], at, rng) or self._draw(self.places, at, rng) or at
+        goal = self._draw(self._kinds[kind], robot, at, key) or self._draw(self.places, robot, at, key) or at
         if old is not None:
             self._taken.discard(old)
         self._taken.add(goal)
@@ -185,11 +193,15 @@ class Tasks(Portable):
         self._next_kind[robot] = 1 - kind
         return goal
 
-    def _draw(self, cells: list[Cell], at: Cell, rng: np.random.Generator) -> Cell | None:
-        """Draw a free one of `cells`, None if there is none: a few blind draws first, then a full search."""
-        for _ in range(8):
-            cell = cells[int(rng.integers(len(cells)))]
+    def _draw(self, cells: list[Cell], robot: int, at: Cell, key: Key) -> Cell | None:
+        """Draw a robot's goal, a free one of `cells`; None if there is none: a few blind draws, then a full search."""
+        for attempt in range(_BLIND):
+            cell = self._one_of(cells, robot, attempt, key)
             if cell not in self._taken and cell != at:
                 return cell
         free = [cell for cell in cells if cell not in self._taken and cell != at]
-        return free[int(rng.integers(len(free)))] if free else None
+        return self._one_of(free, robot, _BLIND, key) if free else None
+
+    def _one_of(self, cells: list[Cell], robot: int, attempt: int, key: Key) -> Cell:
+        """Return one of `cells` by chance, in an attempt to draw a robot's present goal."""
+        return cells[int(below(key, GOAL, robot, self._drawn[robot], attempt, len(cells)))]
