@@ -1,1 +1,1 @@
-"""What is kept of an episode: metrics, recordings, the log of jams."""
+"""Records of an episode: metrics, recordings, the count of deadlocks."""
