@@ -13,6 +13,7 @@ import pytest
 from train.reporting.report import Table, evaluation_table, number, summarise, with_interval
 from train.reporting.rows import Interval, RowFile, instead, mean_interval, read_rows, t_quantile, wilson_interval
 from warehouse_env.errors import WarehouseError
+from warehouse_env.traffic_spec import TrafficSpec
 
 
 @pytest.mark.parametrize(
@@ -83,6 +84,15 @@ def test_table_has_success_only_where_tasks_end() -> None:
     table = evaluation_table([row("follow", 2, tasks="one_shot", success_rate=0.75, makespan_s=50.0)])
     assert "75" in table.cells[0][table.header.index("success %")]
     assert "one_shot" in table.title
+
+
+def test_the_table_says_what_each_policy_drove_with() -> None:
+    rules, shield = {"config": {"traffic": "rules"}}, {"config": {"traffic": {**vars(TrafficSpec(shield=True))}}}
+    note = evaluation_table([row("follow", 2, **shield), row("runs/mine", 2, **rules), row("greedy", 0, **rules)]).note
+    assert "none:shield=true (follow); rules (mine, greedy)" in note
+    assert "differs" in note
+    assert "differs" not in evaluation_table([row("follow", 2, **rules), row("greedy", 0, **rules)]).note
+    assert "traffic" not in evaluation_table([row("follow", 2)]).note
 
 
 def test_markdown_and_print(capsys: pytest.CaptureFixture[str]) -> None:
