@@ -41,7 +41,7 @@ STACKS: dict[str, dict[str, Any]] = {
     "one shot": {**RIGHT, "tasks": "one_shot"},
 }  # fmt: skip
 PLAIN = ("field, raw", "right of way around rings", "ants' routes", "people", "silence", "errors")
-LONG = dict.fromkeys(("kinds", "errors"), pytest.mark.nightly)  # they compile kernels of their own
+LONG = dict.fromkeys(("kinds", "errors", "poses"), pytest.mark.nightly)  # they compile kernels of their own
 
 
 def make(name: str, worlds: int, robots: int) -> Simulator:

@@ -74,7 +74,7 @@ def differ(name: str) -> list[str]:
     return found if alike else [*found, "parts that are as all others make a difference"]
 
 
-@pytest.mark.parametrize("name", OPTIONS)
+@pytest.mark.parametrize("name", ["all rules", pytest.param("errors", marks=pytest.mark.nightly)])
 def test_parts_that_are_as_all_others_change_no_bit_and_nobody_is_judged_by_the_worlds_record(name: str) -> None:
     """Without the compiler, which would take minutes for so many options."""
     program = f"from tests.simulation.test_fleet import differ; print('differences', *differ({name!r}))"

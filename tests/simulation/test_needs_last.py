@@ -11,7 +11,7 @@ from warehouse_env.simulation.state import OWNER, field_of
 WITH = {"layout": "open", "num_agents": 3, "planner": "astar", "arrival": "stop", "action_repeat": 2}
 
 
-@pytest.mark.parametrize("shield", [False, True])
+@pytest.mark.parametrize("shield", [False, pytest.param(True, marks=pytest.mark.nightly)])
 def test_goals_and_fields_are_seen_alike_with_and_without_needs(shield: bool) -> None:
     config = EnvConfig(**WITH, traffic=TrafficSpec(shield=shield))  # type: ignore[arg-type]
     without = Simulator(config)

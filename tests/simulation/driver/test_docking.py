@@ -184,5 +184,6 @@ def bits_of_docking() -> str:
     return digest.hexdigest()
 
 
+@pytest.mark.nightly
 def test_docking_is_the_same_in_plain_python() -> None:
     assert plain_python(PROGRAM) == [bits_of_docking()]

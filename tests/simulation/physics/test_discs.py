@@ -104,7 +104,7 @@ def rays_to_discs(simulator: Simulator, grow: float) -> NDArray[np.float64]:
     return found
 
 
-STAGE = stage(MAP, (0.5, 0.5, 0.0))
+STAGE = stage(MAP, (0.5, 0.5, 0.0), action_type="discrete")  # as in the environments: compiled once
 WALLS_ONLY = stage(GridMap(SHELF, picks=MAP.picks, stations=MAP.stations), (0.5, 0.5, 0.0))
 
 

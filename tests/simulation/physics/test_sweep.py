@@ -48,7 +48,7 @@ def odd_robot(rng: np.random.Generator) -> RobotSpec:
     )  # fmt: skip
 
 
-@settings(max_examples=500)
+@settings(max_examples=250)
 @given(st.integers(0, 10**9), st.floats(-0.1, 0.1), st.sampled_from([0.05, 0.2]), st.booleans())
 def test_bodies_touch_between_samples_where_dense_sampling_says_so(
     seed: int, gap: float, dt: float, alike: bool
@@ -107,7 +107,7 @@ def test_bodies_that_turn_beside_a_corner_touch_it_where_dense_sampling_says_so(
     """Some only between the ends of their arcs."""
     grid, rng, hits = drawn([".....", ".....", "..#..", ".....", "....."]), np.random.default_rng(1), 0
     walls = shelves(grid.occupied)
-    for _ in range(600):
+    for _ in range(400):
         pose = (rng.uniform(1.0, 4.0), rng.uniform(1.0, 4.0), rng.uniform(-3.0, 3.0))
         speed, steer = rng.choice([-0.5, 1.5]), rng.choice([-1.0, 1.0])
         poses = on_arcs(np.array(pose), np.full(2, speed), np.full(2, steer), 0.2, BETWEEN)
@@ -124,7 +124,7 @@ def test_bodies_that_turn_beside_a_corner_touch_it_where_dense_sampling_says_so(
 
 
 @pytest.mark.parametrize("guarded", [False, True], ids=["contact", "field"])
-@settings(max_examples=12)
+@settings(max_examples=6)
 @given(st.integers(0, 10**6), st.sampled_from([(0.1, 1.5), (0.1, 3.0), (0.2, 1.5)]))
 def test_fast_crossings(guarded: bool, seed: int, pace: tuple[float, float]) -> None:
     """Robots that rush about a crowded maze with long substeps and no margin never overlap, at any instant."""

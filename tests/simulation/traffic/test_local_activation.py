@@ -147,7 +147,7 @@ def test_a_jam_that_the_field_leaves_is_dissolved() -> None:
         switches: dict[str, Any] = {"right_of_way_after": 5.0} if right else {"right_of_way": False}
         simulator = simulator_with_right(32, "narrow", max_steps=1500, routes=False, **switches)
         cruise = np.full((1, 32), int(simulator.cruise_action))
-        for seed in range(10, 14):
+        for seed in (10, 11):
             simulator.reset(seed=seed)
             for _ in range(1500):
                 simulator.step(cruise)
