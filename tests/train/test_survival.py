@@ -36,17 +36,7 @@ def weights(folder: Path) -> dict[str, np.ndarray[Any, Any]]:
 
 def arguments(config: ReinforceConfig) -> list[str]:
     """Return a command line that begins the training `config`."""
-    words = [
-        sys.executable,
-        "-m",
-        "train.cli",
-        "train",
-        "reinforce",
-        "--out",
-        str(config.out),
-        "--steps",
-        str(config.steps),
-    ]
+    words = [*REINFORCE, "--out", str(config.out), "--steps", str(config.steps)]
     for name, value in SMALL.items():
         if name != "progress":
             words += [f"--{name.replace('_', '-')}", *map(str, value if isinstance(value, tuple) else (value,))]

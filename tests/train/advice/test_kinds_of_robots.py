@@ -89,13 +89,3 @@ def test_what_is_not_for_the_bodies_is_said_before_anything_is_driven(
     with pytest.warns(MapWarning, match=r"^hall: bodies of 1.4 x 0.6 m need aisles of 1.4 m to turn from one into"):
         assert main(["advise", "--map", str(floor), "--fleet", str(fleet), "--out", str(tmp_path / "out")]) == 2
     assert capsys.readouterr().err == "warehouse: nobody drives\n"
-
-
-def test_robots_too_large_for_the_floor_are_one_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = tmp_path / "fleet.json"
-    path.write_text('[{"share": 1, "robot": {"width": 9000}}]', encoding="utf-8")
-    assert main(["advise", "--layout", "open", "--fleet", str(path), "--out", str(tmp_path / "out")]) == 2
-    error = capsys.readouterr().err
-    assert "m reach no pick face or no station of open; choose" in error
-    assert error.count("\n") == 1
-    assert not (tmp_path / "out").exists()

@@ -188,16 +188,6 @@ def test_ctrl_c_keeps_the_finished_rows(
     assert len(read_rows(tmp_path / "rows.jsonl")) == 2
 
 
-def test_pictures(tmp_path: Path) -> None:
-    pytest.importorskip("matplotlib")
-    options = command(tmp_path, "--policy", "brake", "--episodes", "1")
-    options.remove("--no-pictures")
-    assert main(options) == 0
-    assert {path.name for path in tmp_path.iterdir()} == {
-        "rows.jsonl", "table.md", "collisions.png", "trajectories_open_2_brake.png",
-    }  # fmt: skip
-
-
 @pytest.mark.parametrize("name", ["evaluate", "robust", "audit", "demo"])
 def test_rows_are_not_replaced_unasked(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     short = "--policy brake --layout open --robots 2 --episodes 1 --seconds 2 --planner astar"

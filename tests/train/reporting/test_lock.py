@@ -47,14 +47,3 @@ def test_a_file_system_without_locks_is_written_to(tmp_path: Path, monkeypatch: 
     with RowFile(tmp_path / "rows.jsonl") as file:
         file.add([{"a": 1}])
     assert (tmp_path / "rows.jsonl").read_text() == '{"a": 1}\n'
-
-
-def test_two_commands_do_not_write_one_file_of_rows(tmp_path: Path) -> None:
-    path = tmp_path / "rows.jsonl"
-    with RowFile(path) as file:
-        file.add([{"a": 1}])
-        with pytest.raises(WarehouseError, match=r"rows\.jsonl is in use by process"):
-            RowFile(path, keep=True).__enter__()
-    with RowFile(path, keep=True) as file:
-        assert file.old() == [{"a": 1}]
-    assert [one.name for one in tmp_path.iterdir()] == ["rows.jsonl"]
