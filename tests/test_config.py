@@ -56,6 +56,7 @@ SLIPS = {
 }
 
 
+@pytest.mark.nightly
 def test_mypy_refuses_slips_and_lets_right_calls_pass(tmp_path: Path) -> None:
     pytest.importorskip("mypy")
     snippet = tmp_path / "snippet.py"
