@@ -1,4 +1,4 @@
-"""How `make docs` builds these pages: Sphinx reads Markdown by MyST, and fetches nothing."""
+"""Configure `make docs`: Sphinx reads Markdown by MyST, and fetches nothing."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ suppress_warnings = ["myst.xref_missing_local"]
 autodoc_typehints = "signature"
 autodoc_typehints_format = "short"
 autodoc_preserve_defaults = True
-maximum_signature_line_length = 90  # characters; a longer one has a line for each argument
-autoclass_content = "both"  # what __init__ says, too
+maximum_signature_line_length = 90  # characters; longer ones have a line per argument
+autoclass_content = "both"  # include the docstring of __init__
 autodoc_member_order = "bysource"
-default_role = "literal"  # what docstrings have in backticks
+default_role = "literal"  # of text in backticks in docstrings
 
 html_math_renderer = "mathml"
 html_theme = "furo"

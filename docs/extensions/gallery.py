@@ -1,4 +1,4 @@
-"""`make gallery`: the moving pictures of docs/gallery.md, by the lines that stand there; pages filmed in a Chromium."""
+"""`make gallery`: make the moving pictures of docs/gallery.md from its own code; film pages in a Chromium."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ from warehouse_env import VideoWriter
 
 DOCS = Path(__file__).parents[1]
 PICTURES = DOCS / "gallery"
-SIZE = {"width": 900, "height": 600}  # [px] of the window in which a page is filmed
+SIZE = {"width": 900, "height": 600}  # [px] of the filmed window
 FRAMES, EVERY, FPS = 18, 3, 6.0  # env steps between two
-BEGIN, ROBOT, KEYS = 20.0, 17, "++"  # [s]; who is followed; what is pressed first
+BEGIN, ROBOT, KEYS = 20.0, 17, "++"  # [s]; the followed robot; the keys pressed first
 
 
 def blocks(language: str) -> list[str]:
-    """Return the code of a language on the page."""
+    """Return the code blocks of a language on the page."""
     text = (DOCS / "gallery.md").read_text(encoding="utf-8")
     return re.findall(rf"^```{language}\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
 
 
 def film_page(page: Path, path: Path) -> None:
-    """Film a replay page, 1.8 times as fast as in life."""
+    """Film a replay page, 1.8 times as fast as real."""
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as playwright, VideoWriter(path, FPS) as video:
@@ -51,7 +51,7 @@ def film_page(page: Path, path: Path) -> None:
 
 
 def main() -> None:
-    """Run all that stands on the page in a folder of its own, film the replay pages, and keep the pictures."""
+    """Run the page's code in a temporary folder, film its replay pages, and store the pictures."""
     PICTURES.mkdir(exist_ok=True)
     with tempfile.TemporaryDirectory() as folder:
         os.chdir(folder)

@@ -1,4 +1,4 @@
-"""Directives for what is never typed by hand: tables of options, of registries, and the commands' help."""
+"""Sphinx directives that generate tables of options and registries, and the commands' help."""
 
 from __future__ import annotations
 
@@ -33,19 +33,19 @@ _TYPES = (
 
 
 def looked_up(path: str) -> Any:
-    """Return what a path such as `warehouse_env.config.RobotSpec` names."""
+    """Return the object at a path such as `warehouse_env.config.RobotSpec`."""
     module, _, name = path.rpartition(".")
     return getattr(importlib.import_module(module), name)
 
 
 def field_notes(options: type) -> dict[str, str]:
-    """Return what the source says about each field of a dataclass, as the commands' help has it."""
+    """Return the docstring of each field of a dataclass, as in the commands' help."""
     notes = {one.name: _docstrings.get_field_docstring(options, one.name, ()) for one in dataclasses.fields(options)}
     return {name: " ".join((note or "").split()) for name, note in notes.items()}
 
 
 def default_of(field: dataclasses.Field[Any]) -> str:
-    """Return a field's default as one would write it; "" where it must be given."""
+    """Return a field's default as source code; "" if the field is required."""
     if field.default_factory is not dataclasses.MISSING:
         made = field.default_factory()
         return f"{type(made).__name__}()" if dataclasses.is_dataclass(made) else f"{made!r}, on this machine"
@@ -62,7 +62,7 @@ def table(header: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
 
 
 def options_table(options: type) -> str:
-    """Return a table of a dataclass: each field with its type, its default, its unit and meaning."""
+    """Return a table of a dataclass: each field with type, default, unit and meaning."""
     notes, kinds = field_notes(options), get_type_hints(options)
     rows = [
         (f"`{field.name}`", _kind(kinds[field.name], field.type), _code(default_of(field)), _plain(notes[field.name]))
@@ -72,7 +72,7 @@ def options_table(options: type) -> str:
 
 
 def help_of(command: str) -> str:
-    """Return what `warehouse COMMAND --help` prints; "" is the list of commands."""
+    """Return the output of `warehouse COMMAND --help`; "" gives the list of commands."""
     text = io.StringIO()
     plain = {"COLUMNS": COLUMNS, "NO_COLOR": "1", "TERM": "dumb"}
     with mock.patch.dict(os.environ, plain), contextlib.redirect_stdout(text):
@@ -82,7 +82,7 @@ def help_of(command: str) -> str:
 
 
 def _kind(kind: Any, written: object) -> str:
-    """Return a type as it is written, without what tyro is told of it, but the values of a choice themselves."""
+    """Return a type as in the source, without tyro's annotations; a choice gives its values."""
     written = kind if str(written).startswith("Annotated[") else written
     return " or ".join(f"`{value!r}`" for value in get_args(kind)) if get_origin(kind) is Literal else f"`{written}`"
 
@@ -92,21 +92,21 @@ def _code(text: str) -> str:
 
 
 def _plain(text: str) -> str:
-    """Keep Markdown from reading a note as markup, but for its backticks."""
+    """Escape Markdown in a note, except its backticks."""
     parts = text.split("`")
     escaped = ["".join(f"\\{sign}" if sign in "*_[]<>" else sign for sign in part) for part in parts[::2]]
     return "".join(a + (f"`{b}`" if b is not None else "") for a, b in zip(escaped, [*parts[1::2], None], strict=True))
 
 
 def _marked(found: list[nodes.Node]) -> list[nodes.Node]:
-    """Let the style know the tables of options."""
+    """Mark tables of options for the style sheet."""
     for one in (one for node in found for one in node.findall(nodes.table)):
         one["classes"].append("options")
     return found
 
 
 class Options(SphinxDirective):
-    """The table of a dataclass's fields, named by its path."""
+    """Table of the fields of the dataclass at a path."""
 
     required_arguments = 1
 
@@ -116,12 +116,12 @@ class Options(SphinxDirective):
 
 
 class Parameters(SphinxDirective):
-    """The tables of all dataclasses of a registry, each under its name there with its docstring."""
+    """Tables of all dataclasses of a registry, each with its name and docstring."""
 
     required_arguments = 1
 
     def run(self) -> list[nodes.Node]:
-        """Return a section for each."""
+        """Return a section for each dataclass."""
         parts: list[str] = []
         for name, one in looked_up(self.arguments[0]).items():
             parts += [f"### {name}", "", _plain(" ".join((inspect.getdoc(one) or "").split("\n\n")[0].split())), ""]
@@ -130,10 +130,10 @@ class Parameters(SphinxDirective):
 
 
 class Commands(SphinxDirective):
-    """The help of every command."""
+    """Help of every command."""
 
     def run(self) -> list[nodes.Node]:
-        """Return the list of commands, then a section for each."""
+        """Return the list of commands, then a section for each command."""
         parts = ["## warehouse", "", "```text", help_of(""), "```", ""]
         for name in COMMANDS:
             parts += [f"## warehouse {name}", "", "```text", help_of(name), "```", ""]
@@ -141,7 +141,7 @@ class Commands(SphinxDirective):
 
 
 class Board(SphinxDirective):
-    """The benchmark's tables of the shipped policies."""
+    """Benchmark tables of the shipped policies."""
 
     def run(self) -> list[nodes.Node]:
         """Return a table for each track."""
@@ -151,7 +151,7 @@ class Board(SphinxDirective):
 
 
 def _adapted(app: Sphinx, what: str, name: str, obj: object, options: object, lines: list[str]) -> None:
-    """Make reStructuredText of a plain docstring: signs stand for themselves, hanging paragraphs keep their lines."""
+    """Convert a plain docstring to reStructuredText: escape signs, keep the lines of hanging paragraphs."""
     paragraphs = "\n".join(lines).split("\n\n")
     lines[:] = "\n\n".join(map(_paragraph, paragraphs)).splitlines()
 
@@ -173,12 +173,12 @@ def _as_written(text: str) -> str:
 
 
 def _typed(app: Sphinx, what: str, name: str, obj: object, options: object, *parts: str | None) -> tuple[Any, ...]:
-    """Return a signature and its result's type with types as the source writes them."""
+    """Return a signature and its result with types as in the source."""
     return tuple(part and _as_written(part) for part in parts)
 
 
 def _typed_attribute(app: Sphinx, domain: str, kind: str, content: nodes.Element) -> None:
-    """Do the same for properties and attributes, of whose type no signature event tells."""
+    """Do the same for properties and attributes, which have no signature event."""
     for one in content.parent.findall(addnodes.desc_annotation) if kind in ("property", "attribute") else ():
         if one.astext() != (text := _as_written(one.astext())):
             one.clear()

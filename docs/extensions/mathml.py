@@ -1,4 +1,4 @@
-"""Formulas as MathML, which browsers draw by themselves: nothing is fetched, neither in building nor in reading."""
+"""Render formulas as MathML, which browsers draw without fetching anything."""
 
 from __future__ import annotations
 

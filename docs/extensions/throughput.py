@@ -1,6 +1,6 @@
-"""`make chart`: draw docs/throughput.svg, from rows of measured episodes that are kept beside it.
+"""`make chart`: draw docs/throughput.svg from the stored rows of measured episodes.
 
-With files of rows as arguments it takes these first: `python docs/extensions/throughput.py results/*/rows.jsonl`.
+Files of rows as arguments replace the stored ones: `python docs/extensions/throughput.py results/*/rows.jsonl`.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ DOCS = Path(__file__).parents[1]
 ROWS, PICTURE = DOCS / "measured" / "throughput.jsonl", DOCS / "throughput.svg"
 KEPT = ("policy", "layout", "robots", "seed", "late_goals_per_robot_hour", "collisions_per_km")
 FLOORS = ("paper46", "narrow")
-_ROOM = 30  # goals an hour from which a bar has room for its figure
-# In the order of the bars; what is no policy of ours in another colour.
+_ROOM = 30  # goals per hour; a higher bar has room for its figure
+# In the order of the bars; grey marks policies of others.
 BARS = {
     "threaded_ppo": ("threaded_ppo\n(learned)", "#0072b2"),
     "greedy": ("greedy\n(right of way)", "#56a4d3"),
@@ -35,7 +35,7 @@ BARS = {
 
 
 class Bar(NamedTuple):
-    """Late goals per robot and hour, with a 95% interval, and collisions per kilometre."""
+    """Late goals per robot-hour, with a 95% interval, and collisions per kilometre."""
 
     mean: float
     low: float
@@ -44,7 +44,7 @@ class Bar(NamedTuple):
 
 
 def measured(policy: str, floor: str, robots: int) -> Bar:
-    """Return the figures of a policy on a floor."""
+    """Return the figures of a policy on a floor for a number of robots."""
     rows = [r for r in read_rows(ROWS) if (r["policy"], r["layout"], r["robots"]) == (policy, floor, robots)]
     mean, low, high, _ = mean_interval([row["late_goals_per_robot_hour"] for row in rows])
     return Bar(mean, low, high, sum(row["collisions_per_km"] for row in rows) / len(rows))
@@ -55,7 +55,7 @@ def _hits(bar: Bar) -> str:
 
 
 def draw() -> None:
-    """Draw the chart: bars of 32 robots, the free flow of one alone as a line."""
+    """Draw the chart: bars for 32 robots, a line for the free flow of one robot."""
     figure, axes = plt.subplots(1, len(FLOORS), figsize=(10.6, 3.9), sharey=True, layout="constrained")
     for ax, floor in zip(axes, FLOORS, strict=True):
         bars = {policy: measured(policy, floor, 32) for policy in BARS}
@@ -76,7 +76,7 @@ def draw() -> None:
 
 
 def keep(files: list[str]) -> None:
-    """Take the rows of evaluations, cut to what is drawn."""
+    """Store the drawn fields of evaluation rows."""
     rows: list[dict[str, Any]] = [row for file in files for row in read_rows(Path(file))]
     lines = [json.dumps({name: row[name] for name in KEPT}) for row in rows]
     ROWS.write_text("\n".join(lines) + "\n", encoding="utf-8")
