@@ -343,3 +343,17 @@ def test_a_way_without_a_plan_is_not_in_the_table() -> None:
     with pytest.raises(PlanError):
         known.cells(PLACES[0], PLACES[-1])
     assert known.cells(PLACES[1], PLACES[-1]).tolist() == [list(PLACES[1]), list(PLACES[-1])]
+
+
+def test_the_shipped_table_holds_what_the_planner_plans() -> None:
+    """A change of the planner needs another table: `RouteBook.plan_all` makes it."""
+    grid = make_layout("paper46")
+    known = RouteBook(grid, make_planner(EnvConfig.planner))
+    assert known.has_table
+    picks, stations, _ = grid.endpoints
+    assert known._table is not None
+    tasks = [(pick, station)[::way] for pick in picks[::57] for station in stations[::13] for way in (1, -1)]
+    kept = [task for task in tasks if known._table.cells(*task) is not None]
+    assert len(kept) > 10
+    for task in kept:
+        np.testing.assert_array_equal(known._table.cells(*task), known._plan(*task).cells)

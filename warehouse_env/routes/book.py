@@ -111,16 +111,19 @@ class RouteBook(Portable):
         return self._table is not None
 
     def plan_all(self, track: Callable[[list[Cell]], Iterable[Cell]] = iter) -> None:
-        """Make the plan table: plan between all endpoints, on as many threads as allowed, and keep that on disk.
+        """Make or complete the plan table: plan between all endpoints on all allowed threads, and keep that on disk.
 
         track: yields the goals while they are planned to, for a progress bar.
         """
         places = self.grid.endpoints[2]
         with ThreadPoolExecutor(get_num_threads()) as pool:
-            plans = (pool.map(self._plan, places, itertools.repeat(goal)) for goal in track(places))
-            cells = (plan.cells for plan in itertools.chain.from_iterable(plans))
-            write_table(self.grid, self.planner, cells, cache_directory())
+            plans = (pool.map(self._for_table, places, itertools.repeat(goal)) for goal in track(places))
+            write_table(self.grid, self.planner, itertools.chain.from_iterable(plans), cache_directory())
         self._table = read_table(self.grid, self.planner)
+
+    def _for_table(self, start: Cell, goal: Cell) -> NDArray[np.int64]:
+        known = None if self._table is None else self._table.cells(start, goal)
+        return self._plan(start, goal).cells if known is None else known
 
     def _key(self, start: Cell, goal: Cell, behind: Cell | None) -> str:
         return f"{self.grid.key} {self.planner.key} {start} {goal} {behind} 0"

@@ -53,12 +53,10 @@ def _name(grid: GridMap, planner: Planner) -> str:
 
 
 def read_table(grid: GridMap, planner: Planner) -> PlanTable | None:
-    """Return the table of a floor and a planner if there is one and it is whole."""
-    name = _name(grid, planner)
-    for file in (SHIPPED / name, cache_directory() / name):
-        if file.is_file():
-            return _read(file, tuple(grid.endpoints[2]))
-    return None
+    """Return the table of a floor and a planner, the user's own before the shipped one; None without a whole one."""
+    name, places = _name(grid, planner), tuple(grid.endpoints[2])
+    files = (folder / name for folder in (cache_directory(), SHIPPED))
+    return next((table for file in files if file.is_file() and (table := _read(file, places)) is not None), None)
 
 
 @lru_cache(maxsize=16)
