@@ -50,7 +50,7 @@ def test_a_doctored_one_is_not(recorded: Path, tmp_path: Path, capsys: pytest.Ca
 
 
 def test_what_is_shipped_is_clean_as_it_drives(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    words = ["--policy", "greedy", "ppo", *DRIVE.split(), "--people", "2", "--episodes", "2"]
+    words = ["--policy", "greedy", "ppo", *DRIVE.split(), "--episodes", "2"]
     assert audit(tmp_path, *words) == 0
     rows = read_rows(tmp_path / "rows.jsonl")
     assert [(row["policy"], row["seed"]) for row in rows] == [("greedy", 4), ("greedy", 5), ("ppo", 4), ("ppo", 5)]

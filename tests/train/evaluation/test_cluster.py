@@ -25,6 +25,7 @@ pytest.importorskip("ray")
 pytestmark = pytest.mark.xdist_group("ray")  # one cluster for all of them
 
 
+@pytest.mark.nightly
 def test_a_job_that_kills_its_worker_is_named_by_the_command(
     tmp_path: Path, connected_nodes: Any, registries: None, monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
