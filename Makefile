@@ -64,7 +64,7 @@ gallery: $(STAMP) ## make the moving pictures of docs/gallery.md anew; needs a C
 chart: $(STAMP) ## draw docs/throughput.svg anew, from docs/measured/throughput.jsonl
 	$(RUN)/python docs/extensions/throughput.py
 
-clients: ## use SuperSuit, TorchRL, RLlib, Gymnasium and SB3 for real, briefly, in .venv-clients
+clients: ## use SuperSuit, TorchRL, BenchMARL, RLlib, Gymnasium and SB3 for real, briefly, in .venv-clients
 	@$(MAKE) --no-print-directory test VENV=$(VENV)-clients EXTRAS=$(EXTRAS),clients \
 	  CONSTRAINTS=constraints-clients.txt \
 	  TESTS="tests/clients -m 'nightly or not nightly' --verbosity 1 --durations 0 --durations-min 1"

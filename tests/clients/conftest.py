@@ -13,6 +13,7 @@ NEEDS = {
     "test_sweep.py": "ray",
     "test_supersuit.py": "supersuit",
     "test_torchrl.py": "torchrl",
+    "test_benchmarl.py": "benchmarl",
 }
 INSTALLED = {package: find_spec({"ray": "tree"}.get(package, package)) is not None for package in set(NEEDS.values())}
 collect_ignore = [file for file, package in NEEDS.items() if not INSTALLED[package]]

@@ -27,7 +27,9 @@ def test_an_episode_ends_with_its_last_observation_and_metrics_and_the_next_begi
     assert infos["_final_obs"].all()
     assert not torch.equal(infos["final_obs"], observation)  # the worlds have begun anew
     assert not torch.equal(observation, first)  # and elsewhere
-    assert env.state().shape == (3, 6 * 8)
+    env.simulator.download([0, 1, 2])
+    for world in range(3):
+        assert env.state()[world].tolist() == env.simulator.host.global_state(world).tolist()
 
 
 def test_the_same_seed_gives_the_same_episode_in_any_number_of_worlds() -> None:

@@ -16,8 +16,38 @@ from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning.plan import Planner
 from warehouse_env.simulation import state
 from warehouse_env.simulation.device.simulator import DeviceSimulator
+from warehouse_env.simulation.simulator import Simulator
 
+_VIEWED = ("x", "y", "goal_x", "goal_y", "cos", "sin", "speed", "steer")  # a robot's entries of the state
 Step = tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor, dict[str, Any]]
+
+
+class GlobalView:
+    """The state of all worlds for centralised critics, computed where the worlds are."""
+
+    def __init__(self, simulator: Simulator | DeviceSimulator) -> None:
+        """Find the state's entries in the records of the robots."""
+        self._simulator = simulator
+        host = simulator if isinstance(simulator, Simulator) else simulator.host
+        self.device = torch.device("cpu") if isinstance(simulator, Simulator) else simulator.device
+        side = max(host.grid.shape) * host.grid.cell_size
+        scales = [(*[side] * 4, 1.0, 1.0, robot.max_speed, robot.max_steering) for robot in simulator.config.robots]
+        self._scales = torch.tensor(scales, dtype=torch.float32, device=self.device)
+        self._columns = torch.tensor([_word(name) for name in _VIEWED], device=self.device)
+
+    def __call__(self) -> torch.Tensor:
+        """Return float32[worlds, N * 8], a row with the bits of `Simulator.global_state` for each world."""
+        robots = self._simulator.robots
+        if not isinstance(robots, torch.Tensor):
+            robots = torch.from_numpy(robots.view(np.uint8).reshape(*robots.shape, -1))
+        return (robots.view(torch.float32).index_select(-1, self._columns) / self._scales).flatten(1)
+
+
+def _word(name: str) -> int:
+    """Return which 32-bit word of a ROBOT holds a field."""
+    owner, fields = state.OWNER[name], dict(state.ROBOT.fields or {})
+    start = fields[owner][1] + dict(fields[owner][0].fields or {})[name][1]
+    return int(start // 4)
 
 
 class WarehouseTensorEnv(VectorEnv[torch.Tensor, torch.Tensor, torch.Tensor]):
@@ -37,6 +67,7 @@ class WarehouseTensorEnv(VectorEnv[torch.Tensor, torch.Tensor, torch.Tensor]):
         self.single_action_space = simulator.host.action_space
         self.observation_space = gymnasium.vector.utils.batch_space(self.single_observation_space, self.num_envs)
         self.action_space = gymnasium.vector.utils.batch_space(self.single_action_space, self.num_envs)
+        self._state = GlobalView(simulator)
         self._never = torch.zeros(self.num_envs, dtype=torch.bool, device=self.device)
 
     def reset(
@@ -69,11 +100,7 @@ class WarehouseTensorEnv(VectorEnv[torch.Tensor, torch.Tensor, torch.Tensor]):
 
     def state(self) -> torch.Tensor:
         """Return float32[worlds, N * 8] for centralised critics (Simulator.global_state)."""
-        simulator = self.simulator
-        robots = simulator.download(list(range(simulator.num_worlds)))
-        side = max(simulator.host.grid.shape) * simulator.host.grid.cell_size
-        views = np.stack([state.global_view(one, side, simulator.config) for one in robots])
-        return torch.from_numpy(views).to(self.device)
+        return self._state()
 
 
 def tensor_env(

@@ -85,6 +85,11 @@ class DeviceSimulator:
         """Whether each world has reached max_steps."""
         return self.host.truncated
 
+    @property
+    def robots(self) -> torch.Tensor:
+        """The robots' records on the device, uint8[B, N, bytes of a ROBOT]."""
+        return self._tensors["robots"]
+
     def _allocate(self) -> None:
         host, memory = self.host, self._memory
         views = dict[str, Any]()
