@@ -5,7 +5,8 @@ PYTHON ?= python3
 VENV ?= .venv
 EXTRAS ?= render,train,orca,onnx,ray,docs,dev
 CONSTRAINTS ?= constraints.txt
-TESTS ?= -n auto --maxprocesses 8 --dist loadgroup
+# A file a process: its tests use the same kernels, which two processes would compile twice.
+TESTS ?= -n auto --maxprocesses 8 --dist loadfile
 KILLS ?= 1000
 HOSTILE ?= 1000
 DECISIONS ?= 1000000

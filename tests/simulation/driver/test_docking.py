@@ -11,15 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from tests.simulation.driver.test_manoeuvre import PARAMETERS, SCRATCH, around, driven, query
+from tests.simulation.driver.test_manoeuvre import SCRATCH, around, driven, query
 from tests.simulation.worlds import drawn, plain_python, room
 from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.simulation.driver.manoeuvre import ARCS, search_once
 from warehouse_env.simulation.driver.shots import shoot
-from warehouse_env.simulation.physics.floor import floor_of
-from warehouse_env.simulation.physics.footprint import body_touches_shelf
-from warehouse_env.simulation.physics.geometry import body_of
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.tasks.assignment import Assignment
 
@@ -59,22 +55,6 @@ def test_straight_ahead_is_one_arc_and_behind_a_wall_is_none() -> None:
     assert arcs is not None
     np.testing.assert_allclose(arcs, [[3.0, 0.0]], atol=1e-4)
     assert shot(WALL, (3.0, 1.2, 0.0), (3.0, 3.5, 0.0)) is None
-
-
-def test_the_search_leads_round_the_wall_and_ends_exactly() -> None:
-    start, goal = (2.5, 1.5, 0.0), (3.2, 3.6, math.pi)
-    grid = drawn(["......", "......", ".###..", "......", "......"])
-    assert shot(grid, (2.5, 1.2, 0.0), (2.5, 3.8, 0.0)) is None
-    floor, arcs = floor_of(grid, 1.0), np.zeros((ARCS, 2), np.float32)
-    asked = query(start, np.array([(*goal, 0.0)], np.float32), around(grid), exact=True)
-    count = search_once(asked, asked.near, 1, arcs, True)
-    assert count > 0
-    poses = driven(start, arcs[:count])
-    ends_at(poses, goal)
-    p = PARAMETERS[0]
-    for px, py, turned in poses.astype(np.float32):
-        c, s = np.cos(turned), np.sin(turned)
-        assert not body_touches_shelf(body_of(px, py, c, s, p), floor)
 
 
 HARD: dict[str, tuple[Pose, Pose]] = {

@@ -10,12 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.simulation.worlds import Pose, raw, room, stage
+from tests.simulation.worlds import Pose, room, stage
 from warehouse_env.simulation.record.deadlocks import DeadlockCounter
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.state import NOBODY
 from warehouse_env.simulation.traffic.waits import find_wait_cycles
-from warehouse_env.traffic_spec import TrafficSpec
 
 EAST, NORTH, WEST, SOUTH = 0.0, math.pi / 2, math.pi, -math.pi / 2
 
@@ -64,16 +63,6 @@ def test_who_has_refused_it_or_goes_first_is_waited_for(refused_by: int, yields_
     assert waits(simulator) == [answer, NOBODY, NOBODY]
     simulator.robots["clocks"]["waiting_time"] = 0.0  # yet who drives waits for nobody
     assert waits(simulator) == [NOBODY] * 3
-
-
-def test_under_the_field_it_names_who_stands_in_the_way() -> None:
-    simulator = stage(
-        room(12, 12), (4.5, 5.5, EAST), (5.5, 5.5, NORTH), traffic=TrafficSpec(shield=True)
-    )  # 0.1 m of gap
-    simulator.robots["on_route"]["points"] = 0  # no route to look along
-    for _ in range(30):
-        simulator.step(raw(simulator, (1.0, 0.0), (0.0, 0.0)))
-    assert waits(simulator) == [1, NOBODY]
 
 
 CROSSING = [(5.2, 5.5, EAST), (6.5, 5.2, NORTH), (6.8, 6.5, WEST), (5.5, 6.8, SOUTH)]  # each before the next flank

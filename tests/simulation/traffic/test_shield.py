@@ -234,27 +234,6 @@ def test_tasks_and_routes_that_change_while_robots_brake(seed: int, kind: Any, o
     assert untouched(simulator)
 
 
-@pytest.mark.parametrize(
-    "robot",
-    [
-        RobotSpec(length=1.4, width=0.4, front_overhang=0.1, max_speed=3.0, min_speed=-3.0, max_acceleration=6.0),
-        RobotSpec(length=0.5, width=0.5, front_overhang=0.45, wheelbase=0.3, max_acceleration=0.3),
-        RobotSpec(length=1.2, wheelbase=0.8, front_overhang=1.0),
-    ],
-    ids=["long and fast", "square, brakes weakly", "front-steered"],
-)
-def test_robots_of_other_shapes(robot: RobotSpec) -> None:
-    back = robot.length / 2 - robot.front_overhang
-    for seed in range(3):
-        rng = np.random.default_rng(seed)
-        centres = [(2.0 + 3.6 * (k % 4), 2.0 + 3.6 * (k // 4), rng.uniform(-3, 3)) for k in range(16)]
-        poses = [(x + back * math.cos(a), y + back * math.sin(a), a) for x, y, a in centres]
-        simulator = guarded(room(15, 15), *poses, robot=robot)
-        shake(simulator, rng, 80)
-        assert untouched(simulator)
-        assert simulator.robots["totals"]["distance"].sum() > 5.0
-
-
 def test_the_check_finds_what_a_shield_lets_through() -> None:
     simulator = guarded(room(3, 20), (2.0, 1.5, 0.0), (9.0, 1.5, 0.0))
     simulator._params["field_margin"] = -1.0  # a shield that bodies may run through

@@ -73,18 +73,6 @@ def test_what_is_disturbed_is_audited_as_it_is_then(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("layout", "robots", "seed", "seconds"),
-    [("narrow", 16, 1_000_001, 5), ("random", 64, 1_000_100, 5)],
-)
-def test_where_a_field_that_looked_at_samples_alone_let_bodies_overlap(
-    layout: str, robots: int, seed: int, seconds: int, tmp_path: Path
-) -> None:
-    """Found by audits: two robots by up to 1.8 mm between two samples."""
-    floor = ["--layout", layout, "--robots", str(robots), "--seed", str(seed), "--seconds", str(seconds)]
-    assert audit(tmp_path, "--policy", "threaded_ppo", *floor, "--episodes", "1") == 0
-
-
-@pytest.mark.parametrize(
     ("words", "said"),
     [
         ("", "name episode files to audit, or policies to drive"),

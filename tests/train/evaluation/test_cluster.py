@@ -22,7 +22,6 @@ from train.evaluation.jobs import Numbered, Progress, Result, Tick
 from train.reporting.rows import read_rows
 
 pytest.importorskip("ray")
-pytestmark = pytest.mark.xdist_group("ray")  # one cluster for all of them
 
 
 @pytest.mark.nightly

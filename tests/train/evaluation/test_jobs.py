@@ -72,7 +72,7 @@ def done(path: Path, jobs: Sequence[Job], workers: Workers | None = None) -> lis
         return run(jobs)
 
 
-@pytest.fixture(params=["processes", pytest.param("cluster", marks=pytest.mark.xdist_group("ray"))])
+@pytest.fixture(params=["processes", "cluster"])
 def make_workers(request: pytest.FixtureRequest) -> Callable[[], Workers]:
     """Both kinds of workers that can be lost."""
     if request.param == "processes":
@@ -163,7 +163,6 @@ def driven(path: Path, *more: str) -> list[Row]:
     return sorted(rows, key=lambda row: (row["policy"], row["episode"]))
 
 
-@pytest.mark.xdist_group("ray")
 def test_rows_are_the_same_here_in_processes_and_on_two_nodes(tmp_path: Path, connected_nodes: Any) -> None:
     here = driven(tmp_path / "here")
     assert len(here) == 10
