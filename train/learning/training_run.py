@@ -190,7 +190,7 @@ def _beginning(config: TrainingConfig) -> str:
     """Return the first line; compiling may delay the next one for a minute."""
     if config.resume is not None:
         return f"goes on with {config.resume}; Ctrl-C stops and keeps what is learned"
-    budget = [f"{config.minutes:g} minutes"] if config.minutes is not None else []
+    budget = [f"{config.minutes:g} minute{'s' * (config.minutes != 1)}"] if config.minutes is not None else []
     budget += [f"{config.total_steps:,} agent-steps"] if config.total_steps is not None else []
     more = len(config.layouts) - _NAMED
     floors = ", ".join(config.layouts[:_NAMED]) + (f" and {more} more" if more > 0 else "")
