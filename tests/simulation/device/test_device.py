@@ -101,8 +101,10 @@ def test_actions_of_another_kind_or_shape_are_refused(bad: torch.Tensor) -> None
 def test_actions_out_of_range_are_refused(bad: int) -> None:
     simulator = DeviceSimulator(config(), WORLDS, device="cpu")
     simulator.reset(0)
+    before = simulator.robots.clone()
     with pytest.raises(ActionError, match=r"0\.\.K-1"):
         simulator.step(torch.full((WORLDS, ROBOTS), bad))
+    assert torch.equal(simulator.robots, before)
 
 
 @pytest.mark.skipif(importlib.util.find_spec("numba_cuda") is not None, reason="numba-cuda is installed")

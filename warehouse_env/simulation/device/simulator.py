@@ -140,12 +140,11 @@ class DeviceSimulator:
         actions: int[B, N] of a discrete config, else float[B, N, 2] in [-1, 1] (clipped), on the device. ActionError
         for another shape, and for what is out of range or not finite.
         """
-        valid = self._decode(actions)
+        if not bool(self._decode(actions)):  # before anything moves, as the Simulator does
+            raise ActionError("actions must be finite, and discrete ones in 0..K-1; some are not")
         self._launch(drivers.advance, self._threads)
         self._launch(drivers.search, self._searches)
-        calls = torch.nonzero(self._calls.view(-1)).view(-1)  # waits for the device, as `bool` below
-        if not bool(valid):
-            raise ActionError("actions must be finite, and discrete ones in 0..K-1; some are not")
+        calls = torch.nonzero(self._calls.view(-1)).view(-1)
         self.host.steps += 1
         self.host.truncated[:] = self.host.steps >= self.config.max_steps
         self.arrivals = self._answer(calls) if len(calls) else []
