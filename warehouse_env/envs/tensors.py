@@ -14,7 +14,7 @@ from warehouse_env.envs.infos import known
 from warehouse_env.envs.options import build
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning.plan import Planner
-from warehouse_env.simulation import state
+from warehouse_env.simulation.device.memory import field_on_device
 from warehouse_env.simulation.device.simulator import DeviceSimulator
 from warehouse_env.simulation.simulator import Simulator
 
@@ -33,21 +33,14 @@ class GlobalView:
         side = max(host.grid.shape) * host.grid.cell_size
         scales = [(*[side] * 4, 1.0, 1.0, robot.max_speed, robot.max_steering) for robot in simulator.config.robots]
         self._scales = torch.tensor(scales, dtype=torch.float32, device=self.device)
-        self._columns = torch.tensor([_word(name) for name in _VIEWED], device=self.device)
 
     def __call__(self) -> torch.Tensor:
         """Return float32[worlds, N * 8], a row with the bits of `Simulator.global_state` for each world."""
         robots = self._simulator.robots
         if not isinstance(robots, torch.Tensor):
             robots = torch.from_numpy(robots.view(np.uint8).reshape(*robots.shape, -1))
-        return (robots.view(torch.float32).index_select(-1, self._columns) / self._scales).flatten(1)
-
-
-def _word(name: str) -> int:
-    """Return which 32-bit word of a ROBOT holds a field."""
-    owner, fields = state.OWNER[name], dict(state.ROBOT.fields or {})
-    start = fields[owner][1] + dict(fields[owner][0].fields or {})[name][1]
-    return int(start // 4)
+        viewed = torch.stack([field_on_device(robots, name) for name in _VIEWED], dim=-1)
+        return (viewed / self._scales).flatten(1)
 
 
 class WarehouseTensorEnv(VectorEnv[torch.Tensor, torch.Tensor, torch.Tensor]):

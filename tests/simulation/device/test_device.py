@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import torch
 
-from warehouse_env import ConfigError, EnvConfig, SensorSpec, Simulator, TrafficSpec
+from warehouse_env import ConfigError, EnvConfig, RewardWeights, SensorSpec, Simulator, TrafficSpec
 from warehouse_env.errors import ActionError
 from warehouse_env.simulation.device import drivers, memory
 from warehouse_env.simulation.device.simulator import DeviceSimulator, check_device
@@ -63,6 +63,19 @@ def test_a_device_has_the_bits_of_the_simulator(changes: dict[str, Any], device:
     for name in OWNER:
         assert field_of(here.robots, name).tobytes() == field_of(there.host.robots, name).tobytes(), name
     assert arrivals > 0 or "action_type" in changes
+
+
+def test_rewards_take_new_weights_on_the_way() -> None:
+    here, there = Simulator(config(), WORLDS), DeviceSimulator(config(), WORLDS, device="cpu")
+    assert np.array_equal(here.reset(7), there.reset(7))
+    given, before = np.full((WORLDS, ROBOTS), here.cruise_action), there.reward.clone()
+    for progress in (0.0, 5.0):
+        here.reward_weights = there.reward_weights = RewardWeights(progress=progress)
+        here.step(given)
+        there.step(torch.from_numpy(given))
+        assert np.array_equal(here.reward, there.reward)
+        assert not torch.equal(before, there.reward)
+        before = there.reward.clone()
 
 
 def test_threads_share_the_worlds_and_have_scratch_of_their_own(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from warehouse_env.simulation import state
 from warehouse_env.simulation.device import shim
 
 Bundle = TypeVar("Bundle")
@@ -127,6 +128,13 @@ def tensor_of(array: NDArray[Any]) -> torch.Tensor:
     if whole.dtype.fields:
         whole = whole.view(np.uint8).reshape(*array.shape, array.dtype.itemsize)
     return torch.from_numpy(whole.copy())
+
+
+def field_on_device(records: torch.Tensor, name: str) -> torch.Tensor:
+    """Return the view of a field of ROBOT records uint8[..., bytes], in whichever record it is (`state.field_of`)."""
+    record, begin = dict(state.ROBOT.fields or {})[state.OWNER[name]][:2]
+    dtype, offset = dict(record.fields or {})[name][:2]
+    return records.view(torch.from_numpy(np.empty(0, dtype)).dtype)[..., (begin + offset) // dtype.itemsize]
 
 
 def _typed(flat: torch.Tensor, shape: Sequence[int], dtype: np.dtype[Any]) -> torch.Tensor:

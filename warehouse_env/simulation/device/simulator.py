@@ -13,7 +13,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from warehouse_env.config import EnvConfig
+from warehouse_env.config import EnvConfig, RewardWeights
 from warehouse_env.errors import ActionError, ConfigError
 from warehouse_env.simulation import state
 from warehouse_env.simulation.device import drivers
@@ -44,8 +44,8 @@ def check_device(config: EnvConfig) -> None:
     missing = [name for name, has in _ABSENT if has(config)]
     if missing:
         raise ConfigError(
-            f"a device does not simulate {', '.join(missing)} yet: leave that out "
-            "(for instance traffic=TrafficSpec(shield=True)), or use the CPU"
+            f"a device does not simulate {', '.join(missing)} yet: leave that out (for instance "
+            "traffic=TrafficSpec(shield=True); in commands, --traffic none:shield=true), or use the CPU"
         )
 
 
@@ -90,6 +90,16 @@ class DeviceSimulator:
         """The robots' records on the device, uint8[B, N, bytes of a ROBOT]."""
         return self._tensors["robots"]
 
+    @property
+    def reward_weights(self) -> RewardWeights:
+        """The weights of the reward; can be set at any time (for schedules)."""
+        return self.host.reward_weights
+
+    @reward_weights.setter
+    def reward_weights(self, weights: RewardWeights) -> None:
+        self.host.reward_weights = weights
+        self._weights.copy_(tensor_of(self.host.setup.equipment.weights))
+
     def _allocate(self) -> None:
         host, memory = self.host, self._memory
         views = dict[str, Any]()
@@ -100,9 +110,13 @@ class DeviceSimulator:
         scratch = make_scratch(host.setup, self.num_agents, decides=False)
         unused = tuple(np.empty((0,) * one.ndim, one.dtype) for one in scratch.meetings)  # of right of way
         self._calls, calls = memory.allocate((self.num_worlds, self.num_agents), np.dtype(np.bool_))
+        self._weights, weights = memory.allocate(host.setup.equipment.weights.shape, host.setup.equipment.weights.dtype)
+        self.reward_weights = host.reward_weights
+        setup = mapped(host.setup, memory.constant)
+        setup = setup._replace(equipment=setup.equipment._replace(weights=weights))
         self._threads, self._searches = memory.threads(self.num_worlds), memory.threads(min(self.num_worlds, SEARCHES))
         self._batch = drivers.Batch(
-            Worlds(**views), mapped(host.setup, memory.constant),
+            Worlds(**views), setup,
             mapped(scratch._replace(meetings=unused), lambda array: memory.scratch(self._threads, array)),
             mapped(host.search_setup, memory.constant),
             mapped(make_search_scratch(self.num_agents), lambda array: memory.scratch(self._searches, array)),
