@@ -17,11 +17,11 @@ from agents.weights_folder import CONFIG, read_record, read_tensors
 from train.clmapf.instance import read_instance
 from train.clmapf.solution import read_solution
 from train.commands.kinds import read_fleet
-from train.fleet.broker import secure_context
 from train.fleet.check import check_log
 from train.fleet.driven import load_episode
 from train.fleet.factsheet import factsheet_of
-from train.fleet.listen import hear_log
+from train.fleet.publisher import secure_context
+from train.fleet.received import hear_log
 from train.learning import checkpoint
 from train.learning.progress import read_run
 from train.reporting.comparison import read_runs
@@ -214,8 +214,7 @@ READERS: dict[str, Reader] = {
     "instance.yaml": of_text(lambda path: repr(read_instance(path, "i")), CLMAPF),
     "solution.yaml": of_text(lambda path: repr(read_solution(path)), CLMAPF_SOLUTION),
     "log.jsonl": of_text(lambda path: check_log(path).messages, LOG, WarehouseError),
-    "heard.jsonl": of_text(lambda path: hear_log(path).fleet.messages, LOG, WarehouseError),
-    "cafile.pem": Reader(lambda path: secure_context(path, None, None), bytes, ConfigError),
-    "cert.pem": Reader(lambda path: secure_context(None, path, path), bytes, ConfigError),
+    "heard.jsonl": of_text(lambda path: hear_log(path).messages, LOG, WarehouseError),
+    "cafile.pem": Reader(secure_context, bytes, ConfigError),
     "digest": Reader(file_digest, lambda: b"any", WarehouseError),
 }  # fmt: skip

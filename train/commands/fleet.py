@@ -11,29 +11,27 @@ import tyro
 from rich.progress import Progress
 
 from train.commands.layouts import BY_MAP
-from train.fleet.broker import Broker, broker_of, package, secure_context
 from train.fleet.build import episode_of
 from train.fleet.check import check_log
-from train.fleet.driven import FleetEpisode, load_simulated
-from train.fleet.listen import Heard, ListenLimits, hear_broker, hear_log
+from train.fleet.driven import load_simulated
 from train.fleet.messages import LOG, Names
 from train.fleet.orders import Story, story_of
-from train.fleet.publisher import publish
+from train.fleet.publisher import Broker, broker_of, package, publish, secure_context
+from train.fleet.received import hear_log
 from train.fleet.row import fleet_table, row_of
 from train.fleet.vehicle import serial_of
 from train.fleet.write import messages_of, write_floor, write_log
-from train.reporting.report import counted, make_progress, tell
+from train.reporting.report import counted, make_progress
 from train.reporting.rows import RowFile
 from warehouse_env.checked import Checked
 from warehouse_env.config import EnvConfig
-from warehouse_env.errors import ConfigError, LostError
-from warehouse_env.files import check_writable, whereabouts
+from warehouse_env.errors import ConfigError
+from warehouse_env.files import check_writable
 from warehouse_env.maps.fitting import load_floor
 
 _SHOWN = 20  # faults in words
 _DAY = datetime(2026, 1, 1, tzinfo=UTC)  # when episodes in logs begin, so the same episode gives the same file
-EPISODE = "episode.npz"
-PATIENCE = 60.0  # [s]
+FOLDER, EPISODE = Path("results/fleet"), "episode.npz"
 
 
 @dataclass(frozen=True)
@@ -52,8 +50,8 @@ class FleetCommand(Checked):
     """With --mqtt, simulated seconds per second (1)."""
     check: Path | None = None
     """Log to check, a file or folder with messages.jsonl: schemas, headers, orders, states. Exit code 1 for faults."""
-    listen: str | None = None
-    """Source of a real fleet's messages: a log, or a broker, HOST or HOST:PORT."""
+    listen: Path | None = None
+    """Log of a real fleet's messages, as `mosquitto_sub -F %J` prints them: a file, or a folder with messages.jsonl."""
     layout: Annotated[str | None, BY_MAP] = None
     """With --listen, the floor: a name of `warehouse layouts`, a file NAME.map, NAME.yaml of map_server in the
     vehicles' frame, or FILE.py:FUNCTION."""
@@ -62,23 +60,14 @@ class FleetCommand(Checked):
     every: float | None = None
     """Seconds between two visualization messages of a vehicle (each step); with --listen, the episode's time step (as
     often as vehicles report)."""
-    seconds: float | None = None
-    """With --listen HOST, stop after so many seconds (when all vehicles are offline)."""
-    patience: float | None = None
-    """With --listen HOST, stop after so many seconds without a message (60). A lost connection is retried for as long;
-    exit code 3 if that fails."""
     interface: str = "uagv"
-    """First part of the topics."""
+    """First part of the topics that are written."""
     user: str | None = None
-    """User at the broker; the password comes from WAREHOUSE_MQTT_PASSWORD."""
+    """With --mqtt, user at the broker; the password comes from WAREHOUSE_MQTT_PASSWORD."""
     tls: bool = False
-    """Use TLS (port 8883 by default). Each of the next three options implies it."""
+    """With --mqtt, use TLS (port 8883 by default); --cafile implies it."""
     cafile: Path | None = None
-    """Certificates of the authorities to trust, in PEM format (those of this machine)."""
-    cert: Path | None = None
-    """Certificate for a broker that asks for one, in PEM format; needs --key."""
-    key: Path | None = None
-    """Private key of --cert, in PEM format, without a passphrase."""
+    """With --mqtt, certificates of the authorities to trust, in PEM format (those of this machine)."""
     json: Path | None = None
     """File for a row about the result, as JSON lines."""
 
@@ -86,7 +75,6 @@ class FleetCommand(Checked):
         super().__post_init__()
         self._between(0.01, 1000.0, "speed")
         self._between(0.001, 3600.0, "every")
-        self._between(0.1, 1e7, "seconds", "patience")
         plain = self.interface.isprintable() and 0 < len(self.interface) <= 100 and not set(self.interface) & set("/+#")
         self._require(plain, "interface", "a part of a topic: some characters, none of / + #")
         named = self.user is None or (self.user.isprintable() and 0 < len(self.user) <= 1000)
@@ -96,34 +84,26 @@ class FleetCommand(Checked):
         """Write, check or listen."""
         asked = [self.episode is not None, self.check is not None, self.listen is not None]
         if sum(asked) != 1:
-            raise ConfigError("name an episode to write, --check LOG or --listen LOG_OR_HOST: one of them")
-        self._check_options()
+            raise ConfigError("name an episode to write, --check LOG or --listen LOG: one of them")
+        for used, names, what in (
+            (self.episode is not None, ("mqtt",), "an episode"),
+            (self.listen is not None, ("layout", "beside"), "--listen"),
+            (self.mqtt is not None, ("speed", "user", "tls", "cafile"), "--mqtt HOST"),
+        ):
+            given = [f"--{name}" for name in names if getattr(self, name)]
+            if given and not used:
+                raise ConfigError(f"{' and '.join(given)} go{'es' * (len(given) == 1)} with {what}")
         if self.episode is not None:
             self._write(self.episode)
         elif self.check is not None:
             self._check(self.check)
-        else:
-            self._listen(str(self.listen))
-
-    def _check_options(self) -> None:
-        """Raise ConfigError for options without the one that they need."""
-        live = self.listen is not None and _is_broker(self.listen)
-        for used, names, what in (
-            (self.episode is not None, ("mqtt",), "an episode; a broker to listen to is named by --listen HOST"),
-            (self.listen is not None, ("layout", "beside"), "--listen"),
-            (live or self.mqtt is not None, ("user", "tls", "cafile", "cert", "key"),
-             "a broker: --mqtt HOST or --listen HOST"),
-            (live, ("seconds", "patience"), "--listen HOST"),
-            (self.mqtt is not None, ("speed",), "--mqtt HOST"),
-        ):  # fmt: skip
-            given = [f"--{name}" for name in names if getattr(self, name)]
-            if given and not used:
-                raise ConfigError(f"{' and '.join(given)} go{'es' * (len(given) == 1)} with {what}")
+        elif self.listen is not None:
+            self._listen(self.listen)
 
     def _write(self, path: Path) -> None:
         """Write or publish an episode's messages."""
         broker = None if self.mqtt is None else self._broker(self.mqtt)
-        folder = Path("results/fleet") if self.out is None and broker is None else self.out
+        folder = FOLDER if self.out is None and broker is None else self.out
         if folder is not None:
             check_writable(folder / LOG)
         begin, rows = _DAY if broker is None else datetime.now(UTC), RowFile(self.json)
@@ -173,64 +153,31 @@ class FleetCommand(Checked):
         if found.total:
             raise SystemExit(1)
 
-    def _listen(self, source: str) -> None:
-        """Make an episode of what vehicles say, write it, and print its figures."""
-        folder, config = self.out or Path("results/fleet"), self._floor()
+    def _listen(self, log: Path) -> None:
+        """Make an episode of a log, write it, and print its figures."""
+        if self.layout is None:
+            raise ConfigError("name the fleet's floor with --layout NAME_OR_FILE")
+        config, path = EnvConfig(self.layout, planner="astar"), (self.out or FOLDER) / EPISODE
         grid, rows = load_floor(config), RowFile(self.json)
-        check_writable(folder / EPISODE)
+        check_writable(path)
         beside = None if self.beside is None else load_simulated(self.beside)
-        heard = self._hear(source, folder)
-        episode = episode_of(heard.fleet, grid, config, self.every)
-        episode.save(folder / EPISODE)
-        shown = [(episode, source), *([] if beside is None else [(beside, str(self.beside))])]
         with make_progress() as progress:
+            bar = progress.add_task("messages", total=None)
+            fleet = hear_log(log, lambda: progress.advance(bar))
+            episode = episode_of(fleet, grid, config, self.every)
+            episode.save(path)
+            shown = [(episode, log), *([] if beside is None else [(beside, self.beside)])]
             bar = progress.add_task("figures", total=sum(len(one.pose) for one, _ in shown))
-            found = [row_of(one, name, lambda: progress.advance(bar)) for one, name in shown]
+            found = [row_of(one, str(name), lambda: progress.advance(bar)) for one, name in shown]
         fleet_table(found, episode.notes).print()
         rows.add(found)
-        self._say(episode, heard, folder)
-
-    def _say(self, episode: FleetEpisode, heard: Heard, folder: Path) -> None:
-        """Print what was written; raise what interrupted it."""
-        path = folder / EPISODE
         vehicles, seconds = len(episode.vehicles), (len(episode.pose) - 1) * episode.config.time_step
         print(
-            f"{heard.why}: {heard.fleet.messages:,} messages of {counted(vehicles, 'vehicle')}, {seconds:.1f} s from "
-            f"{episode.begin}; wrote the episode to {path}; to see it: warehouse replay {path} --html "
-            f"{path.with_suffix('.html')}"
+            f"{fleet.messages:,} messages of {counted(vehicles, 'vehicle')}, {seconds:.1f} s from {episode.begin}; "
+            f"wrote the episode to {path}; to see it: warehouse replay {path} --html {path.with_suffix('.html')}"
         )
-        if heard.stopped is not None:
-            if isinstance(heard.stopped, KeyboardInterrupt):
-                raise type(heard.stopped)(f"what came is kept in {folder}") from None
-            if isinstance(heard.stopped, LostError):
-                raise LostError(f"{heard.stopped}; what came is kept in {folder}") from None
-            raise heard.stopped
-
-    def _hear(self, source: str, folder: Path) -> Heard:
-        """Read the log, or listen to the broker."""
-        broker = self._broker(source) if _is_broker(source) else None
-        with make_progress() as progress:
-            bar = progress.add_task(f"listening to {source}", total=None)
-            if broker is None:
-                return hear_log(whereabouts(source), lambda: progress.advance(bar))
-            tell(f"listening to {broker.name}; Ctrl-C ends it and keeps what came", progress.console)
-            limits = ListenLimits(self.patience or PATIENCE, self.seconds)
-            return hear_broker(broker, self.interface, folder, limits, lambda: progress.advance(bar))
 
     def _broker(self, text: str) -> Broker:
         package()
-        files = (self.cafile, self.cert, self.key)
-        secure = self.tls or any(file is not None for file in files)
-        return broker_of(text, self.user, secure_context(*files) if secure else None)
-
-    def _floor(self) -> EnvConfig:
-        """Return a config that names the floor."""
-        if self.layout is None:
-            raise ConfigError("name the fleet's floor with --layout NAME_OR_FILE")
-        return EnvConfig(self.layout, planner="astar")
-
-
-def _is_broker(source: str) -> bool:
-    """Whether this names a broker and no log."""
-    path = whereabouts(source)
-    return not (path.exists() or path.suffix.lower() in (".jsonl", ".json", ".log", ".txt") or "/" in source)
+        secure = self.tls or self.cafile is not None
+        return broker_of(text, self.user, secure_context(self.cafile) if secure else None)

@@ -60,11 +60,8 @@ def episode_of(fleet: HeardFleet, grid: GridMap, config: EnvConfig, every: float
 
 
 def _messages_notes(fleet: HeardFleet) -> list[str]:
-    """Return notes on messages that were left out or are of another version, and on lost connections."""
+    """Return notes on messages that were left out, or are of another version."""
     notes = [f"{count:,} messages or lines {why}: left out" for why, count in sorted(fleet.left_out.items())]
-    if fleet.gaps:
-        broke = counted(len(fleet.gaps), "time")
-        notes.append(f"the connection to the broker broke {broke}; nothing was heard for {sum(fleet.gaps):.1f} s then")
     notes += [
         f"{counted(count, 'message')} are of version {major} of VDA 5050; what version 2.1 does not have is not shown"
         for major, count in sorted(fleet.versions.items())

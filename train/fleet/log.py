@@ -47,9 +47,12 @@ def read_log(path: Path) -> Iterator[tuple[int, LogEntry | Bad]]:
 
 def entry_of(line: bytes) -> LogEntry | Bad:
     """Parse a line of a log."""
-    data = decoded(line)
-    if isinstance(data, Bad):
-        return data
+    try:
+        data = json.loads(line)
+    except (ValueError, RecursionError) as error:
+        return Bad(f"it is no JSON: {shown(str(error))}")
+    if not isinstance(data, dict):
+        return Bad("it is no JSON object")
     topic, payload = data.get("topic"), data.get("payload")
     if not isinstance(topic, str):
         return Bad("it has no topic")
@@ -57,15 +60,6 @@ def entry_of(line: bytes) -> LogEntry | Bad:
         return Bad("its payload is no JSON object")
     qos, retain = data.get("qos"), data.get("retain")
     return LogEntry(topic, payload, qos if qos in (0, 1, 2) else None, bool(retain) if retain in (0, 1) else None)
-
-
-def decoded(text: bytes) -> dict[str, Any] | Bad:
-    """Parse a JSON object."""
-    try:
-        data = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        return Bad(f"it is no JSON: {shown(str(error))}")
-    return data if isinstance(data, dict) else Bad("it is no JSON object")
 
 
 def moment_of(stamp: object, zoned: bool = False) -> float | None:

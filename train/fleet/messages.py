@@ -32,13 +32,9 @@ class Message(NamedTuple):
     @property
     def line(self) -> str:
         """The line of a log, as `mosquitto_sub -F %J` prints it."""
-        return log_line(self.payload["timestamp"], self.topic, self.qos, self.retain, self.text)
-
-
-def log_line(received: str, topic: str, qos: int, retain: bool, text: str) -> str:
-    """Return the line of a log for a payload with the JSON `text`."""
-    about = {"tst": received, "topic": topic, "qos": qos, "retain": int(retain), "payloadlen": len(text.encode())}
-    return f'{json.dumps(about)[:-1]}, "payload": {text}}}\n'
+        text, stamp = self.text, self.payload["timestamp"]
+        about = {"tst": stamp, "topic": self.topic, "qos": self.qos, "retain": int(self.retain)}
+        return f'{json.dumps(about)[:-1]}, "payloadlen": {len(text.encode())}, "payload": {text}}}\n'
 
 
 @dataclass(frozen=True)

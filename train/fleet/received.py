@@ -8,13 +8,15 @@ from __future__ import annotations
 import math
 from array import array
 from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from train.fleet.figures import AT_PERSON, AT_ROBOT, AT_SHELF, LOADED
-from train.fleet.log import Bad, LogEntry, moment_of, version_of
+from train.fleet.log import Bad, LogEntry, log_path, moment_of, read_log, version_of
 from train.fleet.vehicle import CONTACTS
 from warehouse_env.errors import WarehouseError
 
@@ -111,7 +113,6 @@ class HeardFleet:
         self.left_out: Counter[str] = Counter()
         self.versions: Counter[int] = Counter()  # messages read, by major version
         self.messages = self.places = self.states = 0
-        self.gaps: list[float] = []  # [s] without a message after the connection broke
         self._said: set[tuple[Key, str]] = set()  # vehicles and topics heard so far
 
     def add(self, entry: LogEntry | Bad) -> None:
@@ -119,7 +120,7 @@ class HeardFleet:
         if isinstance(entry, Bad):
             self.left_out["are no message"] += 1
             return
-        if self.is_stale(entry):
+        if self._is_stale(entry):
             return
         self.messages += 1
         name, key = entry.topic.rpartition("/")[2], _key(entry)
@@ -147,7 +148,7 @@ class HeardFleet:
         else:
             self._report(vehicle, name, entry.payload)
 
-    def is_stale(self, entry: LogEntry) -> bool:
+    def _is_stale(self, entry: LogEntry) -> bool:
         """Return whether a connection message is retained from an earlier session, or repeated."""
         if not entry.retain or not entry.topic.endswith("/connection"):
             return False
@@ -156,12 +157,6 @@ class HeardFleet:
         if vehicle is None or not vehicle.spoke:
             return _connection(entry.payload) in GONE
         return vehicle.connection == entry.payload
-
-    @property
-    def gone(self) -> bool:
-        """Whether vehicles have sent messages, and all of them are offline."""
-        spoke = [vehicle for vehicle in self.vehicles.values() if vehicle.spoke]
-        return bool(spoke) and all(one.connected and one.connected[-1][1] in GONE for one in spoke)
 
     def _is_read(self, entry: LogEntry) -> bool:
         """Return whether a message names a version that is read, or none; count it by its version."""
@@ -201,6 +196,15 @@ class HeardFleet:
             return
         self.places += 1
         vehicle.place(seconds, pose, _text(position.get("mapId"))[:200])
+
+
+def hear_log(given: Path, moved: Callable[[], object] = lambda: None) -> HeardFleet:
+    """Read a log file, or the one in a folder; moved: called after each line. WarehouseError if there is none."""
+    fleet = HeardFleet()
+    for _, entry in read_log(log_path(given)):
+        fleet.add(entry)
+        moved()
+    return fleet
 
 
 def _key(entry: LogEntry) -> Key | None:

@@ -1,4 +1,4 @@
-"""Brokers for tests: amqtt in a thread, and a scripted one; certificates."""
+"""Brokers for tests: amqtt in a thread, one that answers a single packet, a subscriber; certificates."""
 
 from __future__ import annotations
 
@@ -6,17 +6,15 @@ import asyncio
 import contextlib
 import shutil
 import socket
-import ssl
 import subprocess
 import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from train.fleet.messages import Message
+from train.fleet.publisher import Broker
 
 amqtt = pytest.importorskip("amqtt.broker")
 ANONYMOUS = {"amqtt.plugins.authentication.AnonymousAuthPlugin": {"allow_anonymous": True}}
@@ -28,26 +26,6 @@ def free_port() -> int:
         return int(server.getsockname()[1])
 
 
-def until(done: Callable[[], bool]) -> None:
-    """Wait until a condition holds."""
-    for _ in range(1000):
-        if done():
-            return
-        time.sleep(0.01)
-    raise AssertionError("the condition never held")
-
-
-class _Strict(amqtt.Broker):  # type: ignore[misc, name-defined]
-    """Requires client certificates on listeners with an authority; amqtt itself makes them optional."""
-
-    @staticmethod
-    def _create_ssl_context(listener: Any) -> ssl.SSLContext:
-        context = amqtt.Broker._create_ssl_context(listener)
-        assert isinstance(context, ssl.SSLContext)
-        context.verify_mode = ssl.CERT_REQUIRED if listener.get("cafile") else ssl.CERT_NONE
-        return context
-
-
 @contextlib.contextmanager
 def running(listeners: dict[str, dict[str, Any]], plugins: dict[str, Any]) -> Iterator[Any]:
     """Run amqtt with these listeners and plugins in a thread, at free ports."""
@@ -57,7 +35,7 @@ def running(listeners: dict[str, dict[str, Any]], plugins: dict[str, Any]) -> It
 
     async def begin() -> Any:
         places = {name: {"type": "tcp", "bind": "127.0.0.1:0", **options} for name, options in listeners.items()}
-        made = _Strict({"listeners": places, "plugins": plugins})
+        made = amqtt.Broker({"listeners": places, "plugins": plugins})
         await made.start()
         return made
 
@@ -73,47 +51,40 @@ def port_of(made: Any, name: str = "default") -> int:
     return int(made._servers[name].instance.sockets[0].getsockname()[1])
 
 
-class Scripted:
-    """A broker that sends messages to each client in turn, and hangs up; after the last it is gone.
+def answering(reply: bytes) -> int:
+    """Answer one client's first packet and hang up; return the port."""
+    server = socket.create_server(("127.0.0.1", 0))
 
-    granted: code of each subscription; greeting: what it answers to a client's first packet.
-    """
+    def serve() -> None:
+        with server, server.accept()[0] as line:
+            line.recv(4096)
+            line.sendall(reply)
 
-    def __init__(self, *told: list[Message], granted: int = 1, greeting: bytes = b"\x20\x02\x00\x00") -> None:
-        self._server = socket.create_server(("127.0.0.1", 0))
-        self.port = int(self._server.getsockname()[1])
-        self._told, self._granted, self._greeting = told, granted, greeting
-        threading.Thread(target=self._serve, daemon=True).start()
-
-    def _serve(self) -> None:
-        for messages in self._told:
-            line = self._server.accept()[0]
-            with line, line.makefile("rb") as stream:
-                _packet(stream)  # CONNECT
-                line.sendall(self._greeting)
-                if self._greeting[:1] != b"\x20":
-                    continue
-                number = _packet(stream)[:2]  # SUBSCRIBE
-                codes = bytes([self._granted]) * 6
-                line.sendall(b"\x90" + bytes([2 + len(codes)]) + number + codes)
-                line.sendall(b"".join(map(_publish, messages)))
-        self._server.close()
+    threading.Thread(target=serve, daemon=True).start()
+    return int(server.getsockname()[1])
 
 
-def _packet(stream: Any) -> bytes:
-    """Read an MQTT packet; return it without its header."""
-    length = stream.read(2)[1]
-    if length >= 128:
-        length += (stream.read(1)[0] - 1) * 128
-    content: bytes = stream.read(length)
-    return content
+@contextlib.contextmanager
+def hearing(broker: Broker, interface: str) -> Iterator[list[Any]]:
+    """Subscribe to all vehicles of an interface; yield what it hears up to the first OFFLINE, complete at the end."""
+    heard: list[Any] = []
+    ready = threading.Event()
 
+    async def listen() -> None:
+        async with broker.client() as client:
+            await client.subscribe(f"{interface}/#", 1)
+            ready.set()
+            async for message in client.messages:
+                if not message.retain:  # by an earlier test
+                    heard.append(message)
+                    if b"OFFLINE" in message.payload:
+                        return
 
-def _publish(message: Message) -> bytes:
-    """Return a PUBLISH packet of quality 0."""
-    topic, payload = message.topic.encode(), message.text.encode()
-    body = len(topic).to_bytes(2) + topic + payload
-    return bytes([0x30 + message.retain, len(body) % 128 + 128, len(body) // 128]) + body
+    thread = threading.Thread(target=lambda: asyncio.run(asyncio.wait_for(listen(), 20)), daemon=True)
+    thread.start()
+    assert ready.wait(10)
+    yield heard
+    thread.join(20)
 
 
 class Authority:

@@ -18,9 +18,8 @@ from train.fleet.build import episode_of
 from train.fleet.driven import FleetEpisode, load_episode, load_simulated
 from train.fleet.factsheet import body_of, factsheet_of
 from train.fleet.figures import AT_SHELF, MOMENT, PRESENT, UNDER_WAY, FleetFigures
-from train.fleet.listen import hear_log
 from train.fleet.log import LogEntry, entry_of, moment_of
-from train.fleet.received import HeardFleet
+from train.fleet.received import HeardFleet, hear_log
 from train.fleet.row import row_of
 from train.fleet.write import messages_of, write_log
 from warehouse_env.config import EnvConfig, RobotSpec
@@ -35,7 +34,7 @@ FLOOR = GridMap(np.zeros((20, 20), np.bool_), name="hall", origin=ORIGIN)
 def test_our_own_episode_comes_back(tmp_path: Path) -> None:
     episode = driven()
     write_log(messages_of(episode_story(), NAMES), tmp_path)
-    back = episode_of(hear_log(tmp_path).fleet, episode.grid, EnvConfig())
+    back = episode_of(hear_log(tmp_path), episode.grid, EnvConfig())
     assert back.pose.shape == (*episode.pose.shape[:1], 1, *episode.pose.shape[2:])
     apart = (back.pose[:, 0] - episode.pose[:, 0]).astype(float)
     assert np.abs(apart[..., :2]).max() < 0.00051  # millimetres
@@ -53,7 +52,7 @@ def test_our_own_episode_comes_back(tmp_path: Path) -> None:
 
 def test_its_file_is_read_back_and_shown(tmp_path: Path) -> None:
     write_log(messages_of(story(), NAMES), tmp_path)
-    made = episode_of(hear_log(tmp_path).fleet, story().replay.grid, EnvConfig())
+    made = episode_of(hear_log(tmp_path), story().replay.grid, EnvConfig())
     made.save(tmp_path / "e.npz")
     back = load_episode(tmp_path / "e.npz")
     assert isinstance(back, FleetEpisode)
@@ -93,7 +92,7 @@ def heard(path: Path, messages: list[Any]) -> HeardFleet:
         )
         for one in messages
     ]  # fmt: skip
-    return hear_log(write_lines(path / "f.jsonl", entries)).fleet
+    return hear_log(write_lines(path / "f.jsonl", entries))
 
 
 def test_a_foreign_stream_of_bare_states(tmp_path: Path) -> None:
@@ -241,24 +240,6 @@ def test_versions_are_named(tmp_path: Path) -> None:
         episode_of(heard(tmp_path, later), FLOOR, EnvConfig())
 
 
-def test_a_fleet_is_gone_when_all_that_spoke_are_offline() -> None:
-    fleet, topic = HeardFleet(), "uagv/v2/M/a"
-    for name, payload in (("factsheet", {}), ("connection", {"connectionState": "OFFLINE"})):
-        fleet.add(LogEntry(f"{topic}/{name}", payload, 1, True))  # retained from before
-        assert not fleet.gone
-    for name, payload, gone in (
-        ("state", foreign(1, 0), False),
-        ("connection", link("ONLINE", 0), False),
-        ("connection", link("SLEEPING", 1), False),
-        ("connection", link("CONNECTION_BROKEN", 1), True),
-        ("connection", link("ONLINE", 2), False),
-        ("connection", link("OFFLINE", 3), True),
-    ):
-        fleet.add(LogEntry(f"{topic}/{name}", payload, 1, False))
-        assert fleet.gone == gone
-    assert fleet.left_out == {"have another connectionState": 1}
-
-
 @pytest.mark.parametrize(
     ("states", "says"),
     [
@@ -278,9 +259,17 @@ def test_what_is_left_out_is_noted(tmp_path: Path) -> None:
     other = foreign(9, 1)
     other["agvPosition"] = other["agvPosition"] | {"mapId": "L2"}
     lines = [foreign(1, 0), foreign(99, 1), other, foreign(2, 2), lost, {"x": 1}, {**foreign(3, 3), "timestamp": 7}]
+    lines.append(link("SLEEPING", 3))
     made = episode_of(heard(tmp_path, lines), FLOOR, EnvConfig())
     notes = "; ".join(made.notes)
-    for says in ("no topic or", "no timestamp", "1 position on other maps", "1 vehicle never said", "off the floor"):
+    for says in (
+        "no topic or",
+        "no timestamp",
+        "1 position on other maps",
+        "1 vehicle never said",
+        "off the floor",
+        "another connectionState",
+    ):
         assert says in notes, notes
 
 
