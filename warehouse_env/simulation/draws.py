@@ -70,12 +70,12 @@ class Draws:
 
     def __init__(self, worlds: int) -> None:
         self.keys = np.zeros((worlds, 3), dtype=np.uint64)
-        self._begun = np.zeros(worlds, dtype=np.bool_)
+        self.begun = np.zeros(worlds, dtype=np.bool_)
 
     def begin(self, world: int, entropy: list[int] | None) -> None:
         """Begin a world's episode: the first of a seed, or without one the next; the very first is then by chance."""
-        if entropy is None and self._begun[world]:
+        if entropy is None and self.begun[world]:
             self.keys[world, 2] += np.uint64(1)
             return
         self.keys[world, :2] = np.random.SeedSequence(entropy).generate_state(2)
-        self.keys[world, 2], self._begun[world] = 0, True
+        self.keys[world, 2], self.begun[world] = 0, True

@@ -119,11 +119,11 @@ class Simulator(Portable):
         self._planned = np.zeros((num_worlds, config.num_agents), dtype=state.ROBOT)
         self.robots = self._planned.copy() if errs(config) else self._planned  # at their true poses
         self.people = People(planned, self.grid, num_worlds)
-        self._draws = Draws(num_worlds)
-        parts = self.people.persons, self._limits, self._draws, orders
+        self.draws = Draws(num_worlds)
+        parts = self.people.persons, self._limits, self.draws, orders
         self.dispatcher = Dispatcher(planned, routes, self._planned, *parts)
-        self._deviation = Deviation(config, num_worlds, self._draws)
-        self._messages = Messages(config, num_worlds, self._draws)
+        self._deviation = Deviation(config, num_worlds, self.draws)
+        self._messages = Messages(config, num_worlds, self.draws)
         self._make_arrays(planned)
 
     def _make_arrays(self, planned: EnvConfig) -> None:
@@ -295,7 +295,7 @@ class Simulator(Portable):
         robots["events"]["gap"] = robots["totals"]["min_gap"] = state.GAP_HORIZON
         robots["shield"]["vetoed_by"] = robots["traffic"]["yields_to"] = state.NOBODY
         self.people.leave(world)
-        self._draws.begin(world, entropy)
+        self.draws.begin(world, entropy)
         self.dispatcher.begin(world, entropy, assignment, self._floor)
         self._messages.begin(world)
         self.people.begin(world, entropy, robots)

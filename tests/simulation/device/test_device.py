@@ -78,6 +78,27 @@ def test_rewards_take_new_weights_on_the_way() -> None:
         before = there.reward.clone()
 
 
+@pytest.mark.parametrize("device", DEVICES)
+def test_a_saved_state_continues_to_the_same_bits(device: str) -> None:
+    first, second = (DeviceSimulator(config(traffic=SHIELD), WORLDS, device=device) for _ in range(2))
+    rng = np.random.default_rng(1)
+    pool = [torch.from_numpy(commands(first.host, rng)).to(first.device) for _ in range(200)]
+    first.reset(7)
+    second.reset(8)
+    for given in pool[:100]:
+        first.step(given)
+    saved, ends = first.save_state(), []
+    for simulator in (first, second):
+        simulator.load_state(saved)
+        for given in pool[100:]:
+            simulator.step(given)
+            ended = np.flatnonzero(simulator.truncated).tolist()
+            simulator.reset_worlds(ended)
+        ends.append(simulator.save_state())
+    assert simulator.steps.tolist() == [50] * WORLDS
+    assert {name for name in ends[0] if not torch.equal(ends[0][name], ends[1][name])} == set()
+
+
 def test_threads_share_the_worlds_and_have_scratch_of_their_own(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(memory.Memory, "threads", lambda self, most: 3)  # five worlds: 1, 2 and 2
     assert [drivers.part_of(thread, 3, one_batch(WORLDS)) for thread in range(3)] == [(0, 1), (1, 3), (3, 5)]

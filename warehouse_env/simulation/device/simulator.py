@@ -141,7 +141,7 @@ class DeviceSimulator:
         """Copy some worlds to the device, observations included."""
         self._fit_routes()
         rows = list(worlds)
-        on_device = torch.as_tensor(rows, device=self.device)
+        on_device = torch.as_tensor(rows, dtype=torch.int64, device=self.device)
         for name, array in self.host.worlds._asdict().items():
             if array is not None and array.size:
                 axis = 1 if name == "commands" else 0
@@ -217,6 +217,28 @@ class DeviceSimulator:
             tensor[:, :, : held.shape[2]] = held
             self._tensors["routes"] = tensor
             self._batch = self._batch._replace(worlds=self._batch.worlds._replace(routes=view))
+
+    def save_state(self) -> dict[str, torch.Tensor]:
+        """Return a copy of all that the worlds need to continue to the same bits, on the device."""
+        goals = {name: tensor_of(array).to(self.device) for name, array in self._goals().items()}
+        return {name: tensor.clone() for name, tensor in self._tensors.items()} | goals
+
+    def load_state(self, saved: dict[str, torch.Tensor]) -> None:
+        """Continue from the state that a simulator of the same config and number of worlds has saved."""
+        for name, array in (self._goals() | {"steps": self.host.steps, "truncated": self.host.truncated}).items():
+            array[...] = saved[name].cpu().numpy()
+        routes = saved["routes"]
+        if routes.shape[2] > self.host.routes.shape[2]:
+            self.host.dispatcher.routes = np.zeros(routes.shape, np.float32)
+        self._fit_routes()
+        self.host.routes[:, :, : routes.shape[2]] = routes.cpu().numpy()
+        for name, tensor in self._tensors.items():
+            (tensor[:, :, : routes.shape[2]] if name == "routes" else tensor).copy_(saved[name])
+
+    def _goals(self) -> dict[str, NDArray[Any]]:
+        """Return the arrays of the host by which goals are drawn, by name."""
+        draws = self.host.draws
+        return self.host.dispatcher.goals._asdict() | {"keys": draws.keys.view(np.int64), "begun": draws.begun}
 
     def download(self, worlds: list[int]) -> NDArray[Any]:
         """Copy the robots of some worlds to the host and return them, ROBOT[W, N]."""

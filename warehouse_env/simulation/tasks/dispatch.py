@@ -20,6 +20,7 @@ from warehouse_env.simulation.draws import Draws
 from warehouse_env.simulation.physics.floor import Floor
 from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.tasks.assignment import Assignment
+from warehouse_env.simulation.tasks.goals import GoalState
 from warehouse_env.simulation.tasks.one_shot import OneShotTasks
 from warehouse_env.simulation.tasks.orders import Order
 from warehouse_env.simulation.tasks.placement import Limits, place, stand
@@ -68,7 +69,8 @@ class Dispatcher(Portable):
         self.live = LiveRoutes(config, book, persons) if config.traffic_spec.routes else None
         self.all_look = config.traffic_spec.routes is True  # so that some robot gets another route in almost every step
         tasks = OneShotTasks if config.tasks == "one_shot" else Tasks
-        self.tasks = [tasks(book.grid, config) for _ in range(len(robots))]
+        self.goals = GoalState.of(len(robots), config.num_agents, len(book.grid.endpoints[2]))
+        self.tasks = [tasks(book.grid, config, self.goals, world) for world in range(len(robots))]
         check_given(orders, config)
         self.shifts = Shifts(config, book.grid, self.tasks, limits, orders) if config.works else None
         self._told: dict[tuple[int, int], Goal] = {}  # points and poses that an assignment gives, up to the arrival

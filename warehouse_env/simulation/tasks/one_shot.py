@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from warehouse_env.config import EnvConfig
 from warehouse_env.maps.grid_map import Cell, GridMap
-from warehouse_env.simulation.draws import TRIAL, Key, below
+from warehouse_env.simulation.draws import GOAL, TRIAL, Key, below
+from warehouse_env.simulation.tasks.goals import NONE, GoalState, draw
 from warehouse_env.simulation.tasks.placement import GAP
 from warehouse_env.simulation.tasks.tasks import Tasks
 from warehouse_env.simulation.tasks.well_formed import body_reach, cut_off, disc_of
@@ -27,12 +28,13 @@ class OneShotTasks(Tasks):
     may bar it. On a floor too small for its robots some stay cut off after TRIALS of that: see `cut_off`.
     """
 
-    def __init__(self, grid: GridMap, config: EnvConfig) -> None:
-        super().__init__(grid, config)
+    def __init__(self, grid: GridMap, config: EnvConfig, state: GoalState | None = None, world: int = 0) -> None:
+        super().__init__(grid, config, state, world)
         self._disc = disc_of(config, grid.cell_size)
         self._reach = int((self._disc**2).sum(axis=1).max())  # squared [cells]
         self._apart = (2 * body_reach(config) + float(GAP)) / grid.cell_size  # [cells] between starts
         self._starts: list[Cell] = []
+        self._ends = np.zeros((config.num_agents, 2), dtype=np.int64)  # the goals
 
     def starts(self, key: Key) -> list[Cell]:
         """Return all places, those first that are far enough from each other."""
@@ -51,76 +53,82 @@ class OneShotTasks(Tasks):
         """Draw goals, then anew for one that is cut off and one that may bar it, as long as no more are cut off."""
         self._starts = list(starts)
         for robot in range(len(starts)):
-            self._redraw(robot, self._kinds[self._next_kind[robot]], key)
-        lost = np.flatnonzero(self._cut_off())
+            self._redraw(robot, self._wanted(robot), key)
+        lost, goals = np.flatnonzero(self._cut_off()), self._state.goal[self._world]
         for trial in range(TRIALS):
             if not len(lost):
                 break
-            robot, before = int(lost[below(key, TRIAL, 0, trial, 0, len(lost))]), list(self._goals)
+            robot, before = int(lost[below(key, TRIAL, 0, trial, 0, len(lost))]), goals.tolist()
             near = self._neighbours(robot)
             for one in sorted({robot, int(near[below(key, TRIAL, 0, trial, 1, len(near))])}):
-                self._redraw(one, self.places, key)
+                self._redraw(one, self._endpoints.all, key)
             cut_off = np.flatnonzero(self._cut_off())
             if len(cut_off) <= len(lost):
                 lost = cut_off
             else:
-                self._goals = before
-                self._taken = {goal for goal in before if goal is not None}
-        return [goal for goal in self._goals if goal is not None]
+                goals[:], self._ends[:] = before, [self.places[number] for number in before]
+                self._state.taken[self._world] = np.isin(self._endpoints.all, before)
+        return [self.places[number] for number in goals.tolist()]
 
     def assign(self, starts: Sequence[Cell], goals: Sequence[Cell]) -> None:
         """Take these as the robots' starts and goals."""
         super().assign(starts, goals)
-        self._starts = list(starts)
+        self._starts, self._ends[:] = list(starts), goals
 
     def next_goal(self, robot: int, at: Cell, key: Key) -> Cell:
         """Give a goal to a robot whose start has become another."""
         self._starts[robot] = at
-        return self._redraw(robot, self._kinds[self._next_kind[robot]], key)
+        return self._redraw(robot, self._wanted(robot), key)
 
     def cut_off(self) -> float:
         """Return how many robots others parked at their goals could cut off from theirs; nan before the first reset."""
-        return math.nan if None in self._goals else float(self._cut_off().sum())
+        return float(self._cut_off().sum()) if self._starts else math.nan
 
-    def _redraw(self, robot: int, wanted: list[Cell], key: Key) -> Cell:
+    def _wanted(self, robot: int) -> NDArray[np.int32]:
+        """Return the endpoints of the kind that a robot's goal is to be."""
+        return self._endpoints.kinds[self._state.next_kind[self._world, robot]]
+
+    def _redraw(self, robot: int, wanted: NDArray[np.int32], key: Key) -> Cell:
         """Give a robot another goal, a wanted one if its disc can cover no other start or goal, else any free one."""
-        old, self._goals[robot] = self._goals[robot], None
-        self._drawn[robot] += 1
-        if old is not None:
-            self._taken.discard(old)
-        start, others = self._starts[robot], self._others(robot)
-        for cells in (wanted, self.places):
-            roomy = [cell for cell in self._apart_from(cells, others) if cell != start]
-            if roomy:
-                goal = self._one_of(roomy, robot, 0, key)
+        state, at, start = self._state, (self._world, robot), self._number(self._starts[robot])
+        taken, old = state.taken[self._world], state.goal[at]
+        if old != NONE:
+            taken[old] = False
+        state.goal[at] = NONE
+        state.drawn[at] += 1
+        drawn, others = int(state.drawn[at]), self._others(robot)
+        for numbers in (wanted, self._endpoints.all):
+            roomy = self._apart_from(numbers, others)
+            roomy = roomy[roomy != start]
+            if len(roomy):
+                goal = int(roomy[below(key, GOAL, robot, drawn, 0, len(roomy))])
                 break
         else:
-            goal = self._draw(self.places, robot, start, key) or start
-        self._taken.add(goal)
-        self._goals[robot] = goal
-        return goal
+            goal = int(draw(self._endpoints.all, taken, start, key, robot, drawn))
+            goal = start if goal == NONE else goal
+        state.goal[at], taken[goal], self._ends[robot] = goal, True, self.places[goal]
+        return self.places[goal]
 
     def _neighbours(self, robot: int) -> NDArray[np.int64]:
         """Return int64[K]: the robots whose goals lie nearest to a robot's start or goal, and so may bar it."""
-        own = np.array([self._starts[robot], self._goals[robot]], dtype=np.int64)
-        goals = np.array(self._goals, dtype=np.int64)
-        squared = ((goals[:, None] - own[None]) ** 2).sum(axis=2).min(axis=1)
+        own = np.array([self._starts[robot], self._ends[robot]], dtype=np.int64)
+        squared = ((self._ends[:, None] - own[None]) ** 2).sum(axis=2).min(axis=1)
         squared[robot] = squared.max() + 1
         return np.argsort(squared, kind="stable")[:NEAR]
 
     def _others(self, robot: int) -> NDArray[np.int64]:
         """Return int64[K, 2], the starts and goals of all other robots."""
         starts = [cell for k, cell in enumerate(self._starts) if k != robot]
-        return np.array([*starts, *(goal for goal in self._goals if goal is not None)], dtype=np.int64).reshape(-1, 2)
+        goals = self._ends[self._state.goal[self._world] != NONE]
+        return np.concatenate([np.array(starts, dtype=np.int64).reshape(-1, 2), goals])
 
     def _cut_off(self) -> NDArray[np.bool_]:
-        starts = np.array(self._starts, dtype=np.int64)
-        return cut_off(self._grid, starts, np.array(self._goals, dtype=np.int64), self._disc)
+        return cut_off(self._grid, np.array(self._starts, dtype=np.int64), self._ends, self._disc)
 
-    def _apart_from(self, cells: Sequence[Cell], others: NDArray[np.int64]) -> list[Cell]:
-        """Return those of `cells` at which a parked body bars none of `others` int64[K, 2]."""
+    def _apart_from(self, numbers: NDArray[np.int32], others: NDArray[np.int64]) -> NDArray[np.int32]:
+        """Return those of some endpoints at which a parked body bars none of `others` int64[K, 2]."""
         if not len(others):
-            return list(cells)
-        apart = (np.array(cells)[:, None] - others[None]) ** 2
-        distances = apart.sum(axis=2).min(axis=1).tolist()
-        return [cell for cell, squared in zip(cells, distances, strict=True) if squared > self._reach]
+            return numbers
+        apart = (self._endpoints.cells[numbers, None] - others[None]) ** 2
+        roomy: NDArray[np.int32] = numbers[apart.sum(axis=2).min(axis=1) > self._reach]
+        return roomy

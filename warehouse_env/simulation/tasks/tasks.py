@@ -13,10 +13,9 @@ from warehouse_env.errors import ConfigError
 from warehouse_env.kernel import kernel
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.portable import Portable
-from warehouse_env.simulation.draws import ELSEWHERE, GOAL, KIND, START, Key, below, permutation
+from warehouse_env.simulation.draws import ELSEWHERE, START, Key, permutation
 from warehouse_env.simulation.driver.line import forget_grants
-
-_BLIND = 8  # draws of a goal before all free ones are listed
+from warehouse_env.simulation.tasks.goals import GoalState, endpoints_of, forget_goals, next_goal
 
 
 class Arrival(NamedTuple):
@@ -120,10 +119,11 @@ def take_goal(robots, routes, world, robot, row, column):
 class Tasks(Portable):
     """The goals of one world's robots. Lifelong robots alternate between a pick face and a station."""
 
-    bound = ("_kinds", "places")
+    bound = ("_endpoints", "places")
 
-    def __init__(self, grid: GridMap, config: EnvConfig) -> None:
-        self._grid = grid
+    def __init__(self, grid: GridMap, config: EnvConfig, state: GoalState | None = None, world: int = 0) -> None:
+        """Take the row `world` of the state of several worlds, or make one of its own."""
+        self._grid, self._world = grid, world
         self._bind()
         robots = config.num_agents
         if robots >= len(self.places) and not (robots == 1 and len(self.places) == 1):
@@ -131,23 +131,18 @@ class Tasks(Portable):
                 f"num_agents={robots} is too many for map {grid.name!r}: it has {len(self.places)} endpoints, and "
                 "goals are distinct; use fewer robots or a map with more picks and stations"
             )
-        self._goals: list[Cell | None] = [None] * robots
-        self._next_kind, self._drawn = [0] * robots, [0] * robots  # goals drawn so far
-        self._taken: set[Cell] = set()
+        self._state = GoalState.of(1, robots, len(self.places)) if state is None else state
 
     def _bind(self) -> None:
         """Look up the map's endpoints, which all worlds share."""
-        *self._kinds, self.places = self._grid.endpoints
+        self._endpoints, self.places = endpoints_of(self._grid), self._grid.endpoints[2]
 
     def reset(self, key: Key) -> None:
         """Forget all goals; each robot's first is a pick face or a station, by chance.
 
         key: of the world's draws (draws.py).
         """
-        count = len(self._goals)
-        self._goals, self._drawn = [None] * count, [0] * count
-        self._next_kind = [below(key, KIND, robot, 0, 0, 2) for robot in range(count)]
-        self._taken = set()
+        forget_goals(self._state, self._world, key)
 
     def starts(self, key: Key) -> list[Cell]:
         """Return all places in the order in which robots may be stood on them."""
@@ -172,9 +167,11 @@ class Tasks(Portable):
 
         starts: where the robots stand, which lifelong tasks ignore.
         """
-        self._goals, self._taken = list(goals), set(goals)
-        picks = set(self._kinds[0])
-        self._next_kind = [int(goal in picks) for goal in goals]
+        state, picks = self._state, set(self._endpoints.kinds[0].tolist())
+        numbers = [self._number(goal) for goal in goals]
+        state.goal[self._world], state.taken[self._world] = numbers, False
+        state.taken[self._world, [number for number in numbers if number >= 0]] = True
+        state.next_kind[self._world] = [number in picks for number in numbers]
 
     def cut_off(self) -> float:
         """Return how many robots others parked at their goals could cut off from theirs; nan where nobody parks."""
@@ -182,26 +179,9 @@ class Tasks(Portable):
 
     def next_goal(self, robot: int, at: Cell, key: Key) -> Cell:
         """Give a robot its next goal: neither where it is nor the goal of another robot."""
-        old = self._goals[robot]
-        self._drawn[robot] += 1
-        kind = self._next_kind[robot]
-        goal = self._draw(self._kinds[kind], robot, at, key) or self._draw(self.places, robot, at, key) or at
-        if old is not None:
-            self._taken.discard(old)
-        self._taken.add(goal)
-        self._goals[robot] = goal
-        self._next_kind[robot] = 1 - kind
-        return goal
+        number = next_goal(self._state, self._world, robot, self._number(at), key, self._endpoints)
+        return at if number < 0 else self.places[number]
 
-    def _draw(self, cells: list[Cell], robot: int, at: Cell, key: Key) -> Cell | None:
-        """Draw a robot's goal, a free one of `cells`; None if there is none: a few blind draws, then a full search."""
-        for attempt in range(_BLIND):
-            cell = self._one_of(cells, robot, attempt, key)
-            if cell not in self._taken and cell != at:
-                return cell
-        free = [cell for cell in cells if cell not in self._taken and cell != at]
-        return self._one_of(free, robot, _BLIND, key) if free else None
-
-    def _one_of(self, cells: list[Cell], robot: int, attempt: int, key: Key) -> Cell:
-        """Return one of `cells` by chance, in an attempt to draw a robot's present goal."""
-        return cells[int(below(key, GOAL, robot, self._drawn[robot], attempt, len(cells)))]
+    def _number(self, cell: Cell) -> int:
+        """Return the number of an endpoint; -1 for another cell."""
+        return int(self._endpoints.number[cell])
