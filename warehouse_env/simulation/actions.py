@@ -119,8 +119,10 @@ class ActionDecoder:
         shape = (*commands.shape[:2], len(self.table))
         if given.shape != shape:
             raise ActionError(f"preferences must have the shape {shape}, not {given.shape}")
-        if not preferences.rank(self.table, self.sides, given.astype(np.float32), commands, choices):
+        if np.isnan(given).any():
             raise ActionError("preferences must be numbers; some are nan")
+        order = np.empty(len(self.sides), np.int64)
+        preferences.rank(self.table, self.sides, given.astype(np.float32), commands, choices, order)
 
     def _look_up(self, given: NDArray[Any], commands: NDArray[np.float32]) -> None:
         """Decode discrete actions int[B, N]."""

@@ -19,13 +19,14 @@ from warehouse_env.simulation.state import OWNER, field_of
 ON_CARD = pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a GPU")
 DEVICES = ["cpu", pytest.param("cuda", marks=ON_CARD)]
 WORLDS, ROBOTS = 5, 12
-SHIELD = TrafficSpec(shield=True)
+SHIELD, RULES = TrafficSpec(shield=True), TrafficSpec(shield=True, right_of_way=True)
 SETS: dict[str, dict[str, Any]] = {
     "nothing": {},
     "shield": {"traffic": SHIELD},
     "raw": {"action_type": "raw"},
     "continuous": {"action_type": "continuous", "layout": "narrow"},
     "predictions": {"sensor": SensorSpec(predictions=True)},
+    "right of way": {"traffic": RULES, "layout": "narrow"},
 }
 
 
@@ -35,6 +36,8 @@ def config(**changes: Any) -> EnvConfig:
 
 def commands(sim: Simulator, rng: np.random.Generator) -> Any:
     """Full speed along the routes, with a fifth of random commands, so that robots meet, stray and search."""
+    if sim.config.traffic_spec.right_of_way and sim.steps[0] % 2:  # preferences
+        return rng.normal(size=(WORLDS, ROBOTS, len(sim.actions.table))).astype(np.float32)
     if sim.config.action_type == "discrete":
         given = np.full((WORLDS, ROBOTS), sim.cruise_action)
         return np.where(rng.random(given.shape) < 0.2, rng.integers(0, sim.action_space.n, given.shape), given)
@@ -101,19 +104,14 @@ def test_a_saved_state_continues_to_the_same_bits(device: str) -> None:
 
 def test_threads_share_the_worlds_and_have_scratch_of_their_own(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(memory.Memory, "threads", lambda self, most: 3)  # five worlds: 1, 2 and 2
-    assert [drivers.part_of(thread, 3, one_batch(WORLDS)) for thread in range(3)] == [(0, 1), (1, 3), (3, 5)]
+    assert [drivers.part_of(thread, 3, WORLDS) for thread in range(3)] == [(0, 1), (1, 3), (3, 5)]
     test_a_device_has_the_bits_of_the_simulator(SETS["shield"], "cpu")
-
-
-def one_batch(worlds: int) -> Any:
-    return DeviceSimulator(config(), worlds, device="cpu")._batch
 
 
 @pytest.mark.parametrize(
     ("changes", "named"),
     [
-        ({"people": 2}, "people"),
-        ({"traffic": "rules"}, "live routes, right of way"),
+        ({"traffic": "rules", "people": 1}, "people, live routes"),
         ({"tasks": "one_shot"}, "one-shot tasks"),
         ({"terminate_on_collision": True}, "terminate_on_collision"),
     ],
@@ -148,14 +146,17 @@ def test_without_numba_cuda_a_sentence_says_what_is_missing() -> None:
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize("driver", [drivers.advance, drivers.search, drivers.observe], ids=lambda one: one.__name__)
-def test_a_kernel_for_a_gpu_rounds_each_operation_as_the_cpu_does(driver: Any) -> None:
+@pytest.mark.parametrize("driver", ["rank", "decide", "resolve", "advance", "search", "observe"])
+def test_a_kernel_for_a_gpu_rounds_each_operation_as_the_cpu_does(driver: str) -> None:
     """PTX without fused, approximate or flushing arithmetic: `make cuda` compiles it, and needs no GPU."""
     pytest.importorskip("numba_cuda")
     from warehouse_env.simulation.device.shim import compile_ptx
 
-    batch = DeviceSimulator(config(traffic=SHIELD, **SETS["predictions"]), 4, device="compiler")._batch
-    ptx = compile_ptx(driver, 4, batch)
+    simulator = DeviceSimulator(config(traffic=RULES, **SETS["predictions"]), 4, device="compiler")
+    simulator._decoder.decode(torch.zeros(4, ROBOTS, 20), simulator._tensors, simulator._batch.worlds)
+    assert simulator._decoder._likes is not None
+    batches: dict[str, Any] = {"rank": simulator._decoder._likes[1]}
+    ptx = compile_ptx(getattr(drivers, driver), 4, batches.get(driver, simulator._batch))
     done = set(re.findall(r"\b(?:add|sub|mul|div|fma|mad|sqrt|rcp|rsqrt|sin|cos|ex2|lg2)\.[a-z.]*f(?:32|64)", ptx))
-    assert "add.rn.f32" in done
+    assert "add.rn.f32" in done or driver in batches
     assert [one for one in done if not re.fullmatch(r"(add|sub|mul|div|sqrt|rcp)\.rn\.f(32|64)", one)] == []

@@ -13,7 +13,8 @@ from numba.extending import register_jitable
 
 from warehouse_env.simulation import step
 from warehouse_env.simulation.driver.scratch import Cells, Nodes, Queue, SearchScratch
-from warehouse_env.simulation.traffic import off_route, recovery
+from warehouse_env.simulation.senses import preferences
+from warehouse_env.simulation.traffic import deadlock_recovery, decision, off_route, recovery
 from warehouse_env.simulation.traffic.recovery import SearchSetup
 from warehouse_env.simulation.worlds import Scratch, Setup, Worlds
 
@@ -30,10 +31,20 @@ class Batch(NamedTuple):
     calls: Any  # bool[B, N], the robots that need a route from the host
 
 
+class Likes(NamedTuple):
+    """What `rank` reads and writes (senses/preferences.py)."""
+
+    table: Any  # float32[A, 2]
+    sides: Any  # float32[O]
+    liked: Any  # float32[B, N, A]
+    commands: Any  # float32[S, B, N, 2]
+    choices: Any  # float32[B, N, K, 3]
+    order: Any  # int64[T, O], scratch
+
+
 @register_jitable
-def part_of(thread, threads, batch):
-    """Return the worlds of a thread: the first, and the one after the last."""
-    count = batch.worlds.steps.shape[0]
+def part_of(thread, threads, count):
+    """Return a thread's part of `count` worlds: the first, and the one after the last."""
     return thread * count // threads, (thread + 1) * count // threads
 
 
@@ -65,16 +76,39 @@ def search_scratch_of(sets, t):
 
 
 @register_jitable
+def rank(thread, threads, likes):
+    """Write commands and choices by preferences."""
+    begin, end = part_of(thread, threads, likes.liked.shape[0])
+    liked, commands, choices = likes.liked[begin:end], likes.commands[0, begin:end], likes.choices[begin:end]
+    preferences.rank(likes.table, likes.sides, liked, commands, choices, likes.order[thread])
+
+
+@register_jitable
+def decide(thread, threads, batch):
+    """Grant the right of way."""
+    begin, end = part_of(thread, threads, batch.worlds.steps.shape[0])
+    decision.assign_right_of_way(begin, end, batch.worlds, batch.setup, scratch_of(batch.scratch, thread))
+
+
+@register_jitable
+def resolve(thread, threads, batch):
+    """Search manoeuvres out of wait cycles, and around robots that stand for good."""
+    begin, end = part_of(thread, threads, batch.worlds.steps.shape[0])
+    scratch = search_scratch_of(batch.searches, thread)
+    deadlock_recovery.resolve_deadlocks(begin, end, batch.worlds, batch.search, scratch)
+
+
+@register_jitable
 def advance(thread, threads, batch):
     """Move the worlds on by one env step."""
-    begin, end = part_of(thread, threads, batch)
+    begin, end = part_of(thread, threads, batch.worlds.steps.shape[0])
     step.run(begin, end, step.ADVANCE, batch.worlds, batch.setup, scratch_of(batch.scratch, thread))
 
 
 @register_jitable
 def search(thread, threads, batch):
     """Search manoeuvres for the robots that seek one, and list the robots that need a route from the host."""
-    begin, end = part_of(thread, threads, batch)
+    begin, end = part_of(thread, threads, batch.worlds.steps.shape[0])
     stopping, worlds, calls = batch.setup.features.stopping, batch.worlds, batch.calls
     recovery.seek(begin, end, worlds, batch.search, search_scratch_of(batch.searches, thread), stopping)
     off_route.find_off_route(worlds.robots[begin:end], worlds.routes[begin:end], batch.far, calls[begin:end])
@@ -86,7 +120,7 @@ def search(thread, threads, batch):
 @register_jitable
 def observe(thread, threads, batch):
     """Write observations and rewards of all worlds."""
-    begin, end = part_of(thread, threads, batch)
+    begin, end = part_of(thread, threads, batch.worlds.steps.shape[0])
     scratch = scratch_of(batch.scratch, thread)
     step.run(begin, end, step.OBSERVE, batch.worlds, batch.setup, scratch)
     step.run(begin, end, step.OBSERVE_WAITING, batch.worlds, batch.setup, scratch)

@@ -17,11 +17,13 @@ from warehouse_env.config import EnvConfig, RewardWeights
 from warehouse_env.errors import ActionError, ConfigError
 from warehouse_env.simulation import state
 from warehouse_env.simulation.device import drivers
+from warehouse_env.simulation.device.actions import TensorDecoder
 from warehouse_env.simulation.device.memory import mapped, memory_of, tensor_of
 from warehouse_env.simulation.driver.scratch import make_search_scratch
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.tasks.tasks import Arrival
 from warehouse_env.simulation.traffic import off_route
+from warehouse_env.simulation.traffic.path_ahead import POSES
 from warehouse_env.simulation.worlds import Worlds, make_scratch
 
 SEARCHES = 4096  # threads that search manoeuvres at once: each has 1 MB of scratch
@@ -32,7 +34,6 @@ _ABSENT: tuple[tuple[str, Callable[[EnvConfig], bool]], ...] = (
     ("people", lambda config: config.people > 0),
     ("orders, services and batteries", lambda config: config.works),
     ("live routes", lambda config: config.traffic_spec.routes is not False),
-    ("right of way", lambda config: config.traffic_spec.right_of_way),
     ("errors, latency and lost messages", lambda config: config.uncertainty_spec != type(config.uncertainty_spec)()),
     ("one-shot tasks", lambda config: config.tasks == "one_shot"),
     ("terminate_on_collision", lambda config: config.terminate_on_collision),
@@ -47,11 +48,6 @@ def check_device(config: EnvConfig) -> None:
             f"a device does not simulate {', '.join(missing)} yet: leave that out (for instance "
             "traffic=TrafficSpec(shield=True); in commands, --traffic none:shield=true), or use the CPU"
         )
-
-
-def _where(chosen: torch.Tensor, one: float, other: float) -> torch.Tensor:
-    both = torch.tensor([other, one], dtype=torch.float64, device=chosen.device)
-    return both[chosen.long()]
 
 
 class DeviceSimulator:
@@ -107,8 +103,9 @@ class DeviceSimulator:
             views[name] = None
             if array is not None:
                 self._tensors[name], views[name] = memory.allocate(array.shape, array.dtype)
-        scratch = make_scratch(host.setup, self.num_agents, decides=False)
-        unused = tuple(np.empty((0,) * one.ndim, one.dtype) for one in scratch.meetings)  # of right of way
+        self._decides = self.config.traffic_spec.right_of_way
+        scratch = make_scratch(host.setup, self.num_agents, self._decides)
+        searches = make_search_scratch(self.num_agents, poses=POSES if self._decides else 1)
         self._calls, calls = memory.allocate((self.num_worlds, self.num_agents), np.dtype(np.bool_))
         self._weights, weights = memory.allocate(host.setup.equipment.weights.shape, host.setup.equipment.weights.dtype)
         self.reward_weights = host.reward_weights
@@ -116,15 +113,14 @@ class DeviceSimulator:
         setup = setup._replace(equipment=setup.equipment._replace(weights=weights))
         self._threads, self._searches = memory.threads(self.num_worlds), memory.threads(min(self.num_worlds, SEARCHES))
         self._batch = drivers.Batch(
-            Worlds(**views), setup,
-            mapped(scratch._replace(meetings=unused), lambda array: memory.scratch(self._threads, array)),
+            Worlds(**views), setup, mapped(scratch, lambda array: memory.scratch(self._threads, array)),
             mapped(host.search_setup, memory.constant),
-            mapped(make_search_scratch(self.num_agents), lambda array: memory.scratch(self._searches, array)),
+            mapped(searches, lambda array: memory.scratch(self._searches, array)),
             host.dispatcher.far, calls,
         )  # fmt: skip
         self.observation, self.reward = self._tensors["observation"], self._tensors["reward"]
         self.reward_terms = self._tensors["terms"]
-        self._table = tensor_of(host.actions.table).to(self.device)
+        self._decoder = TensorDecoder(self.config, host.actions, memory)
 
     def reset(self, seed: int | Sequence[int] | None = None) -> torch.Tensor:
         """Start all worlds anew, as `Simulator.reset` does, and return the observation."""
@@ -151,11 +147,13 @@ class DeviceSimulator:
     def step(self, actions: torch.Tensor) -> torch.Tensor:
         """Advance all worlds by one env step and return the observation.
 
-        actions: int[B, N] of a discrete config, else float[B, N, 2] in [-1, 1] (clipped), on the device. ActionError
-        for another shape, and for what is out of range or not finite.
+        actions: as `Simulator.step` takes them, on the device. ActionError as there.
         """
-        if not bool(self._decode(actions)):  # before anything moves, as the Simulator does
+        if not bool(self._decoder.decode(actions, self._tensors, self._batch.worlds)):  # before anything moves
             raise ActionError("actions must be finite, and discrete ones in 0..K-1; some are not")
+        if self._decides:
+            self._launch(drivers.decide, self._threads)
+            self._launch(drivers.resolve, self._searches)
         self._launch(drivers.advance, self._threads)
         self._launch(drivers.search, self._searches)
         calls = torch.nonzero(self._calls.view(-1)).view(-1)
@@ -167,23 +165,6 @@ class DeviceSimulator:
 
     def _launch(self, driver: Callable[..., None], threads: int) -> None:
         self._memory.launch(driver, threads, self._batch)
-
-    def _decode(self, actions: torch.Tensor) -> torch.Tensor:
-        """Write the commands that actions mean; return whether all actions are valid, as a tensor."""
-        commands = self._tensors["commands"][0]
-        discrete = self.config.action_type == "discrete"
-        shape = commands.shape[:2] if discrete else commands.shape
-        if actions.shape != shape or actions.dtype.is_floating_point is discrete:
-            raise ActionError(
-                f"{self.config.action_type} actions must be {'whole numbers' if discrete else 'numbers'} of shape "
-                f"{tuple(shape)}, not {actions.dtype} {tuple(actions.shape)}"
-            )
-        if discrete:
-            count = len(self._table)
-            commands.copy_(self._table[actions.clamp(0, count - 1).long()])
-            return ((actions >= 0) & (actions < count)).all()
-        self.host.actions.write_scaled(actions.clip(-1, 1), commands, _where)
-        return actions.isfinite().all()
 
     def _answer(self, calls: torch.Tensor) -> list[Arrival]:
         """Give the robots that arrived, or are off their routes, what the Simulator would give them."""

@@ -5,8 +5,9 @@ A policy gives one action, or a number for every action, such as logits. Right o
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
-from numpy.typing import NDArray
 
 from warehouse_env.kernel import inline, kernel
 from warehouse_env.simulation.physics.trigonometry import ZERO
@@ -16,8 +17,11 @@ SIDE, SPEED, GOING = range(
 )  # columns of choices: offset [m], its preferred speed, and its preferred speed above 0 [m/s]
 
 
-def obey(commands: NDArray[np.float32], sides: NDArray[np.float32], choices: NDArray[np.float32]) -> None:
-    """Write choices float32[B, N, 1 + O, 3]: the command, then its speed with each of `sides` float32[O]."""
+def obey(commands: Any, sides: Any, choices: Any) -> None:
+    """Write choices float32[B, N, 1 + O, 3]: the command, then its speed with each of `sides` float32[O].
+
+    Takes arrays or tensors.
+    """
     choices[:, :, 0, SIDE] = commands[:, :, 1]
     choices[:, :, 1:, SIDE] = sides
     choices[:, :, :, SPEED] = choices[:, :, :, GOING] = commands[:, :, :1]
@@ -45,26 +49,22 @@ def _sort(table, sides, liked, order):
 
 
 @kernel
-def rank(table, sides, preferences, commands, choices):
+def rank(table, sides, preferences, commands, choices, order):
     """Write choices float32[B, N, 1 + O, 3], and the first as commands float32[B, N, 2], by preferences [B, N, A].
 
-    table float32[A, 2]: (speed, offset) of each action; sides float32[O]: the offsets, in the order of equals.
-    False if a preference is no number.
+    table float32[A, 2]: (speed, offset) of each action; sides float32[O]: the offsets, in the order of equals; order
+    int64[O]: scratch. No preference may be nan.
     """
-    order = np.empty(sides.size, np.int64)
     for b in range(preferences.shape[0]):
         for i in range(preferences.shape[1]):
             liked = preferences[b, i]
-            if np.isnan(liked).any():
-                return False
             _sort(table, sides, liked, order)
-            commands[b, i] = table[order[0]]
+            commands[b, i, 0], commands[b, i, 1] = table[order[0], 0], table[order[0], 1]
             for n in range(choices.shape[2]):
                 best = order[max(n - 1, 0)]
                 going = _best(table, liked, table[best, 1], ZERO)
                 choices[b, i, n, SIDE], choices[b, i, n, SPEED] = table[best, 1], table[best, 0]
                 choices[b, i, n, GOING] = table[going if going >= 0 else best, 0]
-    return True
 
 
 @inline

@@ -40,8 +40,9 @@ class ReservationTable(NamedTuple):
 
 def scratch(count: int) -> tuple[NDArray[Any], ...]:
     """Return all arrays of a ReservationTable of `count` robots but the paths, which are kept between decisions."""
+    squares = SQUARES if count else 0
     return (
-        np.empty((SQUARES, SQUARES), np.int32), np.empty(count * POSES, np.int32),
+        np.empty((squares, squares), np.int32), np.empty(count * POSES, np.int32),
         np.empty((3, count, POSES), np.uint32), np.zeros((6, count + 1), np.int32),
     )  # fmt: skip
 
