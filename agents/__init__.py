@@ -10,10 +10,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from agents.learned import LearnedPolicy, config_for
 from agents.path_following import Brake, Follow, Greedy
-from agents.policy import Policy
+from agents.policy import Actor, Policy, Recurrent
 from agents.potential_field import PotentialField
 from agents.reciprocal import Reciprocal
 from agents.rules import Rules
@@ -26,8 +27,8 @@ from warehouse_env.observation import observation_layout
 from warehouse_env.traffic_spec import driven_with
 
 __all__ = [
-    "POLICIES", "WEIGHTS_FOLDER", "LearnedPolicy", "Network", "Policy", "PolicyEntry", "PolicyRecord", "add_policy",
-    "make_policy", "policy_config", "save_model", "save_policy",
+    "POLICIES", "WEIGHTS_FOLDER", "Actor", "LearnedPolicy", "Network", "Policy", "PolicyEntry", "PolicyRecord",
+    "Recurrent", "add_policy", "make_policy", "policy_config", "save_model", "save_policy",
 ]  # fmt: skip
 
 WEIGHTS_FOLDER = Path(__file__).parent / "weights"
@@ -88,13 +89,14 @@ def add_policy(text: str) -> None:
 _ACT = "act(observation, rng)"
 
 
-def _own(name: str, made: Callable[[EnvConfig], Policy], config: EnvConfig) -> Policy:
+def _own(name: str, made: Callable[[EnvConfig], Any], config: EnvConfig) -> Any:
     """Make an own policy after a trial of another instance on empty observations; ConfigError if that fails."""
     seen = np.zeros((1, config.num_agents, observation_layout(config).size), np.float32)
     with plugins.running(name):
         policy = made(config)
-        plugins.check_has(name, "policy", policy, (_ACT,))
-        given = policy.act(seen, np.random.default_rng(0))
+        plugins.check_has(name, "policy", policy, (_ACT, "drawn") if hasattr(policy, "preferences") else (_ACT,))
+        recurrent = isinstance(policy, Recurrent)
+        given = _recurrent(name, policy, seen) if recurrent else policy.act(seen, np.random.default_rng(0))
     discrete = config.action_type == "discrete"
     wanted = seen.shape[:2] if discrete else (*seen.shape[:2], 2)
     whole = isinstance(given, np.ndarray) and np.issubdtype(given.dtype, np.integer)
@@ -103,7 +105,19 @@ def _own(name: str, made: Callable[[EnvConfig], Policy], config: EnvConfig) -> P
         what = "whole numbers" if discrete else "numbers"
         raise ConfigError(f"{name} must act by an array of {what} {list(wanted)} for {list(seen.shape)}, not by {got}")
     with plugins.running(name):
-        return made(config)  # a new one, because a policy with a memory has now seen made-up observations
+        return made(config)  # a new one, because one with a memory of its own has now seen made-up observations
+
+
+def _recurrent(name: str, policy: Recurrent, seen: NDArray[np.float32]) -> Any:
+    """Return the actions of an own policy with a memory; ConfigError if it does not keep one for each world."""
+    begun = policy.memory(1)
+    shape, of_two = np.shape(begun), np.shape(policy.memory(2))
+    if shape[:1] != (1,) or of_two != (2, *shape[1:]):
+        raise ConfigError(f"{name} must keep a memory [worlds, ...]: memory(1) is {shape}, and memory(2) is {of_two}")
+    chosen = policy.act(seen, np.random.default_rng(0), begun)
+    if not isinstance(chosen, tuple) or len(chosen) != 2 or np.shape(chosen[1]) != shape:
+        raise ConfigError(f"{name} must return two arrays from act: the actions, and the next memory {list(shape)}")
+    return chosen[0]
 
 
 def save_model(directory: Path | str, model: Any, config: EnvConfig | None = None, mode: Mode | None = None) -> Path:
@@ -157,4 +171,4 @@ def make_policy(name_or_dir: str | Path, config: EnvConfig) -> Policy:
     if entry.rule is not None:
         return entry.rule(config)
     assert entry.weights is not None
-    return LearnedPolicy(entry.weights, config, name=str(name_or_dir))
+    return LearnedPolicy(entry.weights, config)

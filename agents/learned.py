@@ -34,11 +34,10 @@ def config_for(directory: Path | str, base: EnvConfig) -> EnvConfig:
 class LearnedPolicy:
     """The actor of a policy folder: its network, then a draw or the best action."""
 
-    def __init__(self, directory: Path | str, config: EnvConfig, name: str | None = None) -> None:
+    def __init__(self, directory: Path | str, config: EnvConfig) -> None:
         """Load and check the folder; raises WeightsError if it is damaged or does not fit `config`."""
         self.record = read_record(directory)
         tensors = read_tensors(directory, self.record.network)
-        self.name = name or Path(directory).name
         self._check_fit(directory, config)
         parts = [f"actor.{k}" for k in range(len(self.record.network.hidden) + 1)]
         self._layers = [(np.ascontiguousarray(tensors[f"{k}.weight"].T), tensors[f"{k}.bias"]) for k in parts]

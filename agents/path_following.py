@@ -17,8 +17,6 @@ _AHEAD_MARGIN = 0.3  # [m] added to the stopping distance
 class Follow:
     """Drive along the route at the cruise speed, whatever is ahead."""
 
-    name = "follow"
-
     def __init__(self, config: EnvConfig) -> None:
         self._command = RouteCommand(config)
 
@@ -30,13 +28,9 @@ class Follow:
 class Greedy(Follow):
     """Drive along the route at the cruise speed; the right of way does the rest."""
 
-    name = "greedy"
-
 
 class Brake:
     """Drive along the route at the cruise speed, but stop while another robot is in the way ahead."""
-
-    name = "brake"
 
     def __init__(self, config: EnvConfig) -> None:
         self._command = RouteCommand(config)

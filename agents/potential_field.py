@@ -34,8 +34,6 @@ class PotentialField:
     a robot repels by how fast it approaches, too; the force is turned into a command of the follower by RouteCommand.
     """
 
-    name = "apf"
-
     def __init__(self, config: EnvConfig, gains: FieldGains = FieldGains()) -> None:
         self._command, self._surroundings, self._gains = RouteCommand(config), Surroundings(config), gains
         self._diameter = config.robot.length  # [m], two bodies' reach towards each other, nose to nose

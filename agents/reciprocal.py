@@ -43,8 +43,6 @@ class Reciprocal:
     sideways; shelves are left to the path follower below, which takes no command that would touch one.
     """
 
-    name = "orca"
-
     def __init__(self, config: EnvConfig, numbers: Reciprocity = Reciprocity()) -> None:
         self._library = load_pyrvo()
         self._command, self._surroundings, self._numbers = RouteCommand(config), Surroundings(config), numbers

@@ -45,8 +45,6 @@ class Rules:
     a standing robot ahead (an occupied node). New paths come from the environment, if it has live routes.
     """
 
-    name = "rules"
-
     def __init__(self, config: EnvConfig, numbers: RuleNumbers = RuleNumbers()) -> None:
         self._command, self._surroundings, self._brake = RouteCommand(config), Surroundings(config), Brake(config)
         self._robot, self._numbers = config.robot, numbers

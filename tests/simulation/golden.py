@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from agents import make_policy, policy_config
-from agents.policy import Preferring, ranked
+from agents import Actor, make_policy, policy_config
 from warehouse_env.config import EnvConfig, SensorSpec
 from warehouse_env.maps.layouts import LAYOUTS
 from warehouse_env.simulation.record.recording import Recorder
@@ -87,14 +86,12 @@ def drive_stack(name: str) -> tuple[str, Simulator, dict[str, int]]:
     """Return a digest of all that a world gave step by step, its simulator, and how often its mechanisms stepped in."""
     policy_name, steps, changes = STACKS[name]
     config = policy_config(policy_name, EnvConfig(max_steps=steps, **changes))
-    policy, rng = make_policy(policy_name, config), np.random.default_rng(8)
+    act, rng = Actor(make_policy(policy_name, config), config), np.random.default_rng(8)
     simulator = Simulator(config)
     simulator.reset(seed=5)
     content, seen = hashlib.blake2b(digest_size=16), {"retreating": 0, "arcs": 0, "yields_to": 0}
     for _ in range(steps):
-        preferring = config.traffic_spec.right_of_way and isinstance(policy, Preferring)
-        look = simulator.observation
-        simulator.step(ranked(policy, look, rng) if preferring else policy.act(look, rng))
+        simulator.step(act(simulator.observation, rng))
         robots = simulator.robots
         for values in (simulator.state.pose, simulator.state.speed, simulator.state.steer, simulator.observation):
             content.update(values.astype("<f4").tobytes())

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from agents import LearnedPolicy, make_policy
+from agents import Actor, LearnedPolicy, make_policy
 from agents.policy import Preferring
 from train.books import simulator_of
 from train.central import CENTRAL
@@ -55,7 +55,7 @@ def _made_of(policy: str) -> str:
 
 
 def shares_of(policy: str, config: EnvConfig, made_of: str = "") -> Shares | None:
-    """Return a policy's preferences over the actions, for `replay_of`; None if it has none, or no name.
+    """Return a policy's preferences over the actions, for one `replay_of`; None if it has none, or no name.
 
     These are the probabilities of a learned policy, or the order of a rule: 1 for its first choice, 0 for its last.
     made_of: see Episode. Raises ConfigError or WeightsError for a policy that cannot be made or is not the same.
@@ -67,9 +67,10 @@ def shares_of(policy: str, config: EnvConfig, made_of: str = "") -> Shares | Non
         raise WeightsError(f"{policy} is not the policy that was recorded, but another of that name")
     if not isinstance(made, Preferring):
         return None
+    actor = Actor(made, config)
 
     def shares(observation: NDArray[np.float32]) -> NDArray[np.float64]:
-        liked = made.preferences(observation).astype(np.float64)
+        liked = actor.preferences(observation).astype(np.float64)
         liked -= liked.max(axis=-1, keepdims=True)
         if isinstance(made, LearnedPolicy):
             likely = np.exp(liked)

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from agents import LearnedPolicy, make_policy, policy_config
-from agents.policy import Action, Observation, Policy, Preferring, ranked
+from agents import Actor, LearnedPolicy, make_policy, policy_config
+from agents.policy import Recurrent
 from train.books import simulator_of
 from train.central import CENTRAL, central_config
 from train.evaluation.disturbances import DISTURBANCES, Breakdown, Senses
@@ -35,9 +35,6 @@ Watcher = Callable[[Simulator, int], None]
 
 Decider = Callable[[Simulator, Sequence[np.random.Generator]], NDArray[Any]]
 """The actions of all robots of all worlds, from the simulator and a generator a world."""
-
-Actor = Callable[[Observation, np.random.Generator], Action]
-"""The actions of all robots of one world, from what they see and a generator."""
 
 MOST = 1_000_000  # episodes of an experiment, runs of a planner, tasks
 POLICY_STREAM = 1  # apart from the world's own stream SeedSequence([seed, 0])
@@ -181,22 +178,16 @@ def decider(experiment: Experiment) -> Decider:
 
 
 def make_actors(name: str, config: EnvConfig, worlds: int) -> list[Actor]:
-    """Return an actor for each world, which may keep a memory. All worlds share a learned policy, which has none."""
+    """Return an actor for each world. They share a policy, unless it may keep a memory of its own without saying so."""
     first = make_policy(name, config)
-    shared = isinstance(first, LearnedPolicy)
-    return [_actor(first if shared or not world else make_policy(name, config), config) for world in range(worlds)]
+    shared = isinstance(first, (LearnedPolicy, Recurrent))
+    policies = [first if shared or not world else make_policy(name, config) for world in range(worlds)]
+    return [Actor(policy, config) for policy in policies]
 
 
 def make_actor(name: str, config: EnvConfig) -> Actor:
     """Return the actor of one world."""
     return make_actors(name, config, 1)[0]
-
-
-def _actor(policy: Policy, config: EnvConfig) -> Actor:
-    """Return what a policy gives `Simulator.step`: preferences if right of way can use them, else actions."""
-    if config.traffic_spec.right_of_way and config.action_type == "discrete" and isinstance(policy, Preferring):
-        return lambda observation, rng, policy=policy: ranked(policy, observation, rng)  # type: ignore[misc]
-    return policy.act
 
 
 def identity(experiment: Experiment) -> Row:

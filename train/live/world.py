@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from agents import POLICIES
+from agents import POLICIES, Actor
 from train.evaluation.rollout import POLICY_STREAM, config_of, make_actor
 from train.kinds import Kinds
 from train.live.commands import Leave, Make, Person, Shelves
@@ -72,7 +72,7 @@ class World:
         self._digest = hashlib.blake2b(digest_size=16)
         self._take(simulator, act)
 
-    def _take(self, simulator: Simulator, act: Any) -> None:
+    def _take(self, simulator: Simulator, act: Actor) -> None:
         self.simulator, self._act = simulator, act
         self._stations = station_cells(simulator.grid)
         self.made += 1
@@ -177,6 +177,8 @@ class World:
         """
         old = self.simulator
         simulator, act = _made(setting, len(people), grid)
+        if setting.policy == self.setting.policy:
+            act.memory = self._act.memory
         pose, speed, goal = (values.copy() for values in (old.state.pose, old.state.speed, old.state.goal))
         speed[0, _too_fast(pose[0], speed[0], grid.centre(np.argwhere(grid.occupied & ~old.grid.occupied)), old)] = 0
         assignment = Assignment(pose[0].astype(np.float64), goal[0])
@@ -190,7 +192,7 @@ class World:
         self._take(simulator, act)
 
 
-def _made(setting: WorldSetting, people: int, grid: GridMap) -> tuple[Simulator, Any]:
+def _made(setting: WorldSetting, people: int, grid: GridMap) -> tuple[Simulator, Actor]:
     """Return a simulator to be reset, and its actor."""
     base = EnvConfig(num_agents=setting.robots, planner=setting.planner, layout=setting.floor)
     config = config_of(setting.policy, base, {**setting.given, "people": people})

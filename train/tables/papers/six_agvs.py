@@ -7,7 +7,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from agents.rules import Rules
 from train.evaluation.rollout import make_experiment, play_out
 from train.reporting.rows import Row
 from train.tables.papers.coordinator import Coordinator, duration, meet, path_of
@@ -79,7 +78,7 @@ def by_bodies(task: TableTask, planner: Planner, _rng: np.random.Generator, *, a
     """Drive the tasks in the simulator with the policy `rules`, in one world or each robot in a world of its own."""
     worlds = [(one,) for one in task.ends] if alone else [task.ends]
     env = EnvConfig(num_agents=len(worlds[0]), tasks="one_shot")
-    experiment = make_experiment(Rules.name, env, len(worlds), SECONDS, 0)
+    experiment = make_experiment("rules", env, len(worlds), SECONDS, 0)
     simulator = Simulator(experiment.config, len(worlds), grid=task.grid, planner=planner)
     simulator.reset_to([_assignment(ends, simulator) for ends in worlds], experiment.seeds)
     played, _ = play_out(experiment, simulator)

@@ -1,0 +1,184 @@
+"""One policy object drives any number of worlds: what it remembers of one never reaches another."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from agents import POLICIES, Actor, add_policy, make_policy, policy_config
+from tests.pages import PAGES, fenced
+from train.cli import main
+from train.evaluation.recorded import record, shares_of
+from train.evaluation.rollout import Experiment, Trace, make_experiment, run
+from train.live.commands import Make, Person
+from train.live.floors import LiveFloors
+from train.live.world import World, WorldSetting
+from train.reporting.rows import read_rows
+from warehouse_env import EnvConfig, Simulator, observation_layout
+from warehouse_env.config import TrafficMode
+from warehouse_env.errors import ConfigError
+from warehouse_env.render.replay import replay_of
+
+COUNTING = '''
+
+class Counting(Polite):
+    """Stops at every third decision of a world."""
+    drawn = False
+
+    def memory(self, worlds):
+        return np.zeros((worlds, self._robots), np.int64)
+
+    def act(self, observation, rng, memory):
+        speed = np.where(memory % 3 == 2, 0.0, self._command.cruise_speed)
+        return self._command.at_speed(observation, speed), memory + 1
+
+class Preferring(Counting):
+    def preferences(self, observation, memory):
+        first, memory = self.act(observation, None, memory)
+        return np.eye(20, dtype=np.float32)[first], memory
+
+class Endless(Counting):
+    def act(self, observation, rng, memory):
+        return super().act(observation, rng, memory)[0], np.append(memory, 0)
+
+class Unsaid(Counting):
+    def act(self, observation, rng, memory):
+        return super().act(observation, rng, memory)[0]
+
+class Half(Preferring):
+    @property
+    def drawn(self):
+        raise AttributeError
+
+class Alike(Counting):
+    def memory(self, worlds):
+        return np.zeros(self._robots)
+'''
+BASE = EnvConfig(layout="open", num_agents=3, planner="astar")
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, registries: None) -> Path:
+    """Return a working folder with the page's policies, and those above, in my_policy.py."""
+    monkeypatch.chdir(tmp_path)
+    Path("my_policy.py").write_text(fenced(PAGES["docs/how_to/policy.md"], "python")[0] + COUNTING, encoding="utf-8")
+    return tmp_path
+
+
+def experiment(name: str, **chosen: Any) -> Experiment:
+    """Return an experiment of four episodes with a policy of my_policy.py."""
+    add_policy(f"my_policy.py:{name}")
+    return make_experiment(f"my_policy.py:{name}", BASE, 4, 6.0, 5, chosen)
+
+
+def counted(seed: int, decisions: int) -> NDArray[np.float32]:
+    """Return the poses of a world that is driven as Counting says, by hand."""
+    simulator = Simulator(policy_config("follow", BASE))
+    simulator.reset([seed])
+    follow, poses = make_policy("follow", simulator.config), [simulator.state.pose[0].copy()]
+    stop = np.full((1, 3), 1 * len(simulator.config.lateral_offsets))  # the second of the speed levels, on the route
+    for k in range(decisions):
+        simulator.step(stop if k % 3 == 2 else follow.act(simulator.observation, np.random.default_rng(0)))
+        poses.append(simulator.state.pose[0].copy())
+    return np.stack(poses)
+
+
+def test_it_counts_each_worlds_decisions_evaluated_recorded_and_live(here: Path) -> None:
+    four = experiment("Counting")
+    trace = Trace(four)
+    together = run(four, [trace])
+    np.testing.assert_array_equal(trace.poses, counted(5, four.config.max_steps))
+    for k, row in enumerate(together):
+        alone = dataclasses.replace(four, episodes=(k,))
+        np.testing.assert_array_equal(record(alone).pose[:, 0], counted(5 + k, four.config.max_steps))
+        assert {**run(alone)[0], "ms_per_step": 0} == {**row, "ms_per_step": 0}
+    live = World(WorldSetting(four.policy, "open", 3, 0, 6, "astar"), LiveFloors("open"))
+    poses = counted(6, 40)
+    for k in range(1, 41):
+        live.step()
+        np.testing.assert_array_equal(live.simulator.state.pose[0], poses[k])
+
+
+def test_a_live_world_forgets_nothing_where_only_its_floor_or_people_change(here: Path) -> None:
+    live = World(WorldSetting(experiment("Counting").policy, "open", 3, 0, 6, "astar"), LiveFloors("open"))
+    for expected in ([0] * 3, [2] * 3):
+        assert live._act.memory[0].tolist() == expected
+        live.step()
+        live.step()
+        live.change(Person((1, 1)))
+    live.change(Make(seed=7))
+    assert live._act.memory[0].tolist() == [0] * 3
+
+
+@pytest.mark.parametrize("name", ["Wary", "Preferring"])
+def test_rows_are_the_same_on_any_number_of_processes(here: Path, name: str) -> None:
+    shared = ["--policy", f"my_policy.py:{name}", "--layout", "open", "--planner", "astar", "--traffic", "rules"]
+    for processes in ("1", "2"):
+        more = ["--robots", "3", "--episodes", "5", "--seconds", "6", "--processes", processes, "--out", processes]
+        assert main(["evaluate", *shared, *more, "--no-pictures"]) == 0
+    files = [read_rows(Path(out) / "rows.jsonl") for out in ("1", "2")]
+    one, two = ({row["episode"]: {**row, "ms_per_step": 0} for row in rows} for rows in files)
+    assert one == two
+    (last,) = run(dataclasses.replace(experiment(name, traffic="rules"), seed=one[0]["seed"], episodes=(4,)))
+    assert {**last, "ms_per_step": 0} == one[4]
+
+
+def test_a_replay_shows_what_it_preferred_with_its_memory_then(here: Path) -> None:
+    one = experiment("Preferring", traffic="rules")
+    episode = record(one)
+    liked = replay_of(episode, "mine", shares_of(one.policy, one.config)).liked
+    assert liked is not None
+    stops = liked.argmax(axis=-1) < 10  # backwards or at rest
+    assert stops[:, 0].tolist() == [k % 3 == 2 for k in range(len(liked))]
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("Endless", r"must return two arrays from act: the actions, and the next memory \[1, 3\]"),
+        ("Unsaid", r"must return two arrays from act: the actions, and the next memory \[1, 3\]"),
+        ("Alike", r"must keep a memory \[worlds, ...\]: memory\(1\) is \(3,\), and memory\(2\) is \(3,\)"),
+        ("Half", "is no policy: it has no drawn"),
+    ],
+)
+def test_a_memory_that_is_none_is_refused(here: Path, name: str, said: str) -> None:
+    with pytest.raises(ConfigError, match=said):
+        experiment(name)
+
+
+class Constant(np.random.Generator):
+    """Draws the same for everybody, so that a batch draws what each of its worlds does."""
+
+    def random(self, shape: Any) -> Any:  # type: ignore[override]
+        return np.full(shape, 0.3)
+
+    def standard_exponential(self, shape: Any, dtype: Any) -> Any:  # type: ignore[override]
+        return np.ones(shape, dtype)
+
+
+@pytest.mark.parametrize("name", [*POLICIES, "my_policy.py:Wary", "my_policy.py:Preferring"])
+@pytest.mark.parametrize("traffic", ["shield", "rules"])
+def test_a_batch_acts_as_each_of_its_worlds_and_after_a_reset_as_a_new_policy(
+    here: Path, name: str, traffic: TrafficMode
+) -> None:
+    add_policy(name)
+    config = policy_config(name, EnvConfig(num_agents=5)).replace(traffic=traffic)
+    rng, policy = Constant(np.random.PCG64(0)), make_policy(name, config)
+    new = Actor(make_policy(name, config), config, 4)
+    seen = np.random.default_rng(3).uniform(-1, 1, (8, 4, 5, observation_layout(config).size)).astype(np.float32)
+    batch, alone = Actor(policy, config, 4), [Actor(policy, config) for _ in range(4)]
+    first = []
+    for look in seen:
+        first.append(batch(look, rng))
+        assert first[-1].shape[:2] == (4, 5)
+        np.testing.assert_array_equal(first[-1], np.concatenate([alone[b](look[b : b + 1], rng) for b in range(4)]))
+    if batch.memory is not None:
+        batch.memory[:] = policy.memory(4)  # type: ignore[attr-defined]
+    for look, before in zip(seen, first, strict=True):
+        np.testing.assert_array_equal(before, batch(look, rng))
+        np.testing.assert_array_equal(before, new(look, rng))
