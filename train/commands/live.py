@@ -15,10 +15,9 @@ from train.commands.kinds import Fleet
 from train.commands.layouts import BY_MAP
 from train.evaluation.rollout import config_of
 from train.live.commands import MOST_ROBOTS
-from train.live.floors import LiveFloors
 from train.live.runner import WorldRunner
 from train.live.server import Server
-from train.live.world import World, WorldSetting
+from train.live.world import LiveFloors, World, WorldSetting
 from train.reporting.rows import RowFile
 from warehouse_env.config import EnvConfig
 from warehouse_env.planning import make_planner
@@ -31,7 +30,7 @@ _STOPS_IN = 2.0  # [s] at most
 
 @dataclass(frozen=True)
 class Live(Fleet, Drive):
-    """Run a simulation on a page in the browser; set pace, floor, robots, shelves and people there."""
+    """Run a simulation on a page in the browser; set pace, policy, floor, robots and seed there."""
 
     policy: str = "threaded_ppo"
     """Policy to begin with: a name, or the folder of a trained one."""
@@ -55,11 +54,11 @@ class Live(Fleet, Drive):
     def run(self) -> None:
         """Print the address and serve until Ctrl-C."""
         floors = LiveFloors(self.layout)
-        chosen = self.chosen()
-        people, kinds = int(chosen.pop("people", 0)), self.kinds()
-        setting = WorldSetting(self.policy, floors.first, self.robots, people, self.seed, self.planner, chosen, kinds)
+        setting = WorldSetting(
+            self.policy, floors.first, self.robots, self.seed, self.planner, self.chosen(), self.kinds()
+        )  # fmt: skip
         make_planner(self.planner)
-        config = config_of(self.policy, EnvConfig(num_agents=self.robots, people=people), setting.given)
+        config = config_of(self.policy, EnvConfig(num_agents=self.robots), setting.given)
         file = RowFile(self.json)
         about = about_live(floors, self.policy, self.robots)
         runner = WorldRunner(lambda: World(setting, floors))

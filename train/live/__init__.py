@@ -1,1 +1,1 @@
-"""A simulation behind a page in the browser: a world that can be changed, its thread, what it sends, a server."""
+"""A simulation behind a page in the browser: a world that can be replaced, its thread, what it sends, a server."""

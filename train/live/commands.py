@@ -9,7 +9,6 @@ from warehouse_env.checked import Checked, check_names, from_plain
 from warehouse_env.errors import ConfigError, shown, unknown_name
 
 MOST_BYTES = 65_536  # of a message
-MOST_CELLS = 1024  # of one stroke
 MOST_ROBOTS = 256
 SLOWEST, FASTEST = 0.25, 1000.0  # simulated seconds a second
 
@@ -40,7 +39,7 @@ class Step(Checked):
 
 @dataclass(frozen=True)
 class Make(Checked):
-    """Continue with another policy, or restart with another floor, number of robots or seed."""
+    """Restart with another policy, floor, number of robots or seed."""
 
     policy: str | None = None
     floor: str | None = None
@@ -55,41 +54,8 @@ class Make(Checked):
             self._between(0, 2**53, "seed")  # whole numbers of a page
 
 
-@dataclass(frozen=True)
-class Shelves(Checked):
-    """Put shelves on free cells (row, column), or remove them; the world continues."""
-
-    cells: tuple[tuple[int, ...], ...]
-    stand: bool
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._require(1 <= len(self.cells) <= MOST_CELLS, "cells", f"1 to {MOST_CELLS} cells")
-        self._require(all(len(cell) == 2 for cell in self.cells), "cells", "pairs of a row and a column")
-
-
-@dataclass(frozen=True)
-class Person(Checked):
-    """Add a person on a free cell (row, column); the world continues."""
-
-    cell: tuple[int, ...]
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._require(len(self.cell) == 2, "cell", "a row and a column")
-
-
-@dataclass(frozen=True)
-class Leave(Checked):
-    """Remove the person of this number; the world continues."""
-
-    person: int
-
-
-Command = Play | Speed | Step | Make | Shelves | Person | Leave
-COMMANDS: dict[str, type[Command]] = {
-    "play": Play, "speed": Speed, "step": Step, "make": Make, "shelves": Shelves, "person": Person, "leave": Leave,
-}  # fmt: skip
+Command = Play | Speed | Step | Make
+COMMANDS: dict[str, type[Command]] = {"play": Play, "speed": Speed, "step": Step, "make": Make}
 
 
 def read_command(message: bytes) -> Command:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from typing import Any
 
-from train.live.commands import Command, Play, Speed, Step
+from train.live.commands import Command, Make, Play, Speed, Step
 from train.live.figures import LiveFigures, Sample
 from train.live.listeners import Listeners
 from train.live.messages import further, note, whole
@@ -29,8 +29,7 @@ class WorldDrive:
         self._speed: float | None = 1.0
         self._first = 0  # number of the last moment sent
         self._told_at = 0.0
-        self._figures = LiveFigures()
-        self._show_anew()
+        self._show()
 
     def due_in(self) -> float:
         """Return in how many seconds a step is due, 0 or less if it is now."""
@@ -60,29 +59,28 @@ class WorldDrive:
             self._play(False)
             self._step()
         else:
-            self._change(command)
+            self._make(command)
 
     def _play(self, playing: bool) -> None:
         self._playing = playing
         self._set_off()
         self._listeners.put(note(self._pace()))
 
-    def _change(self, command: Any) -> None:
-        """Change the world; pages hear first that it is being made, since that may take a while."""
+    def _make(self, command: Make) -> None:
+        """Replace the world; pages hear first that it is being made, since that may take a while."""
         self._tell(time.perf_counter())
         self._listeners.put(note(self._pace() | {"making": MAKING}))
         try:
-            if self.world.change(command):
-                self._figures = LiveFigures()
+            self.world.make(command)
         except WarehouseError:
             self._set_off()
             self._listeners.put(note(self._pace()))
             raise
-        self._show_anew()
+        self._show()
 
-    def _show_anew(self) -> None:
+    def _show(self) -> None:
         """Begin with a world that pages do not know."""
-        self._lines = Lines()
+        self._figures, self._lines = LiveFigures(), Lines()
         self._moments: list[Moment] = []  # not sent yet
         self._samples: list[Sample] = []
         for listener in self._listeners.now():

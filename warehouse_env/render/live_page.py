@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from warehouse_env.render.page_text import as_json, assembled, scripts_of, style_of
 
 FOLDER = "live"
-SCRIPTS = ("stream", "moments", "live_app", "fleet", "steer", "hand", "main")
+SCRIPTS = ("stream", "moments", "live_app", "fleet", "steer", "main")
 
 
 class LivePage(NamedTuple):

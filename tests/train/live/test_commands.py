@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from train.live.commands import MOST_BYTES, Leave, Make, Person, Play, Shelves, Speed, Step, read_command
+from train.live.commands import MOST_BYTES, Make, Play, Speed, Step, read_command
 from warehouse_env.errors import ConfigError
 
 
@@ -18,9 +18,6 @@ from warehouse_env.errors import ConfigError
         ({"do": "speed", "speed": None}, Speed(None)),
         ({"do": "step"}, Step()),
         ({"do": "make", "robots": 12, "seed": 0}, Make(robots=12, seed=0)),
-        ({"do": "shelves", "cells": [[1, 2], [3, 4]], "stand": True}, Shelves(((1, 2), (3, 4)), True)),
-        ({"do": "person", "cell": [5, 6]}, Person((5, 6))),
-        ({"do": "leave", "person": 0}, Leave(0)),
     ],
 )
 def test_messages_are_commands(message: dict[str, object], command: object) -> None:
@@ -36,8 +33,6 @@ def test_messages_are_commands(message: dict[str, object], command: object) -> N
         (b'{"do": "play", "playing": true, "also": 1}', "unknown play parameter"),
         (b'{"do": "speed", "speed": 0.1}', "from 0.25 to 1000"),
         (b'{"do": "make", "map": "/etc/passwd"}', "unknown make parameter"),
-        (b'{"do": "shelves", "cells": [], "stand": true}', "1 to 1024 cells"),
-        (b'{"do": "shelves", "cells": [[1, 2, 3]], "stand": true}', "a row and a column"),
         (b'{"do": "step"' + b" " * MOST_BYTES + b"}", "at most 65,536 bytes"),
     ],
 )

@@ -6,7 +6,7 @@ import pytest
 
 from tests.train.live.worlds import messages, world
 from train.live import drive
-from train.live.commands import Make, Play, Shelves, Speed, Step
+from train.live.commands import Make, Play, Speed, Step
 from train.live.drive import WorldDrive
 from train.live.listeners import Listeners
 from warehouse_env.errors import WarehouseError
@@ -113,8 +113,8 @@ def test_pages_hear_that_a_world_is_made(clock: Clock) -> None:
         assert [header["kind"] for header in kinds] == ["world", "note"]
         assert kinds[0]["robots"] == 5
         assert kinds[0]["samples"] == []
-        with pytest.raises(WarehouseError, match="no cell"):
-            one.obey(Shelves(((-1, -1),), True))
+        with pytest.raises(WarehouseError, match="unknown floor"):
+            one.obey(Make(floor="none"))
         making = [header["making"] for header, _ in messages(page.take(0.0)) if header["kind"] == "note"]
         assert making == [drive.MAKING, None]
 

@@ -7,10 +7,9 @@ import struct
 from collections.abc import Iterator
 from typing import Any
 
-from train.live.floors import LiveFloors
-from train.live.world import World, WorldSetting
+from train.live.world import LiveFloors, World, WorldSetting
 
-SETTING = WorldSetting("greedy", "open", 4, 0, 7, "astar_turns")
+SETTING = WorldSetting("greedy", "open", 4, 7, "astar_turns")
 
 
 def world(**changes: Any) -> World:

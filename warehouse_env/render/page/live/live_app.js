@@ -8,7 +8,7 @@ class LiveApp extends App {
   constructor(about, message) {
     super(about, [new Moments(message, about.flags)]);
     dress(this.replays[0], about.colours.robots);
-    Object.assign(this, { about, pace: {}, heardAt: [], hand: "look", stroke: null });
+    Object.assign(this, { about, pace: {}, heardAt: [] });
   }
 
   get episode() {
@@ -81,7 +81,6 @@ class LiveApp extends App {
 
   draw(all) {
     this.drawFloors();
-    drawStroke(this);
     document.querySelector("#clock").textContent = clockOf(this.episode.begin + this.frame * this.seconds);
     if (!all) return;
     showLayers(this);

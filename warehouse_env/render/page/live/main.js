@@ -6,7 +6,6 @@ function open(about, message) {
   const app = new LiveApp(about, message);
   buildFleet(app);
   buildSteering(app);
-  buildHand(app);
   build(app);
   app.choose(-1);
   publish(app);
@@ -35,19 +34,9 @@ function publish(app) {
   window.live = {
     app,
     robots: () => app.episode.robots,
-    people: () => app.episode.people,
     seconds: () => app.episode.begin + app.frame * app.seconds,
     goals: () => app.episode.total(0, app.last),
     pace: () => app.pace,
-    shelf: (row, column) => (app.episode.columns.cells.values[row * app.episode.gridColumns + column] & 1) === 1,
-    // where the middle of a cell is on the page [CSS px]
-    place: (row, column) => {
-      const box = app.canvases[0].getBoundingClientRect(), { view, episode } = app;
-      return [
-        box.left + box.width / 2 + ((column + 0.5) * episode.cell - view.x) * view.scale,
-        box.top + box.height / 2 - ((episode.gridRows - row - 0.5) * episode.cell - view.y) * view.scale,
-      ];
-    },
   };
 }
 

@@ -8,9 +8,6 @@ const LIVE_KEYS = [
   { keys: ["ArrowRight"], shown: "→", says: "pause, then one step", act: () => send({ do: "step" }) },
   { keys: ["ArrowUp"], shown: "↑", says: "faster", act: (app) => faster(app, 1) },
   { keys: ["ArrowDown"], shown: "↓", says: "slower", act: (app) => faster(app, -1) },
-  { keys: ["v"], shown: "V", says: "use the mouse to look", act: (app) => take(app, "look") },
-  { keys: ["s"], shown: "S", says: "use the mouse to add and remove shelves", act: (app) => take(app, "shelves") },
-  { keys: ["p"], shown: "P", says: "use the mouse to add and remove people", act: (app) => take(app, "people") },
 ];
 
 let sending = Promise.resolve(), silence = 0;
@@ -55,6 +52,10 @@ async function make(app, asked) {
 
 function buildSteering(app) {
   const { about } = app;
+  const said = element("p");
+  said.id = "said";
+  said.setAttribute("role", "status");
+  document.querySelector("#stage").append(said);
   const at = (id) => document.querySelector(`#${id}`);
   for (const [name, says] of Object.entries(about.policies)) {
     at("policy").add(new Option(name, name));
