@@ -55,7 +55,15 @@ def test_every_command_has_help_with_the_common_options(capsys: pytest.CaptureFi
         assert main([*name.split(), "--help"]) == 0
         shown = capsys.readouterr().out
         assert f"warehouse {name}" in shown
-        drawn = name not in ("layouts", "policies", "planners", "benchmark", "places", "fleet")  # which draw nothing
+        drawn = name not in (
+            "compare",
+            "layouts",
+            "policies",
+            "planners",
+            "benchmark",
+            "places",
+            "fleet",
+        )  # which draw nothing
         assert ("--seed" in shown) == drawn
         assert "{None,True,False}" not in shown
         assert ("--json" in shown) == (name != "benchmark")  # which writes its rows under --out

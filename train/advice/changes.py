@@ -13,7 +13,8 @@ from train.advice.candidates import Candidate, Kind
 from train.advice.study import FEWEST, Team, TrialRuns, best_of, race
 from train.advice.trials import AdvicePlan, Use
 from train.advice.trips import Bottleneck, Trip
-from train.reporting.rows import Interval, mean_interval, paired
+from train.reporting.rows import Interval, mean_interval
+from train.reporting.trainings import difference_of
 
 KINDS: tuple[Kind, ...] = ("aisle", "one-way")
 SOUGHT = 6  # changes of each kind that are raced, at most
@@ -74,7 +75,7 @@ def effects(study: TrialRuns, chosen: Sequence[Candidate], team: Team) -> list[E
     whole = mean_interval(map(aim.gain, base)).times(robots)
     sure = 1 - 0.05 / len(measured)
     return [
-        Effect(one, len(own), whole, paired(rows, base, aim.gain, ("seed",), sure).times(robots))
+        Effect(one, len(own), whole, difference_of(rows, base, aim.gain, ("seed",), sure).times(robots))
         for one, own, rows in zip(measured, kinds, gained, strict=True)
     ]
 

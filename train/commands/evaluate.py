@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -19,6 +19,7 @@ from train.evaluation.workers import WorkerOptions
 from train.learning.config import HELD_OUT_SEED
 from train.reporting.report import Table, evaluation_table, require_charts
 from train.reporting.rows import Row, RowFile, instead, whole_rows
+from train.reporting.trainings import read_groups, regrouped
 from warehouse_env.checked import Checked
 from warehouse_env.config import ArrivalMode, EnvConfig, TaskMode
 from warehouse_env.errors import ConfigError
@@ -139,6 +140,9 @@ class Episodes(Working, WorkerOptions):
 class Evaluate(Episodes):
     """Drive policies through held-out episodes on layouts or maps; print means with 95% intervals."""
 
+    group: tuple[str, ...] = ()
+    """Trainings of one recipe that are shown as one policy, with intervals over trainings and episodes, as in
+    mine=runs/a,runs/b,runs/c; those that are not among --policy are driven as well."""
     pictures: bool = True
     """Draw the trajectories of one episode per policy, and a bar chart of collisions."""
     report: Path | None = None
@@ -146,25 +150,31 @@ class Evaluate(Episodes):
 
     def run(self) -> None:
         """Play all experiments, print the table, write rows, pictures and the report."""
-        experiments = self.experiments()
+        groups = read_groups(self.group)
+        members = [one for own in groups.values() for one in own]
+        experiments = replace(self, policy=(*self.policy, *members)).experiments()
+
+        def shown(rows: Sequence[Row]) -> list[Row]:
+            return regrouped(rows, groups, self.policy)
+
         if self.pictures or self.report is not None:
             require_charts()
         if self.report is not None:
             check_writable(self.report / PAGE)
         with RowFile(self.report and self.report / NOTES, keep=self.resume) as notes:
             noting = None if self.report is None else notes
-            rows, traces = self.tabulate(experiments, evaluation_table, self.pictures, noting)
+            rows, traces = self.tabulate(experiments, lambda rows: evaluation_table(shown(rows)), self.pictures, noting)
         if self.pictures:
             from train.evaluation.pictures import evaluation_pictures
 
-            evaluation_pictures(rows, traces, self.out)
+            evaluation_pictures(shown(rows), traces, self.out)
         drawn = " and the pictures" if self.pictures else ""
         page = ""
         if self.report is not None:
             from train.evaluation.report_page import write_report
 
             noted = whole_rows(self.report / NOTES)
-            page = f", the report to {write_report(rows, noted, experiments, self.report, self.rows_path)}"
+            page = f", the report to {write_report(rows, shown(rows), noted, experiments, self.report, self.rows_path)}"
         print(f"wrote the rows to {self.rows_path}, the table{drawn} to {self.out}{page}")
 
 

@@ -56,4 +56,4 @@ def _scenes(experiment: Experiment, times: list[float]) -> Iterator[Scene]:
         while simulator.seconds(0) < time - 1e-6:
             simulator.step(decide(simulator, [rng]))
         shown = scene_of(simulator)  # whose caption begins with floor and robots
-        yield shown._replace(text=_BETWEEN.join([experiment.policy, *shown.text.split(_BETWEEN)[2:]]))
+        yield shown._replace(text=_BETWEEN.join([experiment.driver, *shown.text.split(_BETWEEN)[2:]]))

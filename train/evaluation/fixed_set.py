@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 from agents import make_policy
 from train.central import CENTRAL
 from train.evaluation.rollout import Experiment, config_of, make_experiment
+from train.reporting.driven import aspects, config_of_row
 from train.reporting.report import Table, grouped, number, with_interval
 from train.reporting.rows import Interval, Row, mean_interval, select, stratified_interval
 from warehouse_env.config import EnvConfig
@@ -23,15 +24,17 @@ SHIPPED = Path(__file__).with_suffix(".jsonl")
 SECONDS = 600.0  # of an episode
 SEED = 50_000_000  # of the first episode of each case; nothing may be trained or chosen on seeds from here on
 PLANNER = "pf_aco"
-FIELD = "field"
+SHIELDED = "shielded"
 TRACKS = {
-    FIELD: "with the shield, right of way and live routes",
-    "bare": "with live routes alone: only the policy keeps robots apart",
+    SHIELDED: "with the shield, right of way and live routes",
+    "unshielded": "with live routes alone: only the policy keeps robots apart",
 }
+OLD_TRACKS = {"field": SHIELDED, "bare": "unshielded"}  # names that rows may hold
 NOTE = (
     "Goals per robot and hour in the second half of 600 s: the mean of the groups [95% interval by Student's t over "
     "episodes within them], then each group's. Contacts: of all episodes together. Stuck: robots without a metre of "
-    "progress in the last minute. Stood: the longest that a robot stayed within a metre."
+    "progress in the last minute. Stood: the longest that a robot stayed within a metre. Driven with: traffic, and the "
+    f"time between decisions; all routes by {PLANNER}."
 )
 
 
@@ -55,11 +58,11 @@ CASES: tuple[Case, ...] = (
 def options(policy: str, track: str) -> dict[str, Any]:
     """Return the fields of EnvConfig that a track sets against the policy's own.
 
-    On `field`, right of way acts when the policy asks for it, or as "assist" says. Raw actions have no right of way,
+    On `shielded`, right of way acts when the policy asks for it, or as "assist" says. Raw actions have no right of way,
     since they follow no route.
     """
     own = config_of(policy, EnvConfig(), {})
-    if track != FIELD:
+    if track != SHIELDED:
         return {"traffic": "routes"}
     if own.action_type == "raw":
         return {"traffic": "shield"}
@@ -74,7 +77,7 @@ def tracks(policy: str) -> list[str]:
             if policy not in CENTRAL:
                 make_policy(policy, config_of(policy, EnvConfig(), options(policy, track)))
         except WeightsError:
-            if track == FIELD:
+            if track == SHIELDED:
                 raise
             continue
         found.append(track)
@@ -92,6 +95,7 @@ def experiments(policy: str, cases: Sequence[Case] = CASES) -> Iterator[tuple[st
 
 def benchmark_tables(rows: Sequence[Row], cases: Sequence[Case] = CASES) -> list[Table]:
     """Return a table for each track, the policy with the most goals first; rows: of `experiments`, with their track."""
+    rows = [{**row, "track": OLD_TRACKS.get(row["track"], row["track"])} for row in rows]
     return [_table(track, select(rows, track=track), cases) for track in TRACKS]
 
 
@@ -104,10 +108,24 @@ def _table(track: str, rows: Sequence[Row], cases: Sequence[Case]) -> Table:
             late[group_of[row["layout"], row["robots"]]].append(row["late_goals_per_robot_hour"])
         goals = stratified_interval(list(late.values()))
         means = [mean_interval(values).mean for values in late.values()]
-        lines.append((goals, (str(policy), *_cells(goals, means, own))))
+        lines.append((goals, (str(policy), _driven_with(own[0]), *_cells(goals, means, own))))
     lines.sort(key=lambda line: -line[0].mean)
-    header = ("policy", "goals/robot-h", *dict.fromkeys(group_of.values()), "contacts/km", "stuck %", "stood s")
+    header = (
+        "policy",
+        "driven with",
+        "goals/robot-h",
+        *dict.fromkeys(group_of.values()),
+        "contacts/km",
+        "stuck %",
+        "stood s",
+    )
     return Table(f"{track}: {TRACKS[track]}", header, tuple(cells for _, cells in lines), NOTE)
+
+
+def _driven_with(row: Row) -> str:
+    """Name traffic and decision interval; shipped rows, which have no configuration, were driven as the track says."""
+    config = config_of_row(row) or config_of(row["policy"], EnvConfig(), options(row["policy"], row["track"]))
+    return ", ".join(value for name, value in aspects(config).items() if name != "planner")
 
 
 def _cells(goals: Interval, means: Sequence[float], rows: Sequence[Row]) -> tuple[str, ...]:

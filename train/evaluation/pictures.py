@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 
 from train.evaluation.planning_runs import PlanningRun
 from train.evaluation.rollout import Trace
-from train.reporting.report import counted, grouped, number, short_names
-from train.reporting.rows import Row, mean_interval
+from train.reporting import columns
+from train.reporting.driven import labels
+from train.reporting.report import counted, grouped, number
+from train.reporting.rows import Row
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.render import charts, report_charts
 from warehouse_env.render.report_charts import Bar
@@ -25,20 +27,18 @@ def evaluation_pictures(rows: Sequence[Row], traces: Sequence[Trace], folder: Pa
     """Write a chart for each floor, task mode and planner, and the trajectories of each trace; return the files."""
     files = []
     groups = grouped(rows, ("layout", "tasks", "planner"))
-    short = short_names({str(row["policy"]) for row in rows})
+    names = labels(rows)
     for (layout, tasks, planner), group in groups.items():
         which = () if len(groups) == 1 else map(file_name, map(str, (layout, tasks, planner)))
         files.append(folder / f"{'_'.join(('collisions', *which))}.png")
-        measures = {title: bars(group, name, short) for title, name in MEASURES.items()}
+        measures = {title: bars(group, name, names) for title, name in MEASURES.items()}
         report_charts.draw_over_robots({Path(str(layout)).stem: measures}, files[-1])
     for trace in traces:
         one = trace.experiment
         parts = (one.place, str(one.config.num_agents), one.policy)
         files.append(folder / f"trajectories_{'_'.join(map(file_name, parts))}.png")
         poses, seed = trace.poses, one.seeds[0]
-        title = (
-            f"{Path(one.policy).name}: {counted(one.config.num_agents, 'robot')} on {Path(one.place).stem}, seed {seed}"
-        )
+        title = f"{one.driver}: {counted(one.config.num_agents, 'robot')} on {Path(one.place).stem}, seed {seed}"
         assert trace.grid is not None
         charts.trajectories(trace.grid, list(poses[:, :, :2].swapaxes(0, 1)), trace.contacts, title, files[-1])
     return files
@@ -47,7 +47,7 @@ def evaluation_pictures(rows: Sequence[Row], traces: Sequence[Trace], folder: Pa
 def bars(rows: Sequence[Row], measure: str, short: Mapping[str, str]) -> list[Bar]:
     """Return the mean of a measure for each policy and number of robots; short: the names that are shown."""
     return [
-        Bar(short[str(policy)], int(str(robots)), *mean_interval(row[measure] for row in group)[:3])
+        Bar(short[str(policy)], int(str(robots)), *columns.MEASURES[measure].interval(group)[:3])
         for (policy, robots), group in grouped(rows, ("policy", "robots")).items()
     ]
 

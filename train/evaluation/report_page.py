@@ -9,9 +9,10 @@ from train.evaluation.pictures import MEASURES, bars
 from train.evaluation.places import KEY, PAGE, floor_of_notes
 from train.evaluation.recorded import worst_episodes, write_replays
 from train.evaluation.rollout import Experiment
+from train.reporting.driven import labels
 from train.reporting.page import Page, PagePart, Shown, made_by
-from train.reporting.report import counted, evaluation_table, grouped, make_progress, number, short_names
-from train.reporting.rows import Row, select, values_of, write_rows
+from train.reporting.report import counted, evaluation_table, grouped, make_progress, number
+from train.reporting.rows import Row, select, short_names, values_of, write_rows
 from warehouse_env.maps.fitting import load_floor
 from warehouse_env.render.heat_maps import Panel, heat_maps
 from warehouse_env.render.report_charts import over_robots
@@ -22,11 +23,13 @@ CAVEAT = "Brackets are 95% intervals, each for itself: one in twenty misses the 
 
 
 def write_report(
-    rows: Sequence[Row], notes: Sequence[Row], experiments: Sequence[Experiment], folder: Path, rows_path: Path
-) -> Path:
+    rows: Sequence[Row], shown: Sequence[Row], notes: Sequence[Row], experiments: Sequence[Experiment], folder: Path,
+    rows_path: Path,
+) -> Path:  # fmt: skip
     """Write the page, the replays beside it, and a copy of the rows if they are elsewhere; return the page.
 
-    notes: of all or some of the episodes; notes of other episodes and repeated ones are ignored.
+    shown: the rows of table and charts, where groups stand for their trainings. notes: of all or some of the episodes;
+    notes of other episodes and repeated ones are ignored.
     """
     known, noted = {values_of(row, KEY) for row in rows}, {values_of(note, KEY): note for note in notes}
     notes = [note for key, note in noted.items() if key in known]
@@ -34,10 +37,10 @@ def write_report(
     with make_progress() as progress:
         bar = progress.add_task("replays of the worst episodes", total=len(worst))
         links = write_replays(worst, experiments, folder, lambda: progress.advance(bar))
-    short = short_names({str(row[name]) for row in rows for name in ("layout", "policy")})
+    short = short_names({str(row["layout"]) for row in rows}) | labels(rows) | labels(shown)
     parts = [
-        PagePart("Table", tables=[evaluation_table(rows)]),
-        PagePart("Over the number of robots", pictures=_over_robots(rows, short)),
+        PagePart("Table", tables=[evaluation_table(shown)]),
+        PagePart("Over the number of robots", pictures=_over_robots(shown, short)),
         _where(experiments, rows, notes, short),
         PagePart("Worst episodes", _WORST, links=links),
         PagePart("What was run", facts=_facts(rows, notes)),

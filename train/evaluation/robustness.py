@@ -7,8 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from train.evaluation.disturbances import DISTURBANCES, UNDISTURBED
-from train.reporting.report import Table, counted, grouped, number, short_names, with_interval
-from train.reporting.rows import Interval, Row, mean_interval, select, stratified_interval
+from train.reporting.driven import driven_with
+from train.reporting.report import Table, counted, grouped, number, with_interval
+from train.reporting.rows import Interval, Row, mean_interval, select, short_names, stratified_interval
 
 SLOWER = 0.9  # share of the undisturbed goals below which a policy is slower
 MORE_CONTACTS = 1.5  # times the undisturbed contacts per kilometre above which the verdict is contacts
@@ -94,7 +95,9 @@ def robust_table(rows: Sequence[Row]) -> Table:
             DISTURBANCES[str(name)].summary, short[str(policy)], with_interval(found.goals),
             *(compared if known else ("", "")), *contacts, verdict(found, base) if known else "",
         ))  # fmt: skip
-    return Table(f"Robustness ({_about(rows)})", _HEADER, tuple(cells), NOTE)
+    return Table(
+        f"Robustness ({_about(rows)})", _HEADER, tuple(cells), driven_with(select(rows, disturbance=UNDISTURBED)) + NOTE
+    )
 
 
 def _about(rows: Sequence[Row]) -> str:

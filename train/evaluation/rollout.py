@@ -7,6 +7,7 @@ import statistics
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -28,7 +29,7 @@ from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning.plan import Planner
 from warehouse_env.simulation.record.deadlocks import DeadlockCounter
 from warehouse_env.simulation.simulator import Simulator
-from warehouse_env.traffic_spec import read_traffic
+from warehouse_env.traffic_spec import read_traffic, written_traffic
 
 Watcher = Callable[[Simulator, int], None]
 """Called with the simulator and the number of steps done, after the reset (step 0) and after every step."""
@@ -59,6 +60,11 @@ class Experiment:
     def place(self) -> str:
         """Name of the layout, or the path of its file."""
         return self.config.layout
+
+    @property
+    def driver(self) -> str:
+        """The short name of the policy with its traffic, as in "greedy (rules)"."""
+        return f"{Path(self.policy).name} ({written_traffic(self.config.traffic_spec)})"
 
     @property
     def title(self) -> str:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from train.reporting.rows import Interval, Row, mean_interval
+from train.reporting.rows import Interval, Row
+from train.reporting.trainings import interval_of
 
 
 @dataclass(frozen=True)
@@ -20,9 +21,9 @@ class Measure:
     most: float = math.inf
     shown: bool = True  # in the table; the others only in `summarise`
 
-    def interval(self, rows: Iterable[Row]) -> Interval:
+    def interval(self, rows: Sequence[Row]) -> Interval:
         """Return mean and 95% interval over rows, the interval cut to the values that are possible."""
-        return mean_interval(map(self.value, rows)).cut(self.most)
+        return interval_of(rows, self.value).cut(self.most)
 
 
 def field_of(name: str) -> Callable[[Row], float | None]:
@@ -37,11 +38,11 @@ def _per_km(name: str) -> Callable[[Row], float | None]:
 _COLUMNS = (
     Measure("collisions_per_km", "collisions/km", field_of("collisions_per_km")),
     Measure("robot_collisions_per_km", "robot-robot/km", _per_km("collisions_robot"), shown=False),
-    Measure("shelf_collisions_per_km", "of it shelves", _per_km("collisions_shelf")),
+    Measure("shelf_collisions_per_km", "with shelves/km", _per_km("collisions_shelf")),
     Measure("person_collisions_per_km", "with people/km", _per_km("collisions_person"), shown=False),
     Measure("near_misses_per_km", "near misses/km", _per_km("near_misses"), shown=False),
     Measure("goals_per_robot_hour", "goals/robot-h", field_of("goals_per_robot_hour")),
-    Measure("late_goals_per_robot_hour", "late", field_of("late_goals_per_robot_hour")),
+    Measure("late_goals_per_robot_hour", "late goals/robot-h", field_of("late_goals_per_robot_hour")),
     Measure("stuck", "stuck %", field_of("stuck"), factor=100.0, most=1.0),
     Measure("deadlocks", "deadlocks", field_of("deadlocks")),
     Measure("longest_standing_s", "longest standing s", field_of("longest_standing_s")),
@@ -75,7 +76,7 @@ _ONE_SHOT = (
 MEASURES = {measure.name: measure for measure in _COLUMNS + _PEOPLE + _WORK + _ORDERS + _BATTERY}
 EVALUATION_NOTE = (
     "Means over episodes [95% interval by Student's t over episodes, cut at possible values]; a collision counts once "
-    "per contact and pair; late: goals/robot-h of the second half; stuck: share of robots that have not advanced for "
+    "per contact and pair; late: of the second half; stuck: share of robots that have not advanced for "
     "over a minute at the end; deadlocks: wait cycles per episode; longest standing: of any robot within a metre of "
     "one place, per episode."
 )

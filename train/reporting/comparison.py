@@ -9,11 +9,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from train.reporting.columns import MEASURES, Measure
-from train.reporting.report import Table, difference, grouped, short_names, with_interval
-from train.reporting.rows import Interval, Row, is_told, paired, read_rows, select, values_of
+from train.reporting.driven import differing
+from train.reporting.report import Table, difference, grouped, with_interval
+from train.reporting.rows import Interval, Row, is_told, read_rows, select, short_names, values_of
+from train.reporting.trainings import EPISODE, difference_of
 from warehouse_env.errors import WarehouseError
 
-EPISODE = ("layout", "robots", "tasks", "disturbance", "seed")  # fields that identify an episode
 _NEEDED = ("policy", "layout", "robots", "tasks", "planner", "seed", "robot_km", "collisions_per_km")
 _COMPARED = (
     "goals_per_robot_hour", "collisions_per_km", "stuck", "waiting_share", "longest_standing_s", "path_length_ratio",
@@ -72,6 +73,7 @@ class Line(NamedTuple):
     found: Interval
     base: Interval
     difference: Interval
+    differing: dict[str, tuple[str, ...]]  # fields of configuration and version -> ours, the other's
 
     @property
     def verdict(self) -> str:
@@ -91,16 +93,16 @@ class Line(NamedTuple):
             numbers |= {name: interval.mean, f"{name}_low": interval.low, f"{name}_high": interval.high}
         about = {"layout": self.layout, "robots": self.robots, "measure": self.measure.name}
         systems = {"of": self.ours._asdict(), "against": self.other._asdict()}
-        return {**about, **systems, **numbers, "verdict": self.verdict}
+        return {**about, **systems, **numbers, "verdict": self.verdict, "differing": self.differing}
 
 
 def read_runs(paths: Sequence[Path]) -> list[ComparedRun]:
     """Return the runs in files of rows, or in folders that hold rows.jsonl, under distinct names.
 
-    Raises WarehouseError for fewer than two, for missing files, and for rows that do not come from an evaluation.
+    Raises WarehouseError for none, for missing files, and for rows that do not come from an evaluation.
     """
-    if len(paths) < 2:
-        raise WarehouseError("name two runs at least: files of rows that `warehouse evaluate` wrote, or their folders")
+    if not paths:
+        raise WarehouseError("name runs to compare: files of rows that `warehouse evaluate` wrote, or their folders")
     files = [path / "rows.jsonl" if path.is_dir() else path for path in paths]
     names = [file.parent.name if file.stem == "rows" and file.parent.name else file.stem for file in files]
     counts = Counter(names)
@@ -128,18 +130,13 @@ def _rows(file: Path) -> list[Row]:
 def compare(runs: Sequence[ComparedRun], policies: Sequence[str] = ()) -> list[Line]:
     """Compare every further run with the first: each policy with itself, or a single policy with a single one.
 
-    policies: those to compare; empty: all. Raises WarehouseError if there is nothing to pair.
+    In a single run every further policy is compared with the first. policies: those to compare; empty: all. Raises
+    WarehouseError if there is nothing to pair.
     """
-    lines = []
-    for run in runs[1:]:
-        pairs = _pairs(_systems(run, policies), _systems(runs[0], policies))
-        if not pairs:
-            raise WarehouseError(
-                f"{run.name} and {runs[0].name} have no policy in common, and more than one each; name one by --policy"
-            )
-        for ours, other in pairs:
-            mine, theirs = select(run.rows, policy=ours.policy), select(runs[0].rows, policy=other.policy)
-            lines += _lines(ours, other, mine, theirs)
+    lines, rows = [], {run.name: run.rows for run in runs}
+    for ours, other in _pairs([_systems(run, policies) for run in runs]):
+        mine, theirs = (select(rows[one.run], policy=one.policy) for one in (ours, other))
+        lines += _lines(ours, other, mine, theirs)
     if not lines:
         raise WarehouseError("the runs have no episode in common: none of the same floor, number of robots and seed")
     return lines
@@ -150,9 +147,22 @@ def _systems(run: ComparedRun, policies: Sequence[str]) -> list[System]:
     return [System(run.name, name) for name in names if not policies or name in policies]
 
 
-def _pairs(ours: Sequence[System], others: Sequence[System]) -> list[tuple[System, System]]:
-    same = [(a, b) for a, b in product(ours, others) if a.policy == b.policy]
-    return same if same or len(ours) != 1 or len(others) != 1 else [(ours[0], others[0])]
+def _pairs(systems: Sequence[Sequence[System]]) -> list[tuple[System, System]]:
+    """Return what is compared with what, from the systems of each run."""
+    first, *others = systems
+    if not others:
+        if len(first) < 2:
+            raise WarehouseError("name a second run to compare with, or a run of two policies or more")
+        return [(one, first[0]) for one in first[1:]]
+    pairs = []
+    for own in others:
+        same = [(a, b) for a, b in product(own, first) if a.policy == b.policy]
+        if not same and len(own) == len(first) == 1:
+            same = [(own[0], first[0])]
+        if not same:
+            raise WarehouseError("two runs have no policy in common, and more than one each; name one by --policy")
+        pairs += same
+    return pairs
 
 
 def _lines(ours: System, other: System, mine: Sequence[Row], theirs: Sequence[Row]) -> list[Line]:
@@ -162,21 +172,26 @@ def _lines(ours: System, other: System, mine: Sequence[Row], theirs: Sequence[Ro
         base = select(theirs, layout=layout, robots=robots)
         common = {values_of(row, EPISODE) for row in group} & {values_of(row, EPISODE) for row in base}
         group, base = ([row for row in rows if values_of(row, EPISODE) in common] for rows in (group, base))
+        unequal = differing(group, base)
         for measure in (MEASURES[name] for name in _COMPARED):
-            found = paired(group, base, measure.value, EPISODE)
+            found = difference_of(group, base, measure.value)
             if found.samples:
                 means = measure.interval(group), measure.interval(base)
-                lines.append(Line(str(layout), int(str(robots)), ours, other, measure, *means, found))
+                lines.append(Line(str(layout), int(str(robots)), ours, other, measure, *means, found, unequal))
     return lines
 
 
-def comparison_table(lines: Sequence[Line]) -> Table:
-    """Return a line for each measure of each pair on each floor."""
+def comparison_table(lines: Sequence[Line], note: str = "") -> Table:
+    """Return a line for each measure of each pair on each floor; note: what follows the others below it."""
     short = short_names({name for line in lines for name in (line.layout, line.ours.policy, line.other.policy)})
     same = all(line.ours.policy == line.other.policy for line in lines)
-    cells = []
+    one_run = len({system.run for line in lines for system in (line.ours, line.other)}) == 1
+    cells, unequal = [], dict[str, None]()
     for line in lines:
-        names = [system.run if same else f"{system.run}: {short[system.policy]}" for system in (line.ours, line.other)]
+        systems = line.ours, line.other
+        names = [
+            one.run if same else short[one.policy] if one_run else f"{one.run}: {short[one.policy]}" for one in systems
+        ]
         factor = line.measure.factor
         told = difference(line.difference, factor)
         cells.append((
@@ -184,6 +199,8 @@ def comparison_table(lines: Sequence[Line]) -> Table:
             names[0], with_interval(line.found, factor), names[1], with_interval(line.base, factor),
             str(line.difference.samples), told, line.verdict,
         ))  # fmt: skip
+        what = "; ".join(f"{name} {' / '.join(values)}" for name, values in line.differing.items())
+        unequal |= {f"{' / '.join(names)} differ in {what}. ": None} if what else {}
     policy = ("policy",) if same else ()
     header = ("floor", "robots", *policy, "measure", "run", "mean", "against", "its mean", "episodes", "difference", "")
-    return Table("Comparison", header, tuple(cells), NOTE)
+    return Table("Comparison", header, tuple(cells), "".join(unequal) + NOTE + note)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import re
 import sys
-from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,11 +15,11 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table as RichTable
 
 from train.reporting.columns import Measure, field_of, measures_for, note_for
-from train.reporting.rows import Interval, Row, values_of
-from warehouse_env.checked import from_plain
+from train.reporting.driven import driven_with
+from train.reporting.rows import Interval, Row, short_names, values_of
+from train.reporting.trainings import note_on_groups
 from warehouse_env.render.chart_style import check_picture
 from warehouse_env.render.extras import load
-from warehouse_env.traffic_spec import TrafficSpec, written_traffic
 
 _PLAIN_WIDTH = 180  # [characters] where the output is no terminal, at the least: tables go to files and pipes whole
 _NUMBER = re.compile(r"[-+]?\d")
@@ -162,7 +161,6 @@ def difference(found: Interval, factor: float = 1.0, digits: int = 3) -> str:
 
 _GROUP = ("layout", "robots", "tasks", "planner", "policy")
 FREE_FLOW = "free_flow_share"
-_UNEQUAL = "The traffic differs, so differences between these policies are not due to the policies alone. "
 _FREE_FLOW_NOTE = " Free flow: late goals/robot-h as a share of those of one robot alone with the same policy."
 
 
@@ -197,28 +195,6 @@ def _share(part: Interval, whole: Interval) -> Interval:
     return Interval(ratio, max(0.0, ratio - half), ratio + half, part.samples)
 
 
-def short_names(names: set[str]) -> dict[str, str]:
-    """Return the last part of each path, or the whole name if the last parts are not unique."""
-    last = {name: Path(name).name or name for name in names}
-    counts = Counter(last.values())
-    return {name: short if counts[short] == 1 else name for name, short in last.items()}
-
-
-def _driven_with(rows: Sequence[Row]) -> str:
-    """Name the traffic that each policy drove with, and warn where it differs; nothing for rows without a config."""
-    short = short_names({str(row["policy"]) for row in rows})
-    found: dict[str, dict[str, None]] = {}
-    for row in rows:
-        if "config" in row:
-            stored = row["config"]["traffic"]
-            traffic = stored if isinstance(stored, str) else written_traffic(from_plain(TrafficSpec, stored))
-            found.setdefault(traffic, {})[short[str(row["policy"])]] = None
-    if not found:
-        return ""
-    named = "; ".join(f"{traffic} ({', '.join(policies)})" for traffic, policies in found.items())
-    return f"Driven with traffic {named}. " + (_UNEQUAL if len(found) > 1 else "")
-
-
 def evaluation_table(rows: Sequence[Row]) -> Table:
     """Return the table of an evaluation: one line for each layout, robot count and policy.
 
@@ -238,5 +214,5 @@ def evaluation_table(rows: Sequence[Row]) -> Table:
         cells.append((*(short[str(line[name])] for name in names), str(line["episodes"]), *texts))
     shared = ", ".join(f"{name} {rows[0][name]}" for name in constant)
     header = (*names, "episodes", *(m.heading for m in shown))
-    note = _driven_with(rows) + note_for(shown) + (_FREE_FLOW_NOTE if flow else "")
+    note = driven_with(rows) + note_for(shown) + note_on_groups(rows) + (_FREE_FLOW_NOTE if flow else "")
     return Table(f"Evaluation ({shared})" if shared else "Evaluation", header, tuple(cells), note)

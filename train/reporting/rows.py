@@ -10,7 +10,8 @@ import json
 import math
 import os
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any, NamedTuple, Self, TextIO
@@ -210,30 +211,16 @@ def mean_interval(values: Iterable[float | None], coverage: float = 0.95) -> Int
     return Interval(mean, mean - half, mean + half, count)
 
 
-def paired(
-    rows: Iterable[Row], other: Iterable[Row], value: Callable[[Row], float | None], names: Sequence[str],
-    coverage: float = 0.95,
-) -> Interval:  # fmt: skip
-    """Return the mean difference of rows from other rows with the same named fields, as `mean_interval` gives it."""
-    known = {values_of(row, names): value(row) for row in other}
-    differences = []
-    for row in rows:
-        mine, theirs = value(row), known.get(values_of(row, names))
-        if mine is not None and theirs is not None:
-            differences.append(mine - theirs)
-    return mean_interval(differences, coverage)
+def short_names(names: set[str]) -> dict[str, str]:
+    """Return the last part of each path, or the whole name if the last parts are not unique."""
+    last = {name: Path(name).name or name for name in names}
+    counts = Counter(last.values())
+    return {name: short if counts[short] == 1 else name for name, short in last.items()}
 
 
 def values_of(row: Row, names: Sequence[str]) -> tuple[object, ...]:
     """Return the values of some fields of a row, None for missing ones."""
     return tuple(row.get(name) for name in names)
-
-
-def apart(ours: Interval, theirs: Interval) -> Interval:
-    """Return the difference of two independent means with its 95% interval."""
-    mean = ours.mean - theirs.mean
-    half = math.hypot(ours.high - ours.mean, theirs.high - theirs.mean)
-    return Interval(mean, mean - half, mean + half, min(ours.samples, theirs.samples))
 
 
 def is_told(difference: Interval) -> bool:
@@ -267,7 +254,7 @@ def wilson_interval(successes: int, trials: int) -> Interval:
     return Interval(successes / trials, float(found.low), float(found.high), trials)
 
 
-def t_quantile(freedom: int, coverage: float = 0.95) -> float:
+def t_quantile(freedom: float, coverage: float = 0.95) -> float:
     """Return the t that Student's distribution keeps within +-t with probability `coverage`."""
     from scipy.special import stdtrit  # imported late: it takes a third of a second
 

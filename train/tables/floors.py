@@ -10,8 +10,10 @@ from typing import ClassVar
 
 from train.evaluation.episodes import EpisodesJob
 from train.evaluation.rollout import Experiment, make_experiment
-from train.reporting.report import Table, difference, number, short_names, with_interval
-from train.reporting.rows import Row, is_told, mean_interval, paired, select
+from train.reporting.driven import driven_with
+from train.reporting.report import Table, difference, number, with_interval
+from train.reporting.rows import Row, is_told, mean_interval, select, short_names
+from train.reporting.trainings import difference_of
 from train.tables.options import TableOptions
 from train.tables.planners import movingai_warehouse
 from warehouse_env.config import EnvConfig
@@ -120,7 +122,7 @@ def floors_table(rows: Sequence[Row], policies: Sequence[str]) -> Table:
             for policy in _with_rule(policies):
                 driven = rule if policy == RULE else select(own, robots=robots, policy=policy)
                 cells.append((floor, str(robots), names[policy], *_line(driven, rule, alone)))
-    return Table("Policies on many floors", HEADER, tuple(cells), NOTE)
+    return Table("Policies on many floors", HEADER, tuple(cells), driven_with(rows) + NOTE)
 
 
 def _late(row: Row) -> float:
@@ -132,7 +134,7 @@ def _line(rows: Sequence[Row], rule: Sequence[Row], free: float) -> tuple[str, .
     late = late._replace(low=max(late.low, 0.0))  # goals cannot be negative; NaN stays NaN
     above, share, base = "", "", mean_interval(map(_late, rule)).mean
     if rows and rows is not rule:
-        found = paired(rows, rule, _late, ("layout", "seed"))
+        found = difference_of(rows, rule, _late, ("layout", "seed"))
         above = difference(found) + ("" if is_told(found) else ", not told apart")
         share = f"{100 * found.mean / base:+.1f}" if base else ""
     return (

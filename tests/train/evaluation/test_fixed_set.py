@@ -10,7 +10,17 @@ import pytest
 
 from train.cli import main
 from train.evaluation import fixed_set
-from train.evaluation.fixed_set import CASES, SHIPPED, TRACKS, VERSION, Case, benchmark_tables, experiments, options
+from train.evaluation.fixed_set import (
+    CASES,
+    OLD_TRACKS,
+    SHIPPED,
+    TRACKS,
+    VERSION,
+    Case,
+    benchmark_tables,
+    experiments,
+    options,
+)
 from train.evaluation.rollout import config_of
 from train.reporting.rows import read_rows
 from warehouse_env.config import EnvConfig
@@ -35,6 +45,7 @@ def test_shipped_policies_drove_the_whole_set() -> None:
     }
     driven: dict[tuple[str, str], set[tuple[object, ...]]] = {}
     for row in rows:
+        row["track"] = OLD_TRACKS.get(row["track"], row["track"])
         driven.setdefault((row["policy"], row["track"]), set()).add(tuple(row[name] for name in COLUMNS))
     assert {policy for policy, _ in driven} == {"greedy", "orca", "ppo", "threaded_ppo"}
     for (_, track), known in driven.items():
@@ -43,20 +54,28 @@ def test_shipped_policies_drove_the_whole_set() -> None:
 
 def test_a_track_sets_the_same_traffic_for_all() -> None:
     for policy in ("follow", "greedy", "ppo", "threaded_ppo", "orca", "apf"):
-        spec = config_of(policy, EnvConfig(), options(policy, "field")).traffic_spec
+        spec = config_of(policy, EnvConfig(), options(policy, "shielded")).traffic_spec
         assert (spec.shield, spec.right_of_way, spec.routes) == (True, True, True)
-        assert config_of(policy, EnvConfig(), options(policy, "bare")).traffic == "routes"
-    assert options("central_pibt", "field") == {"traffic": "assist"}
-    assert [fixed_set.tracks(policy) for policy in ("greedy", "threaded_ppo")] == [["field", "bare"], ["field"]]
+        assert config_of(policy, EnvConfig(), options(policy, "unshielded")).traffic == "routes"
+    assert options("central_pibt", "shielded") == {"traffic": "assist"}
+    assert [fixed_set.tracks(policy) for policy in ("greedy", "threaded_ppo")] == [
+        ["shielded", "unshielded"],
+        ["shielded"],
+    ]
 
 
 def test_tables_have_the_best_first() -> None:
     rows = read_rows(SHIPPED)
-    better = [{**row, "policy": "better", "late_goals_per_robot_hour": 999.0} for row in rows if row["policy"] == "ppo"]
+    config = EnvConfig(traffic="shield", action_repeat=3).to_dict()
+    better = [
+        {**row, "policy": "better", "late_goals_per_robot_hour": 999.0, "config": config}
+        for row in rows if row["policy"] == "ppo"
+    ]  # fmt: skip
     tables = benchmark_tables([*rows, *better])
     assert [table.title.partition(":")[0] for table in tables] == list(TRACKS)
     for table in tables:
-        assert table.cells[0][0] == "better"
+        assert table.cells[0][:2] == ("better", "shield, 0.3 s")
+    assert ("ppo", "routes, 0.1 s") in [line[:2] for line in tables[1].cells]
     assert "threaded_ppo" not in [line[0] for line in tables[1].cells]
 
 

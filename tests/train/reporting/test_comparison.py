@@ -8,8 +8,9 @@ from typing import Any
 import pytest
 
 from train.cli import main
-from train.reporting.comparison import ComparedRun, Line, compare, read_runs
-from train.reporting.rows import Interval, apart, is_told, paired, read_rows, write_rows
+from train.reporting.comparison import ComparedRun, Line, compare, comparison_table, read_runs
+from train.reporting.rows import Interval, is_told, read_rows, write_rows
+from train.reporting.trainings import difference_of
 from warehouse_env.errors import WarehouseError
 
 
@@ -30,17 +31,12 @@ def lines_of(before: list[dict[str, Any]], after: list[dict[str, Any]]) -> dict[
 
 
 def test_paired_differences_by_hand() -> None:
-    found = paired(AFTER, BEFORE, lambda one: one["goals_per_robot_hour"], ("seed",))
+    found = difference_of(AFTER, BEFORE, lambda one: one["goals_per_robot_hour"], ("seed",))
     # differences 11, 9, 10: mean 10, standard deviation 1, half width 4.3027 / sqrt(3)
     assert found == pytest.approx((10.0, 10 - 2.4841, 10 + 2.4841, 3), abs=1e-3)
     assert is_told(found)
     assert not is_told(Interval(1.0, float("nan"), float("nan"), 1))
-    assert paired(AFTER, BEFORE, lambda one: None, ("seed",)).samples == 0
-
-
-def test_independent_differences_by_hand() -> None:
-    found = apart(Interval(10.0, 7.0, 13.0, 5), Interval(4.0, 0.0, 8.0, 4))
-    assert found == pytest.approx((6.0, 1.0, 11.0, 4))  # half widths 3 and 4 make 5
+    assert difference_of(AFTER, BEFORE, lambda one: None, ("seed",)).samples == 0
 
 
 def test_only_common_episodes_count() -> None:
@@ -55,6 +51,7 @@ def test_only_common_episodes_count() -> None:
     assert (hits.difference.mean, hits.verdict) == (pytest.approx(-0.5 / 3), "not told apart")
     assert lines["stuck"].verdict == "equal"
     assert lines_of(AFTER, BEFORE)["goals_per_robot_hour"].verdict == "worse"
+    assert goals.differing == {}
     assert goals.row()["difference_low"] == pytest.approx(10 - 2.4841, abs=1e-3)
 
 
@@ -67,6 +64,29 @@ def test_single_policies_pair_whatever_they_are_called() -> None:
         lines_of(BEFORE, both)
     with pytest.raises(WarehouseError, match="no episode in common"):
         lines_of(BEFORE, [{**one, "layout": "yard"} for one in AFTER])
+
+
+def test_differing_settings_are_listed() -> None:
+    """By today's names, flat, with the version; floors and robots stand in the table."""
+    old = [{**one, "config": {"reroute": True, "num_agents": 8}} for one in BEFORE]
+    new = [{**one, "config": {"planner": "astar", "reward": {"contact": -2.0}}, "version": "2"} for one in AFTER]
+    found = lines_of(old, new)["goals_per_robot_hour"].differing
+    assert found == {
+        "planner": ("astar", "pf_aco"), "traffic": ("none", "routes"), "reward.contact": ("-2.0", "-0.5"),
+        "version": ("2", "1"),
+    }  # fmt: skip
+    runs = [ComparedRun(name, Path(name), rows) for name, rows in (("before", old), ("after", new))]
+    assert (
+        "after / before differ in planner astar / pf_aco; reward.contact -2.0 / -0.5; traffic none / routes;"
+        in comparison_table(compare(runs)).note
+    )
+
+
+def test_in_one_run_policies_are_compared_with_the_first() -> None:
+    rows = [*BEFORE, *({**one, "policy": "greedy"} for one in AFTER)]
+    lines = compare([ComparedRun("one", Path("o"), rows)])
+    assert {(line.ours.policy, line.other.policy) for line in lines} == {("greedy", "ppo")}
+    assert comparison_table(lines).cells[0][3:6:2] == ("greedy", "ppo")
 
 
 @pytest.mark.parametrize(
@@ -90,8 +110,8 @@ def test_a_seed_twice_is_refused_and_so_is_a_single_run(tmp_path: Path) -> None:
         read_runs([tmp_path / "twice.jsonl", tmp_path / "other.jsonl"])
     with pytest.raises(WarehouseError, match="is named twice"):
         read_runs([tmp_path / "twice.jsonl", tmp_path / "twice.jsonl"])
-    with pytest.raises(WarehouseError, match="two runs at least"):
-        read_runs([tmp_path / "twice.jsonl"])
+    with pytest.raises(WarehouseError, match="name a second run"):
+        compare([ComparedRun("before", Path("b"), BEFORE)])
 
 
 def test_the_command_writes_table_and_rows(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -104,8 +124,3 @@ def test_the_command_writes_table_and_rows(tmp_path: Path, capsys: pytest.Captur
     assert "compared 3 pairs of episodes" in printed
     first = read_rows(tmp_path / "out.jsonl")[0]
     assert (first["measure"], first["episodes"], first["verdict"]) == ("goals_per_robot_hour", 3, "better")
-
-    assert main(["compare", *runs, "--seed", "1", "2"]) == 0
-    assert "compared 2 pairs" in capsys.readouterr().out
-    assert main(["compare", *runs, "--seed", "77"]) == 2
-    assert "has no episode with --seed 77" in capsys.readouterr().err

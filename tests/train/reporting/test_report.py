@@ -89,9 +89,9 @@ def test_table_has_success_only_where_tasks_end() -> None:
 def test_the_table_says_what_each_policy_drove_with() -> None:
     rules, shield = {"config": {"traffic": "rules"}}, {"config": {"traffic": {**vars(TrafficSpec(shield=True))}}}
     note = evaluation_table([row("follow", 2, **shield), row("runs/mine", 2, **rules), row("greedy", 0, **rules)]).note
-    assert "none:shield=true (follow); rules (mine, greedy)" in note
-    assert "differs" in note
-    assert "differs" not in evaluation_table([row("follow", 2, **rules), row("greedy", 0, **rules)]).note
+    assert "traffic none:shield=true (follow), rules (mine, greedy); planner pf_aco; decision interval" in note
+    assert "due to the traffic." in note
+    assert "due to" not in evaluation_table([row("follow", 2, **rules), row("greedy", 0, **rules)]).note
     assert "traffic" not in evaluation_table([row("follow", 2)]).note
 
 
