@@ -93,9 +93,8 @@ CONFIGS: tuple[Any, ...] = (
     ReinforceConfig, PPOConfig, ThreadedPPOConfig,
 )  # fmt: skip
 LIVE: tuple[dict[str, Any], ...] = (
-    {"do": "play", "playing": True}, {"do": "speed", "speed": 2.5}, {"do": "leave", "person": 0},
+    {"do": "play", "playing": True}, {"do": "speed", "speed": 2.5},
     {"do": "make", "policy": "greedy", "floor": "open", "robots": 8, "seed": 1},
-    {"do": "shelves", "cells": [[1, 2], [3, 4]], "stand": True}, {"do": "person", "cell": [5, 6]},
 )  # fmt: skip
 
 

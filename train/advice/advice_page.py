@@ -101,24 +101,21 @@ def _throughput(advice: Advice) -> Shown:
 
 def loads_table(advice: Advice) -> Table:
     """Return a line for each number of robots, the answer on new seeds first."""
-    capacity, aim = advice.capacity, advice.plan.aim
+    capacity, noun = advice.capacity, advice.plan.aim.noun
     lines = [(f"{capacity.goals.robots}, new seeds", capacity.goals)]
     lines += [(str(load.robots), load) for load in capacity.loads]
     cells = [
         (
             name, str(load.episodes), with_interval(load.goals), with_interval(load.each),
             with_interval(load.waiting, 100), with_interval(load.stuck, 100),
-            *([with_interval(load.share, aim.share.factor)] if load.share and aim.share else []),
             "jams" if load.jammed else "drives",
         )
         for name, load in lines
     ]  # fmt: skip
-    share = (aim.share.heading,) if aim.share else ()
-    header = ("robots", "episodes", f"{aim.noun}/h, all", f"{aim.noun}/robot-h", "waiting %", "stuck %", *share, "")
+    header = ("robots", "episodes", f"{noun}/h, all", f"{noun}/robot-h", "waiting %", "stuck %", "")
     note = (
         "The first line is the answer; the others are the episodes of the choice, fewer of them where a number looked "
         "worse. Stuck: robots without progress for over a minute at the end."
-        f"{' In time: of the orders due by the end; no more than do not pile up.' if share else ''}"
     )
     return Table(f"Robots under {capacity.team.policy}", header, tuple(cells), note)
 
@@ -172,9 +169,9 @@ def _changes(advice: Advice) -> list[Shown]:
     )
     caption = f"{label}, in green, over where robots wait without them [s per hour]. {said}"
     pairs = [report_charts.Pair(one.candidate.text, *one.gain[:3]) for one in advice.effects]
-    differences = f"{aim.gained.capitalize()} per hour of all robots, difference from the floor as it is"
+    differences = f"{aim.noun.capitalize()} per hour of all robots, difference from the floor as it is"
     below = f"{differences}: paired, with intervals; blue and filled if the interval excludes 0."
-    drawn = report_charts.differences({"measured": pairs}, differences, f"{aim.gained} per hour")
+    drawn = report_charts.differences({"measured": pairs}, differences, f"{aim.noun} per hour")
     return [Shown(heat_maps(panels, "standing [s per hour]", label), caption), Shown(drawn, below)]
 
 
@@ -189,7 +186,6 @@ def _panel(effect: Effect, letter: str, advice: Advice, heat: bool = True) -> Pa
 
 def changes_table(advice: Advice) -> Table:
     """Return a line for each change that was measured."""
-    gained = advice.plan.aim.gained
     cells = [
         (
             effect.candidate.text, effect.candidate.kind, str(effect.tried), difference(effect.gain),
@@ -198,7 +194,7 @@ def changes_table(advice: Advice) -> Table:
         )
         for effect in advice.effects
     ]  # fmt: skip
-    header = ("change", "kind", "best of", f"{gained}/h", "pairs", "", "storage lost %")
+    header = ("change", "kind", "best of", f"{advice.plan.aim.noun}/h", "pairs", "", "storage lost %")
     note = (
         "Differences from the floor as it is, in pairs of episodes with the same new seeds; together, all intervals "
         "hold with 95%."

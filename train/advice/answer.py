@@ -33,16 +33,11 @@ def answer(advice: Advice) -> list[str]:
 
 
 def asked_text(asked: RobotsNeeded, capacity: Capacity, aim: Aim = GOALS) -> str:
-    """Say how many robots reach the goals, or the share of orders in time, that were asked for."""
-    if aim.share is None:
-        wanted, verb, factor, unit = f"{asked.wanted:,.0f} goals an hour", "reach", 1.0, ""
-    else:
-        wanted, verb = f"{100 * asked.wanted:g}% of the orders in time", "drop"
-        factor, unit = aim.share.factor, "%"
-    made = _commas(with_interval(asked.goals, factor)) + unit
+    """Say how many robots reach the target."""
+    wanted, made = f"{asked.wanted:,.0f} {aim.noun} an hour", _commas(with_interval(asked.goals))
     if asked.robots is not None:
         return (
-            f"**{wanted} take {counted(asked.robots, 'robot')}**: they {verb} {made} in {asked.goals.samples} new "
+            f"**{wanted} take {counted(asked.robots, 'robot')}**: they reach {made} in {asked.goals.samples} new "
             f"episodes [{100 * SURE:.0f}% interval]."
         )
     most = f"the most is {made}, with {counted(capacity.team.robots, 'robot')}"
@@ -68,7 +63,7 @@ def _most(advice: Advice) -> str:
         text += f" The time was over before {', '.join(found.stopped)}."
     elif is_last:
         text += " More were not tried: `--most`, or the starts and goals on this floor, allow no more."
-    if found.alone.mean > 0 and aim.share is None:
+    if found.alone.mean > 0 and aim is GOALS:
         share, waiting = number(100 * found.goals.each.mean / found.alone.mean, 2), found.goals.waiting
         text += f" Each robot reaches {share}% of the goals of one alone and waits {with_interval(waiting, 100, 2)}% of"
         text += " its time."
@@ -147,7 +142,7 @@ def storage_text(grid: GridMap, one: Candidate) -> str:
 def effect_text(effect: Effect, aim: Aim = GOALS) -> str:
     """Say what a change gains; a gain is reported from PAIRS pairs on."""
     share = f" ({100 * effect.gain.mean / effect.base.mean:+.1f}%)" if effect.base.mean > 0 else ""
-    text = f"{_commas(difference(effect.gain))} {aim.gained} an hour{share} in {effect.gain.samples} pairs of episodes"
+    text = f"{_commas(difference(effect.gain))} {aim.noun} an hour{share} in {effect.gain.samples} pairs of episodes"
     if effect.significant:
         return f"it {'gains' if effect.gain.mean > 0 else 'loses'} {text}"
     why = "there are too few pairs to tell" if effect.gain.samples < PAIRS else "the difference may be chance"
@@ -155,10 +150,9 @@ def effect_text(effect: Effect, aim: Aim = GOALS) -> str:
 
 
 def _basis(plan: AdvicePlan) -> str:
-    whole = "; orders in time are counted over the whole episode" if plan.aim is not GOALS else ""
     return (
         f"Simulated: {_worked(plan)}, {robots_text(plan)}, episodes of {plan.seconds:g} s of which the second half "
-        f"counts{whole}. Brackets are 95% intervals over episodes; those of all changes together hold with 95%. "
+        f"counts. Brackets are 95% intervals over episodes; those of all changes together hold with 95%. "
         "A change is chosen in some episodes and measured in others, with new seeds, in pairs with the floor as it is."
     )
 

@@ -127,9 +127,9 @@ def confirmed(study: TrialRuns, team: Team) -> LoadPoint:
 
 
 class RobotsNeeded(NamedTuple):
-    """The robots needed for a target: goals an hour, or a share of orders in time."""
+    """The robots needed for a target."""
 
-    wanted: float  # goals per hour, or the share
+    wanted: float  # goals, or orders, per hour
     robots: int | None  # that surely reach it, None if no number does
     goals: Interval  # their result, at SURE; else that of the best number
 
@@ -143,7 +143,7 @@ def robots_needed(study: TrialRuns, capacity: Capacity, share: float) -> RobotsN
     """Return the fewest robots of the chosen policy that reach the plan's target, if the floor allows it."""
     plan, policy = study.plan, capacity.team.policy
     wanted = plan.wanted or 0.0
-    none = RobotsNeeded(wanted, None, capacity.goals.asked)
+    none = RobotsNeeded(wanted, None, capacity.goals.goals)
     ends = bracket(capacity.loads, wanted)
     if ends is None:
         return none
@@ -154,13 +154,13 @@ def robots_needed(study: TrialRuns, capacity: Capacity, share: float) -> RobotsN
             seeds = plan.seeds(Use.ASK, plan.at_most(episodes))
             if not made.low < wanted <= made.high or not study.affords([team], seeds, share):
                 break
-            made = mean_interval(map(plan.aim.asked, *study.rows([team], seeds)))
+            made = mean_interval(map(plan.aim.made, *study.rows([team], seeds)))
         return made.low >= wanted
 
     number = fewest_that(reaches, *ends)
     for _ in range(TRIES):
         (rows,) = study.rows([Team(policy, number)], plan.seeds(Use.ANSWER, plan.at_most(ANSWERS)))
-        made = mean_interval(map(plan.aim.asked, rows), SURE)
+        made = mean_interval(map(plan.aim.made, rows), SURE)
         if made.low >= wanted:
             return RobotsNeeded(wanted, number, made)
         number = min(plan.most, number + max(1, number // 16))

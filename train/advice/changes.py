@@ -29,7 +29,7 @@ class Effect(NamedTuple):
 
     candidate: Candidate
     tried: int  # changes of its kind, of which it was the best
-    base: Interval  # goals, or orders in time, per hour of all robots on the floor as it is
+    base: Interval  # goals, or orders, per hour of all robots on the floor as it is
     gain: Interval  # difference; all gains of an advice together hold with 95%
 
     @property

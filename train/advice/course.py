@@ -34,7 +34,7 @@ class Advice(NamedTuple):
     plan: AdvicePlan
     team: Team  # of bottlenecks and changes: the fewest that reach the target, else the best
     capacity: Capacity
-    asked: RobotsNeeded | None  # if goals were asked for, or orders are given
+    asked: RobotsNeeded | None  # if a target was given
     floor: FloorNotes  # where those robots wait
     bottlenecks: list[Bottleneck]
     visits: NDArray[np.float64]  # share of trips over each cell

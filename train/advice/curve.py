@@ -33,12 +33,6 @@ class LoadPoint(NamedTuple):
     stuck: Interval  # share at the end
     waiting: Interval  # share of time
     jammed: bool
-    share: Interval | None = None  # of orders in time, if that is asked for
-
-    @property
-    def asked(self) -> Interval:
-        """The measure of the target: throughput, or the share of orders in time."""
-        return self.goals if self.share is None else self.share
 
 
 def loads(rows: Mapping[int, Sequence[Row]], aim: Aim = GOALS) -> list[LoadPoint]:
@@ -53,8 +47,7 @@ def loads(rows: Mapping[int, Sequence[Row]], aim: Aim = GOALS) -> list[LoadPoint
         goals = each.times(robots)
         best = max((load.goals.mean for load in found), default=0.0)
         jammed = stuck.mean >= STUCK or goals.mean < aim.fell * best
-        share = None if aim.share is None else aim.share.interval(own)
-        found.append(LoadPoint(robots, len(own), goals, each, stuck, waiting, jammed, share))
+        found.append(LoadPoint(robots, len(own), goals, each, stuck, waiting, jammed))
     return found
 
 
@@ -134,10 +127,9 @@ def bracket(found: Sequence[LoadPoint], wanted: float) -> tuple[int, int] | None
 
     The mean of the first lies below (0: no robots), the interval of the second above, or it is the best number.
     """
-    top = max(found, key=lambda load: (not load.jammed, load.asked.mean, -load.robots))
-    rising = [load for load in found if load.robots <= top.robots]
-    enough = [load.robots for load in rising if load.asked.mean >= wanted]
+    rising = [load for load in found if load.robots <= peak(found).robots]
+    enough = [load.robots for load in rising if load.goals.mean >= wanted]
     if not enough:
         return None
     below = max((load.robots for load in rising if load.robots < enough[0]), default=0)
-    return below, next((load.robots for load in rising if load.asked.low >= wanted), rising[-1].robots)
+    return below, next((load.robots for load in rising if load.goals.low >= wanted), rising[-1].robots)

@@ -118,7 +118,7 @@ class AdvicePlan:
     seed: int
     episodes: int | None  # of everything; None: what the clock allows
     most: int  # robots
-    wanted: float | None = None  # goals per hour of all robots, or share of the orders in time
+    wanted: float | None = None  # goals, or orders, per hour of all robots
     processes: int = 1  # episodes driven at a time
     work: Mapping[str, Any] = field(default_factory=dict)  # fields of EnvConfig: service, orders, battery
     kinds: Kinds | None = None  # of robots, by share; None: RobotSpec

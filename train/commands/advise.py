@@ -36,7 +36,6 @@ from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.halls.hall import is_hall, read_hall
 from warehouse_env.maps.layouts import make_layout
 from warehouse_env.planning import make_planner
-from warehouse_env.simulation.tasks.orders import read_orders
 
 MOST = 1024  # robots tried if --most does not say otherwise
 SECONDS, ORDERED = 300.0, 1800.0  # [s] of an episode, and of one with orders, twice the time until drawn ones are due
@@ -56,9 +55,7 @@ class Advise(Fleet, Work, WorkerOptions):
     """Floor: a name of `warehouse layouts`, a file NAME.map, or NAME.yaml of map_server, as in hall.yaml:cell=0.75,
     with one-way cells beside it in NAME.oneway if there are any, or your own, FILE.py:FUNCTION."""
     goals: float | None = None
-    """Also find how many robots reach this many goals an hour, all together."""
-    in_time: float = 0.95
-    """With orders, the share to be dropped in time; the answer says how many robots that takes."""
+    """Also find how many robots reach this many goals, or orders, an hour, all together."""
     fleet: Path | None = None
     """Other kinds of robots: a JSON file, as [{"share": 1, "robot": {"length": 1.4, "max_speed": 0.8}}]; if shares add
     up to less than 1, the others are default robots."""
@@ -95,7 +92,6 @@ class Advise(Fleet, Work, WorkerOptions):
         self._between(1, 100_000, "most")
         self._between(0, 2**62, "seed")
         self._between(1e-3, 1e9, "goals")
-        self._between(1e-3, 1.0, "in_time")
 
     def run(self) -> None:
         """Drive, print the answer, write rows and page."""
@@ -144,17 +140,10 @@ class Advise(Fleet, Work, WorkerOptions):
         """Return the plan."""
         most = min(self.most, len(grid.endpoints[2]) - 1, len(grid.free_cells) // 4)
         policies, work = tuple(dict.fromkeys(self.policy)) or contact_free(), self.work()
-        seconds, wanted = self.seconds or SECONDS, self.goals
-        if "orders" in work:
-            seconds, wanted = self.seconds or ORDERED, self.in_time
-            self.note_orders(grid)
-            due = work["orders"].due if self.orders is None else min(order.due for order in read_orders(self.orders))
-            if self.goals is not None:
-                raise ConfigError("--goals does not go with orders, which say how much there is to do")
-            if due >= seconds:
-                raise ConfigError(f"--seconds {seconds:g} must be more than {due:g}, when the first order is due")
+        seconds = self.seconds or (ORDERED if "orders" in work else SECONDS)
+        self.note_orders(grid)
         return AdvicePlan(
-            grid, policies, self.planner, seconds, self.seed, self.episodes, max(1, most), wanted, work=work,
+            grid, policies, self.planner, seconds, self.seed, self.episodes, max(1, most), self.goals, work=work,
             kinds=self.kinds(),
         )  # fmt: skip
 

@@ -189,10 +189,7 @@ def test_the_command_drives_answers_and_writes_a_page(
         ("--layout open --policy nobody", "unknown policy 'nobody'"),
         ("--layout open --episodes 1", "episodes=1 must be a whole number from 2"),
         ("--layout open --planner nobody", "unknown planner 'nobody'"),
-        ("--layout open --orders-per-hour 9 --goals 9", "--goals does not go with orders"),
-        ("--layout open --orders-per-hour 9 --seconds 300", "must be more than 900, when the first order is due"),
         ("--layout open --orders nowhere.csv", "does not exist"),
-        ("--layout open --orders-per-hour 9 --in-time 2", "in_time=2.0 must be a number from 0.001"),
     ],
 )
 def test_bad_input_is_one_sentence(
