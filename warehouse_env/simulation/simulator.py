@@ -122,8 +122,8 @@ class Simulator(Portable):
         self.draws = Draws(num_worlds)
         parts = self.people.persons, self._limits, self.draws, orders
         self.dispatcher = Dispatcher(planned, routes, self._planned, *parts)
-        self._deviation = Deviation(config, num_worlds, self.draws)
-        self._messages = Messages(config, num_worlds, self.draws)
+        self.deviation = Deviation(config, num_worlds, self.draws)
+        self.messages = Messages(config, num_worlds, self.draws)
         self._make_arrays(planned)
 
     def _make_arrays(self, planned: EnvConfig) -> None:
@@ -184,7 +184,7 @@ class Simulator(Portable):
 
     def _collect(self) -> None:
         """Collect the kernels' arguments once: to do so takes longer than a small world's step."""
-        shifts, people, deviation, table = self.dispatcher.shifts, self.people, self._deviation, None
+        shifts, people, deviation, table = self.dispatcher.shifts, self.people, self.deviation, None
         if self.config.sensor.predictions:  # commands of each kind of robots, float32[K, A, 2]
             actions, kinds = self.actions, planned_config(self.config).kinds
             table = np.stack([actions.commands_of(robot) for robot in kinds]) if len(kinds) > 1 else actions.table[None]
@@ -297,16 +297,16 @@ class Simulator(Portable):
         self.people.leave(world)
         self.draws.begin(world, entropy)
         self.dispatcher.begin(world, entropy, assignment, self._floor)
-        self._messages.begin(world)
+        self.messages.begin(world)
         self.people.begin(world, entropy, robots)
         robots["clocks"]["anchor_x"], robots["clocks"]["anchor_y"] = robots["motion"]["x"], robots["motion"]["y"]
         if self.robots is not self._planned:
-            self._deviation.begin(world, robots)
+            self.deviation.begin(world, robots)
 
     def _show(self) -> None:
         """Update the robots' true poses if they differ from the plan."""
         if self.robots is not self._planned:
-            self._deviation.show(self.robots, self._planned)
+            self.deviation.show(self.robots, self._planned)
 
     def put(self, pose: ArrayLike, speed: ArrayLike) -> NDArray[np.bool_]:
         """Put robots at poses float[B, N, 3] (x [m], y [m], heading [rad]) with speeds float[B, N] [m/s], or one for
@@ -320,7 +320,7 @@ class Simulator(Portable):
         free = put_all(self._planned, self.routes, placed, driven, self._limits, self._floor)
         if self.robots is not self._planned:
             for world in range(self.num_worlds):
-                self._deviation.stand(world, self._planned[world])
+                self.deviation.stand(world, self._planned[world])
             self._show()
         self._observe()
         return free
@@ -341,9 +341,9 @@ class Simulator(Portable):
         if len(self._commands) > 1:
             self._commands[1:] = self._commands[:-1]
         self.actions.decode(actions, self._commands[0], self._choices)
-        self._messages.lose(self._planned)
+        self.messages.draw(self.steps, self._planned)
         if self.robots is not self._planned:
-            self._deviation.draw()
+            self.deviation.draw(self.steps)
         arrivals = sum(self._each(self._advance))
         self.people.send_on(self._planned)
         arrived = np.argwhere(self._planned["events"]["arrived"] != 0).tolist() if arrivals else []

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import torch
 
-from warehouse_env import ConfigError, EnvConfig, RewardWeights, SensorSpec, Simulator, TrafficSpec
+from warehouse_env import ConfigError, EnvConfig, RewardWeights, SensorSpec, Simulator, TrafficSpec, UncertaintySpec
 from warehouse_env.errors import ActionError
 from warehouse_env.simulation.device import drivers, memory
 from warehouse_env.simulation.device.simulator import DeviceSimulator, check_device
@@ -26,6 +26,12 @@ SETS: dict[str, dict[str, Any]] = {
     "raw": {"action_type": "raw"},
     "continuous": {"action_type": "continuous", "layout": "narrow"},
     "predictions": {"sensor": SensorSpec(predictions=True)},
+    "errors and losses": {
+        "traffic": SHIELD,
+        "uncertainty": UncertaintySpec(
+            pose_error=0.03, heading_error=0.02, actuation_error=0.1, latency=0.3, loss=0.1, burst=1.0
+        ),
+    },
     "right of way": {"traffic": RULES, "layout": "narrow"},
 }
 
@@ -146,16 +152,18 @@ def test_without_numba_cuda_a_sentence_says_what_is_missing() -> None:
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize("driver", ["rank", "decide", "resolve", "advance", "search", "observe"])
+@pytest.mark.parametrize("driver", ["rank", "lose", "err", "decide", "resolve", "advance", "search", "observe"])
 def test_a_kernel_for_a_gpu_rounds_each_operation_as_the_cpu_does(driver: str) -> None:
     """PTX without fused, approximate or flushing arithmetic: `make cuda` compiles it, and needs no GPU."""
     pytest.importorskip("numba_cuda")
     from warehouse_env.simulation.device.shim import compile_ptx
 
-    simulator = DeviceSimulator(config(traffic=RULES, **SETS["predictions"]), 4, device="compiler")
+    changes = SETS["errors and losses"] | SETS["predictions"] | {"traffic": RULES}
+    simulator = DeviceSimulator(config(**changes), 4, device="compiler")
     simulator._decoder.decode(torch.zeros(4, ROBOTS, 20), simulator._tensors, simulator._batch.worlds)
     assert simulator._decoder._likes is not None
-    batches: dict[str, Any] = {"rank": simulator._decoder._likes[1]}
+    noise = simulator._noise
+    batches: dict[str, Any] = {"rank": simulator._decoder._likes[1], "lose": noise, "err": noise}
     ptx = compile_ptx(getattr(drivers, driver), 4, batches.get(driver, simulator._batch))
     done = set(re.findall(r"\b(?:add|sub|mul|div|fma|mad|sqrt|rcp|rsqrt|sin|cos|ex2|lg2)\.[a-z.]*f(?:32|64)", ptx))
     assert "add.rn.f32" in done or driver in batches

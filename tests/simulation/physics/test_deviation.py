@@ -44,9 +44,9 @@ def test_within_the_bounds_bodies_stay_in_their_tubes_and_touch_nothing(seed: in
     changes = DECLARED | {"uncertainty": UncertaintySpec(latency=latency, loss=loss, **ERRORS)}
     simulator = stage(grid, *crowd(rng, grid, 8, 0.2), **changes)
     simulator._planned[...] = simulator.robots  # `stage` puts the bodies, this what is planned
-    simulator._draws.begin(0, [seed])
-    simulator._deviation.begin(0, simulator._planned[0])
-    simulator._messages.begin(0)
+    simulator.draws.begin(0, [seed])
+    simulator.deviation.begin(0, simulator._planned[0])
+    simulator.messages.begin(0)
     commands, most = np.zeros((1, simulator.num_agents, 2)), tube(simulator.config, simulator.config.robot)
     for _ in range(100):
         fresh = rng.choice([-1.0, 0.0, 1.0], commands.shape, p=[0.2, 0.1, 0.7])
@@ -99,8 +99,8 @@ def test_what_is_said_comes_into_force_one_latency_later() -> None:
 def test_messages_later_than_declared_are_lost(declared: float, drives: bool) -> None:
     uncertainty = UncertaintySpec(latency=0.3, declared=ErrorBounds(latency=declared))
     simulator = stage(room(6, 20), (5.0, 3.0, 0.0), traffic=SHIELD, uncertainty=uncertainty)
-    simulator._draws.begin(0, [1])
-    simulator._messages.begin(0)
+    simulator.draws.begin(0, [1])
+    simulator.messages.begin(0)
     for _ in range(10):
         simulator.step(raw(simulator, (1.0, 0.0)))
     assert (simulator.robots["shield"]["silent"][0, 0] == 0) == drives

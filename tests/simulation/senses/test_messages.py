@@ -69,8 +69,8 @@ def test_whatever_is_lost_nobody_touches_anything(seed: int, loss: float, burst:
     grid = room(9, 9)
     changes = {"traffic": TrafficSpec(shield=True), "uncertainty": UncertaintySpec(loss=loss, burst=burst)}
     simulator = stage(grid, *crowd(rng, grid, 12, 0.05), **changes)
-    simulator._draws.begin(0, [seed])
-    simulator._messages.begin(0)
+    simulator.draws.begin(0, [seed])
+    simulator.messages.begin(0)
     commands = np.zeros((1, simulator.num_agents, 2))
     for _ in range(80):
         fresh = rng.choice([-1.0, 0.0, 1.0], commands.shape, p=[0.2, 0.1, 0.7])

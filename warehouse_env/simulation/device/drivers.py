@@ -13,7 +13,8 @@ from numba.extending import register_jitable
 
 from warehouse_env.simulation import step
 from warehouse_env.simulation.driver.scratch import Cells, Nodes, Queue, SearchScratch
-from warehouse_env.simulation.senses import preferences
+from warehouse_env.simulation.physics import deviation
+from warehouse_env.simulation.senses import messages, preferences
 from warehouse_env.simulation.traffic import deadlock_recovery, decision, off_route, recovery
 from warehouse_env.simulation.traffic.recovery import SearchSetup
 from warehouse_env.simulation.worlds import Scratch, Setup, Worlds
@@ -40,6 +41,17 @@ class Likes(NamedTuple):
     commands: Any  # float32[S, B, N, 2]
     choices: Any  # float32[B, N, K, 3]
     order: Any  # int64[T, O], scratch
+
+
+class Noise(NamedTuple):
+    """What `lose` and `err` read and write."""
+
+    keys: Any  # uint64[B, 3], of the Draws
+    steps: Any  # int64[B], since the resets
+    losses: messages.Losses
+    robots: Any  # ROBOT[B, N]
+    walk: deviation.Walk
+    errors: Any  # float32[B, repeat, N, ERRORS]
 
 
 @register_jitable
@@ -81,6 +93,20 @@ def rank(thread, threads, likes):
     begin, end = part_of(thread, threads, likes.liked.shape[0])
     liked, commands, choices = likes.liked[begin:end], likes.commands[0, begin:end], likes.choices[begin:end]
     preferences.rank(likes.table, likes.sides, liked, commands, choices, likes.order[thread])
+
+
+@register_jitable
+def lose(thread, threads, noise):
+    """Draw which robots are silent in the next env step."""
+    begin, end = part_of(thread, threads, noise.steps.shape[0])
+    messages.draw_silent(begin, end, noise.keys, noise.steps, noise.losses, noise.robots)
+
+
+@register_jitable
+def err(thread, threads, noise):
+    """Draw the errors of the next env step."""
+    begin, end = part_of(thread, threads, noise.steps.shape[0])
+    deviation.draw_errors(begin, end, noise.keys, noise.steps, noise.walk, noise.errors)
 
 
 @register_jitable

@@ -123,8 +123,10 @@ def memory_of(device: str) -> Memory:
 
 
 def tensor_of(array: NDArray[Any]) -> torch.Tensor:
-    """Return a tensor with the content of an array; a record is uint8[..., its bytes]."""
+    """Return a tensor with the content of an array; a record is uint8[..., its bytes], uint64 the int64 of its bits."""
     whole = np.ascontiguousarray(array)
+    if whole.dtype == np.uint64:  # for which torch has no index_copy_
+        whole = whole.view(np.int64)
     if whole.dtype.fields:
         whole = whole.view(np.uint8).reshape(*array.shape, array.dtype.itemsize)
     return torch.from_numpy(whole.copy())
@@ -134,11 +136,11 @@ def field_on_device(records: torch.Tensor, name: str) -> torch.Tensor:
     """Return the view of a field of ROBOT records uint8[..., bytes], in whichever record it is (`state.field_of`)."""
     record, begin = dict(state.ROBOT.fields or {})[state.OWNER[name]][:2]
     dtype, offset = dict(record.fields or {})[name][:2]
-    return records.view(torch.from_numpy(np.empty(0, dtype)).dtype)[..., (begin + offset) // dtype.itemsize]
+    return records.view(tensor_of(np.empty(0, dtype)).dtype)[..., (begin + offset) // dtype.itemsize]
 
 
 def _typed(flat: torch.Tensor, shape: Sequence[int], dtype: np.dtype[Any]) -> torch.Tensor:
     count = int(np.prod(shape)) * dtype.itemsize
     if dtype.fields:
         return flat[:count].view(*shape, dtype.itemsize)
-    return flat[:count].view(torch.from_numpy(np.empty(0, dtype)).dtype).view(*shape)
+    return flat[:count].view(tensor_of(np.empty(0, dtype)).dtype).view(*shape)

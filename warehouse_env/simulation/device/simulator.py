@@ -34,7 +34,6 @@ _ABSENT: tuple[tuple[str, Callable[[EnvConfig], bool]], ...] = (
     ("people", lambda config: config.people > 0),
     ("orders, services and batteries", lambda config: config.works),
     ("live routes", lambda config: config.traffic_spec.routes is not False),
-    ("errors, latency and lost messages", lambda config: config.uncertainty_spec != type(config.uncertainty_spec)()),
     ("one-shot tasks", lambda config: config.tasks == "one_shot"),
     ("terminate_on_collision", lambda config: config.terminate_on_collision),
 )
@@ -83,8 +82,11 @@ class DeviceSimulator:
 
     @property
     def robots(self) -> torch.Tensor:
-        """The robots' records on the device, uint8[B, N, bytes of a ROBOT]."""
-        return self._tensors["robots"]
+        """The robots' records on the device, uint8[B, N, bytes of a ROBOT], at their true poses."""
+        planned, size = self._tensors["robots"], state.MOTION.itemsize
+        if not self._errs:
+            return planned
+        return torch.cat((self._tensors["actual"][..., :size], planned[..., size:]), -1)  # both begin with the motion
 
     @property
     def reward_weights(self) -> RewardWeights:
@@ -96,10 +98,16 @@ class DeviceSimulator:
         self.host.reward_weights = weights
         self._weights.copy_(tensor_of(self.host.setup.equipment.weights))
 
+    def _arrays(self) -> dict[str, NDArray[Any] | None]:
+        """Return the arrays of the host that the device has, too, by name."""
+        host = self.host
+        drawn = {"keys": host.draws.keys, "left": host.messages.losses.left, "drift": host.deviation.walk.drift}
+        return host.worlds._asdict() | drawn
+
     def _allocate(self) -> None:
         host, memory = self.host, self._memory
         views = dict[str, Any]()
-        for name, array in host.worlds._asdict().items():
+        for name, array in self._arrays().items():
             views[name] = None
             if array is not None:
                 self._tensors[name], views[name] = memory.allocate(array.shape, array.dtype)
@@ -112,8 +120,13 @@ class DeviceSimulator:
         setup = mapped(host.setup, memory.constant)
         setup = setup._replace(equipment=setup.equipment._replace(weights=weights))
         self._threads, self._searches = memory.threads(self.num_worlds), memory.threads(min(self.num_worlds, SEARCHES))
+        keys, left, drift = (views.pop(name) for name in ("keys", "left", "drift"))
+        worlds, self._errs, self._loses = Worlds(**views), host.setup.features.erring is not None, host.messages.loses
+        walk = host.deviation.walk._replace(drift=drift, bounds=memory.constant(host.deviation.walk.bounds))
+        losses = host.messages.losses._replace(left=left)
+        self._noise = drivers.Noise(keys, worlds.steps, losses, worlds.robots, walk, worlds.errors)
         self._batch = drivers.Batch(
-            Worlds(**views), setup, mapped(scratch, lambda array: memory.scratch(self._threads, array)),
+            worlds, setup, mapped(scratch, lambda array: memory.scratch(self._threads, array)),
             mapped(host.search_setup, memory.constant),
             mapped(searches, lambda array: memory.scratch(self._searches, array)),
             host.dispatcher.far, calls,
@@ -138,7 +151,7 @@ class DeviceSimulator:
         self._fit_routes()
         rows = list(worlds)
         on_device = torch.as_tensor(rows, dtype=torch.int64, device=self.device)
-        for name, array in self.host.worlds._asdict().items():
+        for name, array in self._arrays().items():
             if array is not None and array.size:
                 axis = 1 if name == "commands" else 0
                 part = tensor_of(np.take(array, rows, axis=axis)).to(self.device)
@@ -151,6 +164,10 @@ class DeviceSimulator:
         """
         if not bool(self._decoder.decode(actions, self._tensors, self._batch.worlds)):  # before anything moves
             raise ActionError("actions must be finite, and discrete ones in 0..K-1; some are not")
+        if self._loses:
+            self._memory.launch(drivers.lose, self._threads, self._noise)
+        if self._errs:
+            self._memory.launch(drivers.err, self._threads, self._noise)
         if self._decides:
             self._launch(drivers.decide, self._threads)
             self._launch(drivers.resolve, self._searches)
@@ -172,13 +189,14 @@ class DeviceSimulator:
         robots = self._tensors["robots"].view(-1, state.ROBOT.itemsize)
         worlds, numbers = np.divmod(calls.cpu().numpy(), count)
         records = robots[calls].cpu().numpy().view(state.ROBOT)[:, 0]
-        host.robots[worlds, numbers] = records
+        planned = host.worlds.robots
+        planned[worlds, numbers] = records
         who = list(zip(worlds.tolist(), numbers.tolist(), strict=True))
         arrived = [one for one, record in zip(who, records, strict=True) if record["events"]["arrived"]]
         arrivals = host.dispatcher.arrive(host.steps, arrived)
         host.dispatcher.return_to_route(host.steps, self._off_route(worlds, numbers))
         self._fit_routes()
-        robots[calls] = tensor_of(host.robots[worlds, numbers]).to(self.device)
+        robots[calls] = tensor_of(planned[worlds, numbers]).to(self.device)
         routes = self._tensors["routes"].view(-1, *self._tensors["routes"].shape[2:])
         routes[calls] = tensor_of(host.routes[worlds, numbers]).to(self.device)
         return arrivals
@@ -186,7 +204,7 @@ class DeviceSimulator:
     def _off_route(self, worlds: NDArray[np.int64], numbers: NDArray[np.int64]) -> list[tuple[int, int]]:
         """Return which of some robots, as the host has them, are off their routes."""
         off = np.zeros((1, len(worlds)), np.bool_)
-        robots, routes = self.host.robots[worlds, numbers][None], self.host.routes[worlds, numbers][None]
+        robots, routes = self.host.worlds.robots[worlds, numbers][None], self.host.routes[worlds, numbers][None]
         off_route.find_off_route(robots, routes, self.host.dispatcher.far, off)
         return [(int(worlds[k]), int(numbers[k])) for k in np.flatnonzero(off)]
 
@@ -223,7 +241,7 @@ class DeviceSimulator:
 
     def download(self, worlds: list[int]) -> NDArray[Any]:
         """Copy the robots of some worlds to the host and return them, ROBOT[W, N]."""
-        rows = self._tensors["robots"][torch.as_tensor(worlds, device=self.device)]
+        rows = self.robots[torch.as_tensor(worlds, device=self.device)]
         self.host.robots[worlds] = rows.cpu().numpy().view(state.ROBOT)[..., 0]
         return self.host.robots[worlds]
 

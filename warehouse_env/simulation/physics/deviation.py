@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,6 +83,14 @@ def _planned(config: EnvConfig, robot: RobotSpec) -> RobotSpec:
     )  # fmt: skip
 
 
+class Walk(NamedTuple):
+    """How errors change from one physics step to the next."""
+
+    pace: float  # of a walk by even steps
+    bounds: NDArray[np.float32]  # [ERRORS] [m], [rad], shares
+    drift: NDArray[np.float64]  # [B, N, ERRORS], -1 to 1
+
+
 class Deviation:
     """The bodies BODY[B, N] of robots that err, and the errors of the next env step.
 
@@ -94,21 +102,19 @@ class Deviation:
         spec = config.uncertainty_spec
         aside = spec.pose_error / math.sqrt(2.0)
         bounds = (aside, aside, spec.heading_error, spec.actuation_error, spec.actuation_error)
-        self._bounds = np.array(bounds, dtype=F)
-        self._pace = math.sqrt(3.0 * config.time_step / _PERIOD)  # of a walk by even steps
         shape = (worlds, config.num_agents if errs(config) else 0)
         self.bodies = np.zeros(shape, dtype=BODY)
         self.errors = np.zeros((worlds, config.action_repeat, shape[1], ERRORS), dtype=F)
-        self._drift = np.zeros((*shape, ERRORS))  # -1 to 1
+        pace = math.sqrt(3.0 * config.time_step / _PERIOD)
+        self.walk = Walk(pace, np.array(bounds, dtype=F), np.zeros((*shape, ERRORS)))
         self._keys = draws.keys
-        self._steps = np.zeros(worlds, dtype=np.int64)  # env steps of each world's episode
 
     def begin(self, world: int, robots: NDArray[Any]) -> None:
         """Begin a world's episode: its robots ROBOT[N] are where they believe to be, and their bodies a little off."""
-        self._steps[world] = 0
-        _draw_drift(self._keys[world], self._drift[world])
+        drift = self.walk.drift[world]
+        _draw_drift(self._keys[world], drift)
         self.bodies[world] = np.zeros((), dtype=BODY)
-        error = (_DRIFT * self._drift[world] * self._bounds).astype(F)
+        error = (_DRIFT * drift * self.walk.bounds).astype(F)
         for name, column in (("error_x", POSE_X), ("error_y", POSE_Y), ("error_heading", POSE_HEADING)):
             self.bodies[name][world] = error[:, column]
         self.stand(world, robots)
@@ -117,10 +123,9 @@ class Deviation:
         """Place the bodies of a world as their robots ROBOT[N] were put."""
         _place(self.bodies[world], robots)
 
-    def draw(self) -> None:
-        """Draw the errors of the next env step."""
-        _draw_errors(self._keys, self._steps, self._pace, self._bounds, self._drift, self.errors)
-        self._steps += 1
+    def draw(self, steps: NDArray[np.int64]) -> None:
+        """Draw the errors of the next env step; steps [B]: since the resets."""
+        draw_errors(0, len(steps), self._keys, steps, self.walk, self.errors)
 
     def show(self, robots: NDArray[Any], planned: NDArray[Any]) -> None:
         """Make `robots` ROBOT[B, N] equal to `planned`, with the poses and speeds of their bodies."""
@@ -137,17 +142,21 @@ def _draw_drift(key, drift):
 
 
 @kernel
-def _draw_errors(keys, steps, pace, bounds, drift, errors):
-    """Draw the errors of an env step into float32[B, repeat, N, ERRORS]; steps: int64[B]; see Deviation."""
+def draw_errors(begin, end, keys, steps, walk, errors):
+    """Draw the errors of an env step of the worlds from `begin` to before `end`.
+
+    keys: of the Draws; steps int64[B]: since the resets; walk: a Walk; errors: see Deviation.
+    """
     repeats = errors.shape[1]
-    for b, repeat, i, error in np.ndindex(errors.shape):
-        walk, jitter, _, _ = words(keys[b], ERROR, i, steps[b] * repeats + repeat, error)
-        drifted = drift[b, i, error] + pace * (2.0 * fraction(walk) - 1.0)
-        if abs(drifted) > 1.0:
-            drifted = np.sign(drifted) * 2.0 - drifted
-        drift[b, i, error] = drifted
-        share = _DRIFT * drifted + (1.0 - _DRIFT) * (2.0 * fraction(jitter) - 1.0)
-        errors[b, repeat, i, error] = share * bounds[error]
+    for b in range(begin, end):
+        for repeat, i, error in np.ndindex(errors.shape[1:]):
+            way, jitter, _, _ = words(keys[b], ERROR, i, steps[b] * repeats + repeat, error)
+            drifted = walk.drift[b, i, error] + walk.pace * (2.0 * fraction(way) - 1.0)
+            if abs(drifted) > 1.0:
+                drifted = (2.0 if drifted > 0.0 else -2.0) - drifted
+            walk.drift[b, i, error] = drifted
+            share = _DRIFT * drifted + (1.0 - _DRIFT) * (2.0 * fraction(jitter) - 1.0)
+            errors[b, repeat, i, error] = share * walk.bounds[error]
 
 
 @kernel

@@ -13,7 +13,7 @@ Losses are drawn before each env step for a purpose of their own (draws.py), so 
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,37 +23,52 @@ from warehouse_env.kernel import kernel
 from warehouse_env.simulation.draws import LOSS, Draws, fraction, words
 
 
+class Losses(NamedTuple):
+    """How robots fall silent, and for how long."""
+
+    begins: float  # chance in an env step to fall silent
+    late: float  # chance that a message comes too late
+    lasts: int  # env steps
+    left: NDArray[np.int64]  # [B, N], env steps for which each stays silent
+
+
 class Messages:
-    """Draw the silent robots: a mean share `loss` of them, each for `burst` [s] at a time."""
+    """Draw the silent robots: a mean share `loss` of them, each for `burst` [s] at a time.
+
+    loses: whether any message can be lost.
+    """
 
     def __init__(self, config: EnvConfig, worlds: int, draws: Draws) -> None:
         spec = config.uncertainty_spec
         loss = spec.loss
-        self._lasts = max(1, round(spec.burst / (config.time_step * config.action_repeat)))  # env steps
-        self._late = max(spec.latency - spec.bounds.latency, 0.0) / spec.latency if spec.latency else 0.0
-        self._begins = loss / (loss + self._lasts * (1.0 - loss))  # chance in an env step to fall silent
-        self._left = np.zeros((worlds, config.num_agents), np.int64)  # env steps for which each stays silent
+        lasts = max(1, round(spec.burst / (config.time_step * config.action_repeat)))  # env steps
+        late = max(spec.latency - spec.bounds.latency, 0.0) / spec.latency if spec.latency else 0.0
+        begins = loss / (loss + lasts * (1.0 - loss))
+        self.loses = begins > 0.0 or late > 0.0
+        self.losses = Losses(begins, late, lasts, np.zeros((worlds, config.num_agents), np.int64))
         self._keys = draws.keys
-        self._steps = np.zeros(worlds, np.int64)  # env steps of each world's episode
 
     def begin(self, world: int) -> None:
         """Begin a world's episode."""
-        self._left[world] = self._steps[world] = 0
+        self.losses.left[world] = 0
 
-    def lose(self, robots: NDArray[Any]) -> None:
-        """Write which of robots ROBOT[B, N] are silent in the next env step."""
-        if self._begins == self._late == 0:
-            return
-        _lose(self._keys, self._steps, self._begins, self._late, self._lasts, self._left, robots)
-        self._steps += 1
+    def draw(self, steps: NDArray[np.int64], robots: NDArray[Any]) -> None:
+        """Draw which of robots ROBOT[B, N] are silent in the next env step; steps [B]: since the resets."""
+        if self.loses:
+            draw_silent(0, len(steps), self._keys, steps, self.losses, robots)
 
 
 @kernel
-def _lose(keys, steps, begins, late, lasts, left, robots):
-    """Count down how long robots ROBOT[B, N] are silent, left int64[B, N], and write who is; steps: int64[B]."""
-    for b, i in np.ndindex(left.shape):
-        first, second, _, _ = words(keys[b], LOSS, i, steps[b], 0)
-        left[b, i] = max(left[b, i] - 1, 0)
-        if left[b, i] == 0 and fraction(first) < begins:
-            left[b, i] = lasts
-        robots[b, i]["shield"]["silent"] = left[b, i] > 0 or fraction(second) < late
+def draw_silent(begin, end, keys, steps, losses, robots):
+    """Count down how long robots ROBOT[B, N] of the worlds from `begin` to before `end` are silent, and write who is.
+
+    keys: of the Draws; steps int64[B]: since the resets; losses: Losses.
+    """
+    left = losses.left
+    for b in range(begin, end):
+        for i in range(left.shape[1]):
+            first, second, _, _ = words(keys[b], LOSS, i, steps[b], 0)
+            left[b, i] = max(left[b, i] - 1, 0)
+            if left[b, i] == 0 and fraction(first) < losses.begins:
+                left[b, i] = losses.lasts
+            robots[b, i]["shield"]["silent"] = left[b, i] > 0 or fraction(second) < losses.late
