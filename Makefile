@@ -14,6 +14,7 @@ EPISODES ?= 100
 NIGHT ?= results/night
 DEMO ?= results/demo
 BENCH ?= results/bench.jsonl
+MINUTES ?= 4
 
 RUN := $(VENV)/bin
 STAMP := $(VENV)/.set-up
@@ -25,7 +26,7 @@ COMPILING := setuptools numba gymnasium pettingzoo pyyaml safetensors platformdi
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test night kills hostile long bounds docs gallery chart clients cuda lint format bench clean missing
+.PHONY: help setup demo test night kills hostile long bounds docs gallery chart clients cuda gpu lint format bench clean missing
 
 help: ## list what make can do (the default)
 	@awk -F ':.*## ' '/^[a-z]+:.*## /{printf "  make %-7s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -74,6 +75,12 @@ cuda: $(STAMP) ## compile the kernels for a GPU; where there is one, also compar
 	@$(INSTALL) --no-build-isolation --editable ".[$(EXTRAS),cuda]"
 	$(RUN)/python -m pytest tests/simulation/device -m "nightly or not nightly" --verbosity 1 --durations 0 \
 	  --durations-min 1
+
+gpu: cuda ## check, measure and train on a GPU for ten minutes, into results/gpu
+	$(RUN)/warehouse bench --only cuda --seconds 2 --json results/gpu/bench.jsonl
+	$(RUN)/warehouse train threaded_ppo --recipe device --device cuda --minutes $(MINUTES) --checkpoint-seconds 120 \
+	  --out results/gpu --name policy --json results/gpu/progress.jsonl
+	$(RUN)/warehouse evaluate --policy results/gpu/policy brake --robots 16 --episodes 8 --out results/gpu
 
 lint: $(STAMP) ## ruff and strict mypy
 	$(RUN)/ruff check

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Sequence
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 import torch
@@ -96,7 +96,9 @@ class ActorCritic(nn.Module):
 
         action: int64[M] for discrete actions, float32[M, A] for real-valued ones (as drawn, not clipped).
         """
-        output = self.output(observation)
+        return self._judge(self.output(observation), action)
+
+    def _judge(self, output: Tensor, action: Tensor) -> tuple[Tensor, Tensor]:
         if self.network.discrete:
             logs = torch.log_softmax(output, dim=-1)
             return logs.gather(-1, action.unsqueeze(-1)).squeeze(-1), -(logs.exp() * logs).sum(-1)
@@ -104,19 +106,32 @@ class ActorCritic(nn.Module):
         log_probability = (-0.5 * standard**2 - self.log_std - _HALF_LOG_TAU).sum(-1)
         return log_probability, (self.log_std + 0.5 + _HALF_LOG_TAU).sum().expand(len(action))
 
-    def draw(self, observation: Tensor, rng: np.random.Generator) -> tuple[NDArray[Any], NDArray[np.float32]]:
-        """Draw one action a row: int64[M], or float32[M, A] for real-valued ones, and log pi of it. No gradient."""
-        with torch.no_grad():
-            output = self.output(observation).numpy()
-            if self.network.discrete:
-                action = draw_discrete(output, rng)
-                output -= output.max(axis=-1, keepdims=True)
-                chosen = output[np.arange(len(action)), action]
-                return action, chosen - np.log(np.exp(output).sum(axis=-1))
-            noise = rng.standard_normal(output.shape, dtype=np.float32)
-            log_std = self.log_std.numpy()
-            log_probability = (np.float32(-0.5) * noise**2 - log_std - np.float32(_HALF_LOG_TAU)).sum(axis=-1)
-            return output + noise * np.exp(log_std), log_probability
+    @torch.no_grad()
+    def draw(self, observation: Tensor, rng: np.random.Generator | torch.Generator) -> tuple[Tensor, Tensor]:
+        """Draw one action a row: int64[M], or float32[M, A] for real-valued ones, and log pi of it, float32[M].
+
+        rng: NumPy's, which is faster on the CPU, or torch's of the device where the observations are.
+        """
+        output = self.output(observation)
+        if isinstance(rng, torch.Generator):
+            action = self._drawn(output, rng)
+            return action, self._judge(output, action)[0]
+        here = output.numpy()
+        if self.network.discrete:
+            drawn = draw_discrete(here, rng)
+            here -= here.max(axis=-1, keepdims=True)
+            chosen = here[np.arange(len(drawn)), drawn]
+            return torch.from_numpy(drawn), torch.from_numpy(chosen - np.log(np.exp(here).sum(axis=-1)))
+        noise = rng.standard_normal(here.shape, dtype=np.float32)
+        log_std = self.log_std.numpy()
+        log_probability = (np.float32(-0.5) * noise**2 - log_std - np.float32(_HALF_LOG_TAU)).sum(axis=-1)
+        return torch.from_numpy(here + noise * np.exp(log_std)), torch.from_numpy(log_probability)
+
+    def _drawn(self, output: Tensor, rng: torch.Generator) -> Tensor:
+        if self.network.discrete:  # by the Gumbel trick, as in draw_discrete
+            uniform = torch.rand(output.shape, generator=rng, device=output.device)
+            return (output - (-uniform.log()).log()).argmax(-1)
+        return output + torch.randn(output.shape, generator=rng, device=output.device) * self.log_std.exp()
 
 
 def first_actor_critic(network: Network, env: EnvConfig, cruise_bias: float) -> ActorCritic:
@@ -151,4 +166,4 @@ def first_actor_critic(network: Network, env: EnvConfig, cruise_bias: float) -> 
 
 def tensors_of(module: nn.Module) -> dict[str, NDArray[np.float32]]:
     """Return the module's tensors as arrays, copied: what `save_policy` takes."""
-    return {name: tensor.detach().numpy().copy() for name, tensor in module.state_dict().items()}
+    return {name: tensor.detach().cpu().numpy().copy() for name, tensor in module.state_dict().items()}

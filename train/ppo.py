@@ -68,7 +68,7 @@ class Ppo(Trainer):
             worlds = WarehouseVecEnv(self._simulators)
             worlds.seed(config.seed)
         self.rows = worlds.num_envs
-        self.network = network_of(self._simulators[0], config.hidden)
+        self.network = network_of(self.env, config.hidden)
         self._step_size = config.learning_rate
         self._worlds = MeasuredVecEnv(worlds, config.reward_scale, self._split, self._tally)
         self.model = self._make_model()

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import torch
 from torch import Tensor
 
 from train.held_out import held_out
@@ -26,7 +25,7 @@ class Reinforce(ThreadedTrainer):
 
 def actor_loss(log_probability: Tensor, old: Tensor, advantage: Tensor) -> tuple[Tensor, Tensor]:
     """Return -E[A log pi] and 0, for no row is held back (see `ActorLoss`)."""
-    return policy_loss(log_probability, advantage), torch.zeros(())
+    return policy_loss(log_probability, advantage), advantage.new_zeros(())
 
 
 def policy_loss(log_probability: Tensor, advantage: Tensor) -> Tensor:

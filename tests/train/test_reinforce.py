@@ -49,9 +49,9 @@ def test_the_gradient_of_one_step_is_the_hand_computed_one() -> None:
 
 
 def test_advantages_by_hand() -> None:
-    reward = np.array([[1.0], [2.0], [4.0]], np.float32)
-    value = np.array([[10.0], [20.0], [30.0], [40.0]], np.float32)
-    ended, last = np.array([[False], [True], [False]]), np.array([[0.0], [5.0], [0.0]], np.float32)
+    reward = torch.tensor([[1.0], [2.0], [4.0]])
+    value = torch.tensor([[10.0], [20.0], [30.0], [40.0]])
+    ended, last = torch.tensor([[False], [True], [False]]), torch.tensor([[0.0], [5.0], [0.0]])
     d0, d1, d2 = 1 + 0.5 * 20 - 10, 2 + 0.5 * 5 - 20, 4 + 0.5 * 40 - 30
     got = advantages(reward, value, ended, last, gamma=0.5, gae_lambda=0.8)
     assert got[:, 0] == pytest.approx([d0 + 0.4 * d1, d1, d2])
@@ -74,9 +74,9 @@ def test_a_training_leaves_a_policy_that_acts(config: ReinforceConfig) -> None:
 def test_contacts_go_on_in_worlds_that_are_brought_back() -> None:
     """A contact episode that lasts is not counted once more, though a first episode began with some age."""
     config = EnvConfig(num_agents=16, layout="paper46", planner="astar", max_steps=900)
-    worlds, twin = (TrainingWorlds([(config, 3)], [0], 1e6) for _ in range(2))
-    (simulator,), (its,) = worlds.simulators, twin.simulators
-    onwards = np.full(worlds.rows, simulator.cruise_action)
+    simulator, its = (TrainingSimulator(config, 3, 1e6, 0.0) for _ in range(2))
+    worlds, twin = TrainingWorlds([simulator], [0]), TrainingWorlds([its], [0])
+    onwards = torch.full((worlds.rows,), int(simulator.cruise_action))
     for _ in range(250):
         worlds.step(onwards)
     assert (simulator.events.touching != 0).any()
@@ -132,9 +132,9 @@ def test_the_tally_counts_what_the_episode_counts() -> None:
 def test_robots_that_are_stuck_and_worlds_that_jam_are_told_apart_from_goals() -> None:
     """Nobody moves: after a second all are stuck, after two a world has jammed; the last ends before, by its age."""
     config = EnvConfig(layout="open", num_agents=5, planner="astar", max_steps=100, stuck_after=1.05)
-    worlds = TrainingWorlds([(config, 4)], [0, 0], jam_seconds=2.05)
-    simulator = worlds.simulators[0]
-    stand = np.full(worlds.rows, 5)  # 0 m/s
+    simulator = TrainingSimulator(config, 4, jam_seconds=2.05, shared=0.0)
+    worlds = TrainingWorlds([simulator], [0, 0])
+    stand = torch.full((worlds.rows,), 5)  # 0 m/s
     simulator.steps[:] = [0, 0, 0, 95]  # the last world has five steps left
     for _ in range(10):
         worlds.step(stand)
@@ -150,10 +150,10 @@ def test_robots_that_are_stuck_and_worlds_that_jam_are_told_apart_from_goals() -
 
 
 def test_training_worlds_end_spread_and_draw_seeds_below_the_held_out_ones(config: ReinforceConfig) -> None:
-    worlds = TrainingWorlds([(config.env("open", 2), 5)], [0, 0], jam_seconds=100.0)
+    worlds = TrainingWorlds([TrainingSimulator(config.env("open", 2), 5, 100.0, 0.0)], [0, 0])
     ends = []
     for step in range(15):
-        ends += [step for _ in worlds.step(np.full(worlds.rows, 15))]
+        ends += [step for _ in worlds.step(torch.full((worlds.rows,), 15))]
     assert ends == [2, 5, 8, 11, 14]  # episodes of 15 steps, five worlds
     assert max(worlds._world_seed(world) for world in range(5)) < HELD_OUT_SEED
 

@@ -43,8 +43,8 @@ def test_a_draw_comes_with_its_log_probability(discrete: bool) -> None:
     net = ActorCritic(Network(5, 3, discrete, (16,)), np.array([1.0, -1.0, 0.0], np.float32))
     observation = 3.0 * torch.randn(200, 5)
     action, log_probability = net.draw(observation, np.random.default_rng(0))
-    expected, _ = net.log_probability(observation, torch.from_numpy(action))
-    assert log_probability == pytest.approx(expected.detach().numpy(), abs=1e-5)
+    expected, _ = net.log_probability(observation, action)
+    assert log_probability.numpy() == pytest.approx(expected.detach().numpy(), abs=1e-5)
 
 
 def test_it_learns_a_bandit_in_several_passes_over_each_batch() -> None:
@@ -56,15 +56,15 @@ def test_it_learns_a_bandit_in_several_passes_over_each_batch() -> None:
         best = rng.integers(3, size=256)
         observation = torch.from_numpy(np.eye(3, dtype=np.float32)[best])
         action, old = net.draw(observation, rng)
-        advantage = torch.from_numpy((action == best).astype(np.float32))
+        advantage = (action == torch.from_numpy(best)).float()
         mean, spread = joint_scale([advantage])
         for _ in range(4):
-            log_probability, _ = net.log_probability(observation, torch.from_numpy(action))
+            log_probability, _ = net.log_probability(observation, action)
             optimizer.zero_grad()
-            loss, _ = clipped_loss(log_probability - torch.from_numpy(old), (advantage - mean) / spread, 0.2)
+            loss, _ = clipped_loss(log_probability - old, (advantage - mean) / spread, 0.2)
             loss.backward()
             optimizer.step()
-    assert (net.draw(observation, rng)[0] == best).mean() > 0.95
+    assert (net.draw(observation, rng)[0].numpy() == best).mean() > 0.95
 
 
 def test_every_pass_takes_every_row_once(config: ThreadedPPOConfig, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -16,7 +16,7 @@ from agents.weights_folder import read_record
 from train.commands.kinds import read_fleet
 from train.learning.config import PPOConfig, ReinforceConfig, ThreadedPPOConfig, TrainingConfig
 from train.learning.progress import ROWS, read_run
-from train.learning.recipes import Recipe, ThreadedPPORecipe, by_recipe
+from train.learning.recipes import Recipe, ReinforceRecipe, ThreadedPPORecipe, by_recipe
 from train.reporting.report import require_charts
 from train.reporting.rows import RowFile, read_rows
 from warehouse_env.checked import Checked
@@ -77,6 +77,9 @@ class TrainReinforce(_Train):
     """Train our policy gradient: REINFORCE over the next action command, with a learned value as baseline."""
 
     module = "train.reinforce"
+    recipe: ReinforceRecipe = "shipped"  # type: ignore[assignment]
+    """Defaults of the other options. shipped: those of the shipped weights; bare: without shield, live routes and
+    shared rewards, as in the papers; device: many worlds for --device cuda. `--recipe NAME --help` shows them."""
     config: Annotated[ReinforceConfig, tyro.conf.arg(name="")] = field(default_factory=ReinforceConfig)
 
 
@@ -95,8 +98,8 @@ class TrainThreadedPPO(_Train):
     module = "train.threaded_ppo"
     recipe: ThreadedPPORecipe = "shipped"  # type: ignore[assignment]
     """Defaults of the other options. shipped: those of the shipped weights; bare: without shield, live routes and
-    shared rewards, as in the papers; unshielded: those of the policy `unshielded`, with large contact penalties instead
-    of the shield. `--recipe NAME --help` shows them."""
+    shared rewards, as in the papers; device: many worlds for --device cuda; unshielded: those of the policy
+    `unshielded`, with large contact penalties instead of the shield. `--recipe NAME --help` shows them."""
     config: Annotated[ThreadedPPOConfig, tyro.conf.arg(name="")] = field(default_factory=ThreadedPPOConfig)
 
 

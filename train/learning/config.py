@@ -121,7 +121,8 @@ class TrainingConfig(Checked):
     def __post_init__(self) -> None:
         super().__post_init__()
         self._between(1, 10**15, "steps")
-        self._between(1, 1_000_000, "rows", "robots", "action_repeat")
+        self._between(1, 10_000_000, "rows")
+        self._between(1, 1_000_000, "robots", "action_repeat")
         self._between(1, 1024, "threads")
         self._between(0, 2**32 - 1, "seed")
         self._between(0.0, 1e9, "entropy_first", "entropy_last", "checkpoint_seconds", "evaluation_seconds")
@@ -247,10 +248,19 @@ class ThreadedConfig(TrainingConfig):
 
     critic_factor: float = 4.0
     """The critic's step size, as a multiple of the actor's."""
+    device: str | None = None
+    """Run worlds, rollouts and updates on this device, by torch's name: cuda, cuda:1, or cpu, which needs no GPU.
+    None: in threads of the CPU. docs/how_to/gpu.md says what a device simulates."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
         self._between(0.0, 1e9, "critic_factor")
+        if self.device is not None:
+            from warehouse_env.simulation.device.memory import memory_of
+            from warehouse_env.simulation.device.simulator import check_device
+
+            memory_of(self.device)
+            check_device(self.env("open", self.robots[0]))
 
     def shares(self) -> list[list[tuple[EnvConfig, int]]]:
         """Return what each thread trains on: whole mixes if they divide evenly, since a few large simulators are faster

@@ -8,7 +8,8 @@ from train.learning.config import DRAWN, PPOConfig, ReinforceConfig, ThreadedPPO
 
 Config = TypeVar("Config", bound=TrainingConfig)
 Recipe = Literal["shipped", "bare"]
-ThreadedPPORecipe = Literal["shipped", "bare", "unshielded"]
+ReinforceRecipe = Literal["shipped", "bare", "device"]
+ThreadedPPORecipe = Literal["shipped", "bare", "device", "unshielded"]
 
 # The policy alone avoids collisions, as in the papers: no shield, live routes or shared rewards.
 _BARE: dict[str, Any] = {
@@ -16,6 +17,12 @@ _BARE: dict[str, Any] = {
     "traffic": "none",
 }  # fmt: skip
 _THREADED = {"robots": (16, 24, 32), "rows": 768, "hidden": (64, 64)}
+# Thousands of worlds on a GPU, within what a device simulates.
+_DEVICE = {
+    "layouts": ("paper46",), "robots": (16,), "rows": 65_536, "planner": "pf_aco", "collision_last": -30.0,
+    "traffic": "none:shield=true", "hidden": (64, 64), "rollout": 32, "minibatch": 65_536, "learning_rate": 1e-3,
+    "steps": 1_000_000_000,
+}  # fmt: skip
 # The shipped policy of this name: live routes only, and large contact penalties.
 _UNSHIELDED = {
     "name": "unshielded", "steps": 100_000_000, "layouts": ("paper46", "narrow", "single_lane", *DRAWN[:4]),
@@ -24,9 +31,9 @@ _UNSHIELDED = {
 }  # fmt: skip
 
 RECIPES: dict[type[TrainingConfig], dict[str, dict[str, Any]]] = {
-    ReinforceConfig: {"shipped": {}, "bare": _BARE | _THREADED},
+    ReinforceConfig: {"shipped": {}, "bare": _BARE | _THREADED, "device": _DEVICE},
     PPOConfig: {"shipped": {}, "bare": _BARE | {"robots": (12, 16, 24), "rows": 384, "rollout": 48}},
-    ThreadedPPOConfig: {"shipped": {}, "bare": _BARE | _THREADED, "unshielded": _UNSHIELDED},
+    ThreadedPPOConfig: {"shipped": {}, "bare": _BARE | _THREADED, "device": _DEVICE, "unshielded": _UNSHIELDED},
 }
 
 

@@ -1,7 +1,8 @@
 """The policy-gradient trainer behind REINFORCE and our PPO, which differ in their loss.
 
 Each thread plays its own worlds and computes the gradient of its own rows. Threads meet only to add the gradients, in
-order. That is faster than threads within each small operation, also on a busy machine.
+order. That is faster than threads within each small operation, also on a busy machine. A device has one worker with all
+worlds, whose rollouts, advantages and updates stay there.
 
 The critic's value continues the return after each rollout. The advantage A is the generalised one (Schulman et al.
 2016); with gae_lambda = 1 it is exactly the truncated return minus the baseline.
@@ -9,11 +10,10 @@ The critic's value continues the return after each rollout. The advantage A is t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, TypeVar
 
-import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
@@ -22,8 +22,8 @@ from agents.networks import first_actor_critic, tensors_of
 from train.learning import checkpoint
 from train.learning.config import ThreadedConfig
 from train.learning.experience import Rollout, RolloutWorker
-from train.learning.trainer import Split, Tensors, Trainer, network_of, set_threads
-from train.learning.worlds import Counts
+from train.learning.trainer import Split, Tensors, Trainer, network_of, rng_of, set_threads, shuffled
+from train.learning.worlds import Counts, TrainingSimulator, TrainingWorlds
 
 T = TypeVar("T")
 FIGURES = ("actor_loss", "critic_loss", "entropy", "clip_fraction", "gradient_norm")
@@ -43,14 +43,18 @@ class ThreadedTrainer(Trainer):
 
     def __init__(self, config: ThreadedConfig, actor_loss: ActorLoss) -> None:
         self.config, self.rollout, self._actor_loss = config, config.rollout, actor_loss
-        set_threads(1)
-        self._workers = [RolloutWorker(config, mixes, number) for number, mixes in enumerate(config.shares())]
-        self._pool = ThreadPoolExecutor(config.threads, initializer=set_threads, initargs=(1,))
+        self._threads = config.threads if config.device else 1  # of torch: a worker beside others has one
+        set_threads(self._threads)
+        self._workers = [RolloutWorker(config, worlds) for worlds in _worlds(config)]
+        self._pool = ThreadPoolExecutor(len(self._workers), initializer=set_threads, initargs=(self._threads,))
         self.rows = sum(worker.rows for worker in self._workers)
-        first = self._workers[0].worlds.simulators[0]
-        self.env, self.network = first.config, network_of(first, config.hidden)
+        worlds = self._workers[0].worlds
+        self.env, device = worlds.simulators[0].config, worlds.observation.device
+        self.network = network_of(self.env, config.hidden)
+        if device.type == "cuda":  # 10 bits of mantissa; the 7 of bfloat16 would change probabilities by up to 9%
+            torch.backends.cuda.matmul.allow_tf32 = True
         torch.manual_seed(config.seed)
-        self.net = first_actor_critic(self.network, self.env, config.cruise_bias)
+        self.net = first_actor_critic(self.network, self.env, config.cruise_bias).to(device)
         self._sizes = [parameter.numel() for parameter in self.net.parameters()]
         self._groups = [self.net.actor_parameters(), list(self.net.critic.parameters())]
         self.optimizer = torch.optim.Adam([{"params": group} for group in self._groups], eps=1e-5)
@@ -68,9 +72,9 @@ class ThreadedTrainer(Trainer):
     def update(self, number: int, spent: float) -> dict[str, float]:
         """Collect one rollout and take the passes of gradient steps over it (see `Trainer.update`)."""
         config = self.config
-        set_threads(1)  # one for each worker, and the workers are what runs side by side
+        set_threads(self._threads)
         weights = config.reward(spent)
-        seeds = [[config.seed, k, number] for k in range(config.threads)]
+        seeds = [[config.seed, k, number] for k in range(len(self._workers))]
         rollouts = self._each(lambda one, seed: one.collect(self.net, weights, seed), self._workers, seeds)
         with self._own.measure("update_s"):
             step_size = config.step_size(spent)
@@ -82,17 +86,16 @@ class ThreadedTrainer(Trainer):
         mean, spread = joint_scale([rollout.advantage for rollout in rollouts])
         rollouts = [one._replace(advantage=(one.advantage - mean) / spread) for one in rollouts]
         pieces = max(1, round(self.rows * self.rollout / self.config.minibatch))
-        rng = np.random.default_rng(seed)
-        totals = torch.zeros(len(FIGURES))
+        rng, totals = rng_of(seed, self.config.device), mean.new_zeros(len(FIGURES))
         for _ in range(self.epochs):
-            orders = [np.array_split(rng.permutation(len(one.target)), pieces) for one in rollouts]
+            orders = [shuffled(len(one.target), rng).tensor_split(pieces) for one in rollouts]
             for chosen in zip(*orders, strict=True):
                 totals += self._descend(rollouts, chosen, entropy_weight)
         target = torch.cat([rollout.target for rollout in rollouts])
         figures = dict(zip(FIGURES, (totals / (self.epochs * pieces)).tolist(), strict=True))
         return {**figures, "explained_variance": 1.0 - 2.0 * figures["critic_loss"] / target.var().item()}
 
-    def _descend(self, rollouts: list[Rollout], chosen: Iterable[NDArray[np.int64]], entropy_weight: float) -> Tensor:
+    def _descend(self, rollouts: list[Rollout], chosen: Iterable[Tensor], entropy_weight: float) -> Tensor:
         """Take one gradient step by the chosen rows of each rollout; return FIGURES."""
         parts = self._each(lambda one, rows: self.gradient(one, rows, entropy_weight), rollouts, chosen)
         slopes = torch.split(torch.stack([slope for slope, _ in parts]), self._sizes, dim=1)
@@ -102,16 +105,15 @@ class ThreadedTrainer(Trainer):
         self.optimizer.step()
         return torch.cat([torch.stack([figures for _, figures in parts]).mean(0), norm[None]])
 
-    def gradient(self, rollout: Rollout, rows: NDArray[np.int64], entropy_weight: float) -> tuple[Tensor, Tensor]:
+    def gradient(self, rollout: Rollout, rows: Tensor, entropy_weight: float) -> tuple[Tensor, Tensor]:
         """Return means over some rows of a rollout: slopes float32[P] of all parameters, and all FIGURES but the norm.
 
         The rollout's advantages are scaled already.
         """
-        chosen = torch.from_numpy(rows)
-        observation = rollout.observation[chosen]
-        log_probability, entropy = self.net.log_probability(observation, rollout.action[chosen])
-        actor_loss, held = self._actor_loss(log_probability, rollout.log_probability[chosen], rollout.advantage[chosen])
-        critic_loss = 0.5 * (self.net.value(observation) - rollout.target[chosen]).square().mean()
+        observation = rollout.observation[rows]
+        log_probability, entropy = self.net.log_probability(observation, rollout.action[rows])
+        actor_loss, held = self._actor_loss(log_probability, rollout.log_probability[rows], rollout.advantage[rows])
+        critic_loss = 0.5 * (self.net.value(observation) - rollout.target[rows]).square().mean()
         mean_entropy = entropy.mean()
         loss = actor_loss - entropy_weight * mean_entropy + critic_loss
         slopes = torch.cat([slope.flatten() for slope in torch.autograd.grad(loss, list(self.net.parameters()))])
@@ -150,7 +152,20 @@ class ThreadedTrainer(Trainer):
         self._pool.shutdown()
 
 
-def joint_scale(advantage: list[Tensor]) -> tuple[float, float]:
+def _worlds(config: ThreadedConfig) -> Iterator[TrainingWorlds]:
+    """Make the worlds of each thread, or all of them on a device."""
+    jam_seconds, shared, device = config.jam_seconds, config.shared, config.device
+    if device is not None:
+        from train.learning.device_worlds import DeviceWorlds, TrainingDevice
+
+        mixes = config.worlds(config.rows)
+        yield DeviceWorlds([TrainingDevice(*one, jam_seconds, shared, device) for one in mixes], [config.seed, 0])
+        return
+    for number, mixes in enumerate(config.shares()):
+        yield TrainingWorlds([TrainingSimulator(*one, jam_seconds, shared) for one in mixes], [config.seed, number])
+
+
+def joint_scale(advantage: list[Tensor]) -> tuple[Tensor, Tensor]:
     """Return the mean and standard deviation of all advantages together."""
     joined = torch.cat(advantage)
-    return float(joined.mean()), float(joined.std()) + 1e-8
+    return joined.mean(), joined.std() + 1e-8

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from agents.weights_folder import Network
 from train.learning import checkpoint
 from warehouse_env.config import EnvConfig
-from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.observation import observation_layout
+from warehouse_env.simulation.actions import ActionDecoder
 from warehouse_env.threads import MOST_THREADS, set_num_threads
 
 PARTS = ("simulator_s", "policy_s", "update_s")
@@ -26,7 +27,10 @@ Tensors = dict[str, NDArray[np.float32]]
 
 
 class Split:
-    """Seconds spent in each part: "simulator_s", "policy_s" (forward passes of the rollouts) and "update_s"."""
+    """Seconds spent in each part: "simulator_s", "policy_s" (forward passes of the rollouts) and "update_s".
+
+    A GPU's forward passes count as the simulator's, which waits for them.
+    """
 
     def __init__(self) -> None:
         self.seconds = dict.fromkeys(PARTS, 0.0)
@@ -103,12 +107,26 @@ class Trainer(ABC):
         checkpoint.load_optimizer(self.optimizer, arrays)
 
 
-def network_of(simulator: Simulator, hidden: tuple[int, ...]) -> Network:
-    """Return the sizes of the networks for one robot of `simulator`."""
-    space = simulator.action_space
+def rng_of(seed: list[int], device: str | None) -> np.random.Generator | torch.Generator:
+    """Return NumPy's generator, or torch's on a device."""
+    if device is None:
+        return np.random.default_rng(seed)
+    return torch.Generator(device).manual_seed(int(np.random.SeedSequence(seed).generate_state(1, np.uint64)[0]))
+
+
+def shuffled(count: int, rng: np.random.Generator | torch.Generator) -> torch.Tensor:
+    """Return 0 to count - 1 in random order, where the generator is."""
+    if isinstance(rng, torch.Generator):
+        return torch.randperm(count, generator=rng, device=rng.device)
+    return torch.from_numpy(rng.permutation(count))
+
+
+def network_of(env: EnvConfig, hidden: tuple[int, ...]) -> Network:
+    """Return the sizes of the networks for one robot."""
+    size, space = observation_layout(env).size, ActionDecoder(env).space
     if isinstance(space, gymnasium.spaces.Discrete):
-        return Network(simulator.layout.size, int(space.n), True, hidden)
-    return Network(simulator.layout.size, (space.shape or (0,))[0], False, hidden)
+        return Network(size, int(space.n), True, hidden)
+    return Network(size, (space.shape or (0,))[0], False, hidden)
 
 
 def profile(trainer: Trainer, updates: int, warm_up: int = 1) -> dict[str, float]:

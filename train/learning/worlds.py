@@ -2,7 +2,8 @@
 
 A world is reset after a fixed number of steps, with a seed that depends only on (training seed, world, episode). The
 ends are spread evenly over time, so that a batch holds fresh and crowded worlds. The actions since the last resets are
-therefore enough to restore the state; a checkpoint keeps them.
+therefore enough to restore the state; a checkpoint keeps them. Rewards and counts are written for arrays and for a
+device's tensors alike (device_worlds.py).
 """
 
 from __future__ import annotations
@@ -14,7 +15,9 @@ from dataclasses import astuple, dataclass
 from typing import Any
 
 import numpy as np
+import torch
 from numpy.typing import ArrayLike, NDArray
+from torch import Tensor
 
 from train.books import book_of
 from train.learning.config import HELD_OUT_SEED
@@ -25,7 +28,43 @@ from warehouse_env.simulation.simulator import Simulator
 _COLLISION, _CONTACT = REWARD_TERMS.index("collision"), REWARD_TERMS.index("contact")
 _JAM_SHARE = 0.2  # of a world's robots
 _ENDS = 50  # worlds that ended last, of which the share of jammed ones is told
-NEAR = np.float32(6.0)  # [m] within which robots share rewards
+NEAR = 6.0  # [m] within which robots share rewards
+
+
+def spread_ends(steps: NDArray[np.int64], max_steps: int) -> None:
+    """Give worlds that have just been reset ages from 0 to nearly max_steps, so that their episodes end evenly."""
+    steps += max_steps * np.arange(len(steps)) // len(steps)
+
+
+def shape_reward(reward: Any, terms: Any, robots: Any, stood: Any, shared: float) -> None:
+    """Change the rewards of a step in place, for training; arrays or tensors.
+
+    A robot with the command to stand pays nothing for a contact, nor for a collision if it stood already: otherwise
+    giving way first would not pay.
+
+    Args:
+        reward: float32[B, N].
+        terms: float32[B, N, T], of which it is the sum.
+        robots: ROBOT[B, N] after the step, or its fields.
+        stood: bool[B, N], whether each robot stood before the step.
+        shared: share of a reward that is the mean over all robots within NEAR, itself among them.
+    """
+    told = (robots["events"]["touching"] != 0) & (robots["commanded"]["target_speed"] == 0)
+    reward -= told * terms[..., _CONTACT]
+    reward -= (told & stood) * terms[..., _COLLISION]
+    if shared > 0.0:
+        x, y = robots["motion"]["x"], robots["motion"]["y"]
+        dx, dy = x[:, :, None] - x[:, None, :], y[:, :, None] - y[:, None, :]
+        near = dx * dx + dy * dy < NEAR * NEAR
+        mean = (near * reward[:, None, :]).sum(2)
+        mean /= near.sum(2)
+        reward += shared * (mean - reward)
+
+
+def jammed_worlds(robots: Any, jam_seconds: float) -> Any:
+    """Return bool[B]: whether a fifth of a world's robots have not come forward for this long [s]."""
+    stalled = robots["clocks"]["stalled_time"] > jam_seconds
+    return stalled.sum(1) > _JAM_SHARE * stalled.shape[1]
 
 
 class TrainingSimulator(Simulator):
@@ -43,60 +82,48 @@ class TrainingSimulator(Simulator):
             config: of the environment; its max_steps bounds an episode.
             num_worlds: how many.
             jam_seconds: a world is truncated once a fifth of its robots have not come forward for this long [s].
-            shared: share of a reward that is the mean over all robots within NEAR, itself among them.
+            shared: see shape_reward.
         """
         super().__init__(config, num_worlds, routes=book_of(config))
-        self._shared = np.float32(shared)
+        self._shared = shared
         self._jam_seconds = jam_seconds
         self.stuck, self.ends = 0, list[bool]()
 
     def reset(self, seed: int | Sequence[int] | None = None) -> NDArray[np.float32]:
         """Start all worlds as `Simulator.reset` does, but spread the ends of their first episodes evenly."""
         observation = super().reset(seed)
-        self.steps += self.config.max_steps * np.arange(self.num_worlds) // self.num_worlds
+        spread_ends(self.steps, self.config.max_steps)
         return observation
 
     def step(self, actions: ArrayLike) -> NDArray[np.float32]:
-        """Step all worlds as `Simulator.step` does; `truncated` also tells the jammed ones.
-
-        A robot with the command to stand pays nothing for a contact, nor for a collision if it stood already: otherwise
-        giving way first would not pay.
-        """
-        stood = self.state.speed == 0
+        """Step all worlds as `Simulator.step` does; `reward` is shaped, and `truncated` also tells the jammed ones."""
+        stood = self.robots["motion"]["speed"] == 0
         observation = super().step(actions)
-        told = (self.events.touching != 0) & (self.robots["commanded"]["target_speed"] == 0)
-        self.reward[told] -= self.reward_terms[told, _CONTACT]
-        hit = told & stood
-        self.reward[hit] -= self.reward_terms[hit, _COLLISION]
-        if self._shared > 0.0:
-            self.reward += self._shared * (self._mean_near() - self.reward)
-        stalled = self.robots["clocks"]["stalled_time"]
-        jammed = (stalled > self._jam_seconds).mean(axis=1) > _JAM_SHARE
+        shape_reward(self.reward, self.reward_terms, self.robots, stood, self._shared)
+        jammed = jammed_worlds(self.robots, self._jam_seconds)
         self.truncated |= jammed
-        self.stuck, self.ends = int((stalled > self.config.stuck_after).sum()), jammed[self.truncated].tolist()
+        self.ends = jammed[self.truncated].tolist()
+        self.stuck = int((self.robots["clocks"]["stalled_time"] > self.config.stuck_after).sum())
         return observation
 
-    def _mean_near(self) -> NDArray[np.float32]:
-        """Return each robot's mean reward over those within NEAR of it, float32[B, N]."""
-        x, y = self.robots["motion"]["x"], self.robots["motion"]["y"]
-        dx, dy = x[:, :, None] - x[:, None, :], y[:, :, None] - y[:, None, :]
-        near = dx * dx + dy * dy < NEAR * NEAR
-        mean: NDArray[np.float32] = (near * self.reward[:, None, :]).sum(axis=2) / near.sum(axis=2, dtype=np.float32)
-        return mean
+    @property
+    def fields(self) -> NDArray[np.void]:
+        """ROBOT[B, N], by whose fields what happened is counted."""
+        return self.robots
 
 
 @dataclass
 class Counts:
     """Sums over agent-steps; pairs count once."""
 
-    steps: int = 0
-    goals: int = 0
+    steps: float = 0.0
+    goals: float = 0.0
     collisions: float = 0.0
     metres: float = 0.0
     driven: float = 0.0  # [m], for the goals reached
     planned: float = 0.0  # [m], likewise
     reward: float = 0.0
-    stuck: int = 0
+    stuck: float = 0.0
     ends: tuple[bool, ...] = ()  # of the last worlds that ended, whether each had jammed
 
     def __add__(self, other: Counts) -> Counts:
@@ -119,22 +146,21 @@ class Counts:
 class TrainingTally:
     """Counts what happens in some simulators."""
 
-    def __init__(self, simulators: Sequence[TrainingSimulator]) -> None:
+    def __init__(self, simulators: Sequence[Any]) -> None:
         self._simulators = simulators
         self._counts = Counts()
         self._ends = deque[bool](maxlen=_ENDS)
 
     def add(self) -> None:
-        """Count the step just made."""
+        """Count the step just made; on a device without waiting for it."""
         counts = self._counts
         for simulator in self._simulators:
-            events = simulator.events
-            counts.steps += events.arrived.size
-            counts.goals += int(events.arrived.sum())
-            counts.collisions += float(events.hit_robot.sum()) / 2 + float(events.hit_shelf.sum())
-            counts.collisions += float(events.hit_person.sum())
-            counts.metres += float(events.driven.sum(dtype=np.float64))
-            counts.reward += float(simulator.reward.sum())
+            events = simulator.fields["events"]
+            counts.steps += simulator.num_worlds * simulator.num_agents
+            counts.goals += events["arrived"].sum()
+            counts.collisions += events["hit_robot"].sum() / 2 + events["hit_shelf"].sum() + events["hit_person"].sum()
+            counts.metres += events["driven"].sum()
+            counts.reward += simulator.reward.sum()
             counts.driven += sum(arrival.driven for arrival in simulator.arrivals)
             counts.planned += sum(arrival.planned for arrival in simulator.arrivals)
             counts.stuck += simulator.stuck
@@ -142,9 +168,11 @@ class TrainingTally:
 
     def take(self) -> Counts:
         """Return the counts since the last call, and start again from 0."""
-        counts, self._counts = self._counts, Counts()
-        counts.ends = tuple(self._ends)  # few end between two calls, so the last ones of before count again
-        return counts
+        *sums, _ = astuple(self._counts)
+        self._counts = Counts()
+        taken = Counts(*map(float, sums))  # type: ignore[arg-type]
+        taken.ends = tuple(self._ends)  # few end between two calls, so the last ones of before count again
+        return taken
 
 
 class TrainingWorlds:
@@ -156,35 +184,24 @@ class TrainingWorlds:
         tally: counts of goals, collisions and metres.
     """
 
-    def __init__(
-        self,
-        mixes: Sequence[tuple[EnvConfig, int]],
-        seed: list[int],
-        jam_seconds: float,
-        shared: float = 0.0,
-    ) -> None:
-        """Make and reset all worlds.
+    def __init__(self, simulators: Sequence[Any], seed: list[int]) -> None:
+        """Reset all worlds.
 
         Args:
-            mixes: environments with the number of worlds of each; all with the same observation, action and max_steps.
+            simulators: TrainingSimulators; all with the same observation, action and max_steps.
             seed: of the training, and what tells these worlds from others.
-            jam_seconds: a world is reset early once a fifth of its robots have not come forward for this long [s].
-            shared: see TrainingSimulator.
         """
-        self.simulators = [TrainingSimulator(*one, jam_seconds, shared) for one in mixes]
-        config = mixes[0][0]
-        self.tally = TrainingTally(self.simulators)
-        self._seed = seed
-        self._world = [(s, w) for s, (_, worlds) in enumerate(mixes) for w in range(worlds)]
-        sizes = [simulator.num_worlds * simulator.num_agents for simulator in self.simulators]
-        starts = np.concatenate([[0], np.cumsum(sizes)])
-        self._blocks = [slice(int(a), int(b)) for a, b in itertools.pairwise(starts)]
-        self.rows = int(starts[-1])
-        self.observation = np.zeros((self.rows, self.simulators[0].layout.size), np.float32)
-        self.reward = np.zeros(self.rows, np.float32)
-        self._actions: deque[NDArray[Any]] = deque(maxlen=config.max_steps)
+        self.simulators, self._seed = simulators, seed
+        self.tally = TrainingTally(simulators)
+        self._world = [(s, w) for s, simulator in enumerate(simulators) for w in range(simulator.num_worlds)]
+        starts = np.cumsum([0, *(simulator.num_worlds * simulator.num_agents for simulator in simulators)]).tolist()
+        self._blocks = [slice(a, b) for a, b in itertools.pairwise(starts)]
+        self.rows = starts[-1]
+        seen = torch.as_tensor(simulators[0].observation)
+        self.observation, self.reward = seen.new_zeros((self.rows, seen.shape[-1])), seen.new_zeros(self.rows)
+        self._actions: deque[NDArray[Any]] = deque(maxlen=simulators[0].config.max_steps)
         self._episode = np.zeros(len(self._world), np.int64)
-        for number, simulator in enumerate(self.simulators):
+        for number, simulator in enumerate(simulators):
             simulator.reset([self._world_seed(w) for w, (s, _) in enumerate(self._world) if s == number])
         self._observe()
 
@@ -193,13 +210,6 @@ class TrainingWorlds:
         entropy = [*self._seed, world, int(self._episode[world])]
         return int(np.random.SeedSequence(entropy).generate_state(1)[0]) % HELD_OUT_SEED
 
-    def world_rows(self, world: int) -> slice:
-        """Return the rows of one world, counted over all simulators."""
-        number, index = self._world[world]
-        robots = self.simulators[number].num_agents
-        start = self._blocks[number].start + index * robots
-        return slice(start, start + robots)
-
     def _reset_world(self, world: int, age: int = 0) -> None:
         number, index = self._world[world]
         self.simulators[number].reset_world(index, self._world_seed(world))
@@ -207,36 +217,40 @@ class TrainingWorlds:
 
     def _observe(self) -> None:
         for simulator, block in zip(self.simulators, self._blocks, strict=True):
-            self.observation[block] = simulator.observation.reshape(-1, self.observation.shape[1])
+            self.observation[block] = torch.as_tensor(simulator.observation).flatten(0, 1)
 
-    def _step_simulators(self, actions: NDArray[Any]) -> None:
+    def _step_simulators(self, actions: Any) -> None:
         for simulator, block in zip(self.simulators, self._blocks, strict=True):
-            shape = (simulator.num_worlds, simulator.num_agents, *actions.shape[1:])
-            simulator.step(actions[block].reshape(shape))
+            simulator.step(actions[block].reshape(simulator.num_worlds, simulator.num_agents, *actions.shape[1:]))
 
-    def step(self, actions: NDArray[Any]) -> list[tuple[slice, NDArray[np.float32]]]:
+    def step(self, actions: Tensor) -> list[tuple[slice | Tensor, Tensor]]:
         """Step all worlds once with actions [rows] or [rows, 2].
 
-        Returns the rows of the worlds that ended with this step, each with its last observation; in `observation`
-        they hold already the first one of their next episode.
+        Returns the rows of the worlds that ended with this step, with their last observations; in `observation` they
+        hold already the first one of their next episode.
         """
-        self._actions.append(actions.copy())
-        self._step_simulators(actions)
+        self._drive(actions)
         for simulator, block in zip(self.simulators, self._blocks, strict=True):
-            self.reward[block] = simulator.reward.ravel()
+            self.reward[block] = torch.as_tensor(simulator.reward).flatten()
         self.tally.add()
         self._observe()
         return self._end_worlds()
 
-    def _end_worlds(self) -> list[tuple[slice, NDArray[np.float32]]]:
-        ended = []
+    def _drive(self, actions: Tensor) -> None:
+        self._actions.append(actions.numpy().copy())
+        self._step_simulators(self._actions[-1])
+
+    def _end_worlds(self) -> list[tuple[slice | Tensor, Tensor]]:
+        ended: list[tuple[slice | Tensor, Tensor]] = []
         for world in np.flatnonzero(np.concatenate([simulator.truncated for simulator in self.simulators])).tolist():
-            rows = self.world_rows(world)
-            ended.append((rows, self.observation[rows].copy()))
+            number, index = self._world[world]
+            simulator, robots = self.simulators[number], self.simulators[number].num_agents
+            start = self._blocks[number].start + index * robots
+            rows = slice(start, start + robots)
+            ended.append((rows, self.observation[rows].clone()))
             self._episode[world] += 1
             self._reset_world(world)
-            number, index = self._world[world]
-            self.observation[rows] = self.simulators[number].observation[index]
+            self.observation[rows] = torch.from_numpy(simulator.observation[index])
         return ended
 
     def set_reward(self, weights: RewardWeights) -> None:

@@ -36,7 +36,7 @@ def test_the_recipe_is_what_the_shipped_weights_were_trained_by(name: str) -> No
     given, made = kind.upgraded(read_record(WEIGHTS / name).training["config"]), config.to_dict()
     made = {key: list(value) if isinstance(value, tuple) else value for key, value in made.items()}
     made["steps"] = config.total_steps  # left out where a default says them
-    assert made.pop("fleet") is None  # newer than the weights
+    assert made.pop("fleet") is made.pop("device", None) is None  # newer than the weights
     assert {key for key in made if key not in FREE} == {key for key in given if key not in FREE}
     assert {key: made[key] for key in made.keys() - FREE} == {key: given[key] for key in given.keys() - FREE}
 

@@ -19,17 +19,19 @@ from train.learning.threaded import ThreadedTrainer
 T = TypeVar("T")
 SMALL: dict[str, Any] = {
     "layouts": ("open",), "robots": (2, 4), "rows": 16, "planner": "astar", "steps": 16 * 6 * 8, "rollout": 6,
-    "minibatch": 24, "hidden": (24,), "episode_seconds": 3.0, "checkpoint_seconds": 0.0, "progress": False,
+    "minibatch": 24, "hidden": (24,), "traffic": "none:shield=true", "episode_seconds": 3.0, "checkpoint_seconds": 0.0,
+    "progress": False,
 }  # fmt: skip
 TRAINERS = [(reinforce, ReinforceConfig), (threaded_ppo, ThreadedPPOConfig)]
 
 
-@pytest.mark.parametrize("threads", [2, 3])
+@pytest.mark.parametrize(("threads", "device"), [(2, None), (3, None), (1, "cpu")])
 @pytest.mark.parametrize(("module", "options"), TRAINERS)
 def test_a_resumed_run_gives_the_same_bits_as_an_unbroken_one(
-    module: ModuleType, options: type[ThreadedConfig], threads: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    config = options(out=tmp_path, threads=threads, **SMALL)
+    module: ModuleType, options: type[ThreadedConfig], threads: int, device: str | None, tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    config = options(out=tmp_path, threads=threads, device=device, **SMALL)
     whole = load_file(module.train(replace(config, name="whole")) / "weights.safetensors")
     update, calls = ThreadedTrainer.update, []
 

@@ -1,0 +1,100 @@
+"""The worlds of a training on a device, where the rows of TrainingWorlds are tensors.
+
+Nothing waits for the device but the simulators themselves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from train.books import book_of
+from train.learning import checkpoint
+from train.learning.worlds import TrainingWorlds, jammed_worlds, shape_reward, spread_ends
+from warehouse_env.config import EnvConfig
+from warehouse_env.simulation.device.memory import field_on_device
+from warehouse_env.simulation.device.simulator import DeviceSimulator
+from warehouse_env.simulation.state import OWNER
+
+
+class TrainingDevice(DeviceSimulator):
+    """TrainingSimulator's twin on a device; a jammed world ends one step later.
+
+    Attributes:
+        fields: the robots' fields on the device, by record and name.
+        stuck, ends: see TrainingSimulator; `stuck` is a tensor.
+    """
+
+    def __init__(self, config: EnvConfig, num_worlds: int, jam_seconds: float, shared: float, device: str) -> None:
+        """Make the worlds (see TrainingSimulator); device: by torch's name of it."""
+        super().__init__(config, num_worlds, device=device, routes=book_of(config))
+        self._jam_seconds, self._shared = jam_seconds, shared
+        self.fields: dict[str, dict[str, Tensor]] = {owner: {} for owner in OWNER.values()}
+        for name, owner in OWNER.items():
+            self.fields[owner][name] = field_on_device(self.robots, name)
+        self.stuck, self.ends = torch.zeros(()), list[bool]()
+        self._jammed = torch.zeros(num_worlds, dtype=torch.bool, pin_memory=self.device.type == "cuda")
+
+    def reset(self, seed: int | Sequence[int] | None = None) -> Tensor:
+        """Start all worlds, and spread the ends of their first episodes evenly."""
+        observation = super().reset(seed)
+        spread_ends(self.steps, self.config.max_steps)
+        self._tensors["steps"].copy_(torch.from_numpy(self.steps))
+        return observation
+
+    def step(self, actions: Tensor) -> Tensor:
+        """Step all worlds; `reward` is shaped, and `truncated` also tells the worlds that `see_jams` found."""
+        stood = self.fields["motion"]["speed"] == 0
+        observation = super().step(actions)  # waits for the device, so what see_jams asked for is here
+        shape_reward(self.reward, self.reward_terms, self.fields, stood, self._shared)
+        self.stuck = (self.fields["clocks"]["stalled_time"] > self.config.stuck_after).sum()
+        jammed = self._jammed.numpy()
+        np.logical_or(self.truncated, jammed, out=self.truncated)
+        self.ends = jammed[self.truncated].tolist()
+        return observation
+
+    def see_jams(self) -> None:
+        """Ask the device which worlds have jammed, for the next step."""
+        self._jammed.copy_(jammed_worlds(self.fields, self._jam_seconds), non_blocking=True)
+
+
+class DeviceWorlds(TrainingWorlds):
+    """The worlds of TrainingDevices. A world's generators go on from episode to episode."""
+
+    def _drive(self, actions: Tensor) -> None:
+        self._step_simulators(actions)
+
+    def _end_worlds(self) -> list[tuple[slice | Tensor, Tensor]]:
+        ended: list[tuple[slice | Tensor, Tensor]] = []
+        for simulator, block in zip(self.simulators, self._blocks, strict=True):
+            worlds, robots = np.flatnonzero(simulator.truncated), simulator.num_agents
+            if len(worlds):
+                rows = block.start + worlds[:, None] * robots + np.arange(robots)
+                on_device = torch.from_numpy(rows.ravel()).to(self.observation.device)
+                ended.append((on_device, self.observation[on_device]))
+                simulator.reset_worlds(worlds.tolist())
+                self.observation[on_device] = simulator.observation.flatten(0, 1)[on_device - block.start]
+            simulator.see_jams()
+        return ended
+
+    def history(self) -> dict[str, NDArray[Any]]:
+        """Return the state of all worlds, for `replay`."""
+        states = [simulator.save_state() for simulator in self.simulators]
+        return {
+            f"{number}.{name}": tensor.cpu().numpy()
+            for number, state in enumerate(states)
+            for name, tensor in state.items()
+        }
+
+    def replay(self, history: dict[str, NDArray[Any]]) -> None:
+        """Bring all worlds to where they stood when `history` was taken."""
+        for number, simulator in enumerate(self.simulators):
+            state = checkpoint.part_of(history, f"{number}.")
+            simulator.load_state({name: torch.from_numpy(array) for name, array in state.items()})
+            simulator.see_jams()
+        self._observe()
