@@ -95,10 +95,7 @@ class WarehouseEnv(EnvBase):  # type: ignore[misc]
         simulator = self.simulator
         count, worlds = simulator.num_agents, self.batch_size
         late = self._copied(simulator.truncated).unsqueeze(-1)
-        if isinstance(simulator, Simulator):
-            parked = self._copied(simulator.terminated)
-        else:  # no robot terminates on a device
-            parked = torch.zeros((*worlds, count), dtype=torch.bool, device=self.device)
+        parked = self._copied(simulator.terminated)
         truncated = late.expand(*worlds, count)
         all_parked = parked.all(-1, keepdim=True)
         entries |= {

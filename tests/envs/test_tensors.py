@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+import numpy as np
 import pytest
 import torch
 
 import warehouse_env
-from warehouse_env import ConfigError, EnvConfig
+from warehouse_env import ConfigError, EnvConfig, Simulator
 
 CONFIG = EnvConfig(num_agents=6, planner="astar_turns", max_steps=20)
 
@@ -30,6 +33,33 @@ def test_an_episode_ends_with_its_last_observation_and_metrics_and_the_next_begi
     env.simulator.download([0, 1, 2])
     for world in range(3):
         assert env.state()[world].tolist() == env.simulator.host.global_state(world).tolist()
+
+
+@pytest.mark.parametrize("changes", [{}, {"terminate_on_collision": True}, {"tasks": "one_shot", "layout": "narrow"}])
+def test_rewards_and_ends_are_those_of_the_simulator(changes: dict[str, Any]) -> None:
+    """Robots stay terminated until their world begins anew: once it is truncated, or all its robots have terminated."""
+    config = CONFIG.replace(max_steps=150, **changes)
+    env, here = warehouse_env.tensor_env(3, config, device="cpu"), Simulator(config, 3)
+    env.reset(seed=4)
+    here.reset(4)
+    ends = parked = 0
+    for step in range(400):
+        actions = np.random.default_rng(step).integers(0, 20, (3, 6))
+        actions[:, : 1 + step % 6] = here.cruise_action
+        observation, reward, terminated, truncated, infos = env.step(torch.from_numpy(actions.reshape(-1)))
+        here.step(actions)
+        ended = here.truncated | here.terminated.all(axis=1)
+        assert torch.equal(reward, torch.from_numpy(here.reward.reshape(-1)))
+        assert torch.equal(terminated, torch.from_numpy(here.terminated.reshape(-1)))
+        assert truncated.tolist() == here.truncated.repeat(6).tolist()
+        if ended.any():
+            assert infos["_final_obs"].tolist() == ended.repeat(6).tolist()
+            assert torch.equal(infos["final_obs"], torch.from_numpy(here.observation.reshape(18, -1)))
+            here.reset_worlds(np.flatnonzero(ended).tolist())
+        assert torch.equal(observation, torch.from_numpy(here.observation.reshape(18, -1)))
+        ends, parked = ends + int(ended.sum()), parked + int(terminated.sum())
+    assert ends > 0
+    assert (parked > 0) is bool(changes)
 
 
 def test_the_same_seed_gives_the_same_episode_in_any_number_of_worlds() -> None:

@@ -8,6 +8,7 @@ import gymnasium
 import numpy as np
 import torch
 from gymnasium.vector import AutoresetMode, VectorEnv
+from numpy.typing import NDArray
 
 from warehouse_env.config import EnvConfig, EnvOptions
 from warehouse_env.envs.infos import known
@@ -44,7 +45,9 @@ class GlobalView:
 
 
 class WarehouseTensorEnv(VectorEnv[torch.Tensor, torch.Tensor, torch.Tensor]):
-    """Many worlds in parallel, rows = worlds x robots, tensors in and out; worlds reset themselves when truncated.
+    """Many worlds in parallel, rows = worlds x robots, tensors in and out.
+
+    A world resets itself when it is truncated or when all its robots have terminated; until then these stay terminated.
 
     Observations and rewards are the simulator's own tensors, overwritten by the next step: copy what you keep. In a
     step that ends worlds, infos hold "final_obs" float32[rows, D], "_final_obs" bool[rows] (which rows of it are the
@@ -79,14 +82,20 @@ class WarehouseTensorEnv(VectorEnv[torch.Tensor, torch.Tensor, torch.Tensor]):
         simulator = self.simulator
         shape = (simulator.num_worlds, simulator.num_agents)
         observation = self._rows(simulator.step(actions.view(*shape, *actions.shape[1:])))
-        ended = np.flatnonzero(simulator.truncated).tolist()
-        if not ended:
-            return observation, self._rows(simulator.reward), self._never, self._never, {}
-        last = torch.from_numpy(np.repeat(simulator.truncated, simulator.num_agents)).to(self.device)
+        reward, terminated, late = self._rows(simulator.reward), self._rows(simulator.terminated), simulator.truncated
+        over = late | simulator.all_terminated()
+        if not over.any():
+            return observation, reward, terminated, self._never, {}
+        ended, truncated = np.flatnonzero(over).tolist(), self._of_worlds(late)
         metrics = {world: known(row) for world, row in zip(ended, simulator.metrics(ended), strict=True)}
-        infos = {"final_obs": observation.clone(), "_final_obs": last, "world_metrics": metrics}
+        infos = {"final_obs": observation.clone(), "_final_obs": self._of_worlds(over), "world_metrics": metrics}
+        reward, terminated = reward.clone(), terminated.clone()  # of the step, not of the reset
         simulator.reset_worlds(ended)
-        return observation, self._rows(simulator.reward), self._never, last, infos
+        return observation, reward, terminated, truncated, infos
+
+    def _of_worlds(self, flags: NDArray[np.bool_]) -> torch.Tensor:
+        """Return the rows' flags of flags bool[worlds]."""
+        return torch.from_numpy(np.repeat(flags, self.simulator.num_agents)).to(self.device)
 
     def _rows(self, tensor: torch.Tensor) -> torch.Tensor:
         return tensor.view(self.num_envs, *tensor.shape[2:])

@@ -34,8 +34,6 @@ _ABSENT: tuple[tuple[str, Callable[[EnvConfig], bool]], ...] = (
     ("people", lambda config: config.people > 0),
     ("orders, services and batteries", lambda config: config.works),
     ("live routes", lambda config: config.traffic_spec.routes is not False),
-    ("one-shot tasks", lambda config: config.tasks == "one_shot"),
-    ("terminate_on_collision", lambda config: config.terminate_on_collision),
 )
 
 
@@ -79,6 +77,18 @@ class DeviceSimulator:
     def truncated(self) -> NDArray[np.bool_]:
         """Whether each world has reached max_steps."""
         return self.host.truncated
+
+    @property
+    def terminated(self) -> torch.Tensor:
+        """Whether each robot has terminated, bool[B, N] on the device."""
+        return self._tensors["terminated"]
+
+    def all_terminated(self) -> NDArray[np.bool_]:
+        """Return bool[B]: whether all robots of each world have terminated."""
+        if self.config.tasks == "lifelong" and not self.config.terminate_on_collision:
+            return np.zeros(self.num_worlds, np.bool_)
+        ended: NDArray[np.bool_] = self.terminated.all(dim=1).cpu().numpy()
+        return ended
 
     @property
     def robots(self) -> torch.Tensor:
