@@ -35,7 +35,8 @@ class Brake:
     def __init__(self, config: EnvConfig) -> None:
         self._command = RouteCommand(config)
         self._config = config
-        self._layout = observation_layout(config)
+        slices = observation_layout(config).slices
+        self._ego, self._neighbours = slices["ego"].start, slices["neighbours"]
 
     def act(self, observation: Observation, rng: np.random.Generator) -> Action:
         """Return the cruise or the stop action for every row; draws nothing (shapes: `Policy.act`)."""
@@ -50,14 +51,14 @@ class Brake:
         covers at its relative heading.
         """
         robot, sensor = self._config.robot, self._config.sensor
-        others = observation[..., self._layout.slices["neighbours"]]
+        others = observation[..., self._neighbours]
         others = others.reshape(*others.shape[:-1], sensor.neighbours, 7)
         x, y = others[..., 0] * sensor.lidar_range, others[..., 1] * sensor.lidar_range
         cos, sin, present = np.abs(others[..., 2]), np.abs(others[..., 3]), others[..., 6] > 0.5
         reach_x = 0.5 * (robot.length * cos + robot.width * sin)  # half extents of the other body along own axes
         reach_y = 0.5 * (robot.length * sin + robot.width * cos)
 
-        speed = np.maximum(observation[..., self._layout.slices["ego"].start] * robot.max_speed, 0.0)
+        speed = np.maximum(observation[..., self._ego] * robot.max_speed, 0.0)
         reaction = self._config.time_step * self._config.action_repeat
         speed = np.minimum(speed + robot.max_acceleration * reaction, robot.max_speed)  # reached before the next look
         stopping = speed * reaction + speed**2 / (2.0 * robot.max_acceleration) + _AHEAD_MARGIN

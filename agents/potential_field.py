@@ -35,7 +35,8 @@ class PotentialField:
     """
 
     def __init__(self, config: EnvConfig, gains: FieldGains = FieldGains()) -> None:
-        self._command, self._surroundings, self._gains = RouteCommand(config), Surroundings(config), gains
+        self._command, self._gains = RouteCommand(config), gains
+        self._surroundings = Surroundings(config, "lidar", "route", "neighbours")
         self._diameter = config.robot.length  # [m], two bodies' reach towards each other, nose to nose
 
     def act(self, observation: Observation, rng: np.random.Generator) -> Action:

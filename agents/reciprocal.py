@@ -45,7 +45,8 @@ class Reciprocal:
 
     def __init__(self, config: EnvConfig, numbers: Reciprocity = Reciprocity()) -> None:
         self._library = load_pyrvo()
-        self._command, self._surroundings, self._numbers = RouteCommand(config), Surroundings(config), numbers
+        self._command, self._numbers = RouteCommand(config), numbers
+        self._surroundings = Surroundings(config, "route", "neighbours")
         self._period = config.time_step * config.action_repeat
         self._range = config.sensor.lidar_range
         self._most = config.sensor.neighbours

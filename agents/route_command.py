@@ -20,7 +20,8 @@ class RouteCommand:
     def __init__(self, config: EnvConfig) -> None:
         self._config = config
         slices = observation_layout(config).slices
-        self._ego, self._route = slices["ego"].start, slices["route"].start
+        self._ego = slices["ego"].start
+        self._route = slices["route"].start if config.action_type == "raw" else 0
         self._levels = np.asarray(config.speed_levels)
         self._offsets = np.asarray(config.lateral_offsets)
         self._widest = float(np.abs(self._offsets).max())

@@ -46,7 +46,8 @@ class Rules:
     """
 
     def __init__(self, config: EnvConfig, numbers: RuleNumbers = RuleNumbers()) -> None:
-        self._command, self._surroundings, self._brake = RouteCommand(config), Surroundings(config), Brake(config)
+        self._command, self._brake = RouteCommand(config), Brake(config)
+        self._surroundings = Surroundings(config, "lidar", "neighbours")
         self._robot, self._numbers = config.robot, numbers
 
     def act(self, observation: Observation, rng: np.random.Generator) -> Action:

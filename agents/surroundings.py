@@ -28,11 +28,13 @@ class Neighbours(NamedTuple):
 
 
 class Surroundings:
-    """Reads the slices of the observations of one config."""
+    """Reads the slices of the observations of one config; ConfigError unless it has the `needed` ones."""
 
-    def __init__(self, config: EnvConfig) -> None:
+    def __init__(self, config: EnvConfig, *needed: str) -> None:
         self._config = config
         self._slices = observation_layout(config).slices
+        for name in needed:
+            self._slices[name]
         sensor, robot = config.sensor, config.robot
         angle = 2.0 * math.pi * np.arange(sensor.rays) / sensor.rays
         self.rays = np.stack([np.cos(angle), np.sin(angle)], axis=-1)  # [R, 2]

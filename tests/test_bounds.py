@@ -84,8 +84,8 @@ CHOICES: dict[str, Callable[[Random], Any]] = {  # each field of EnvConfig -> ho
     "robot": _one(RobotSpec(), RobotSpec(), LONG, FORK, SMALL),
     "fleet": _one((), (), (FleetPart(1, LONG),), (FleetPart(1, SMALL), FleetPart(1, FORK))),
     "sensor": lambda rng: SensorSpec(
-        rays=rng.choice([1, 16, 90]), lidar_range=rng.choice([0.3, 6.0, 100.0]), neighbours=rng.choice([1, 6, 20]),
-        route_points=rng.choice([1, 5]), route_spacing=rng.choice([0.01, 1.0, 50.0]),
+        rays=rng.choice([0, 16, 90]), lidar_range=rng.choice([0.3, 6.0, 100.0]), neighbours=rng.choice([0, 6, 20]),
+        route_points=rng.choice([0, 5]), route_spacing=rng.choice([0.01, 1.0, 50.0]),
     ),
     "reward": _one(RewardWeights(), RewardWeights(path_length=-1.0)),
 }  # fmt: skip

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import dataclasses
+
+import numpy as np
 import pytest
 
+from agents import make_policy
+from warehouse_env import Simulator
 from warehouse_env.config import EnvConfig, SensorSpec
+from warehouse_env.errors import ConfigError
 from warehouse_env.observation import observation_layout
 from warehouse_env.work import BatterySpec
 
 ALL = EnvConfig(sensor=SensorSpec(predictions=True), traffic="shield", arrival="stop", battery=BatterySpec())
+RNG = np.random.default_rng(0)
 BY_OTHERS = {"lidar", "needs"}  # begins at 0; is written by shifts
 
 
@@ -25,3 +32,45 @@ def test_slices_follow_each_other() -> None:
         assert part.start == end
         end = part.stop
     assert end == layout.size
+
+
+SEEN = {"rays": "lidar", "neighbours": "neighbours", "route_points": "route"}  # options, and their slices
+
+
+@pytest.mark.parametrize("without", [*((name,) for name in SEEN), tuple(SEEN)])
+def test_a_robot_may_see_less_and_what_is_left_stays_the_same(without: tuple[str, ...]) -> None:
+    every = EnvConfig(layout="open", num_agents=12, planner="astar", traffic="shield", people=2)
+    some = every.replace(sensor=dataclasses.replace(every.sensor, **dict.fromkeys(without, 0)))
+    seeing, blind = Simulator(every), Simulator(some)
+    everything = seeing.layout.slices
+    assert set(everything) - set(blind.layout.slices) == {SEEN[name] for name in without}
+    seeing.reset(3)
+    blind.reset(3)
+    for _ in range(20):
+        for name, part in blind.layout.slices.items():
+            np.testing.assert_array_equal(
+                blind.observation[..., part], seeing.observation[..., seeing.layout.slices[name]]
+            )
+        assert seeing.observation[..., everything["neighbours"]].any()
+        for one in (seeing, blind):
+            one.step(np.full((1, 12), one.cruise_action))
+
+
+@pytest.mark.parametrize(
+    ("policy", "needs"),
+    [
+        ("follow", set()), ("greedy", set()), ("brake", {"neighbours"}), ("rules", {"rays", "neighbours"}),
+        ("orca", {"neighbours", "route_points"}), ("apf", {"rays", "neighbours", "route_points"}),
+    ],
+)  # fmt: skip
+def test_a_rule_names_the_slice_that_it_needs(policy: str, needs: set[str]) -> None:
+    for name in SEEN:
+        config = EnvConfig(sensor=SensorSpec(**{name: 0}))
+        if name in needs:
+            with pytest.raises(ConfigError, match="give it the slice"):
+                make_policy(policy, config)
+        else:
+            action = make_policy(policy, config).act(np.zeros((1, 8, observation_layout(config).size), np.float32), RNG)
+            assert action.shape == (1, 8)
+    with pytest.raises(ConfigError, match="predictions=True must be False without neighbours or route_points"):
+        SensorSpec(neighbours=0, predictions=True)

@@ -101,17 +101,19 @@ class FleetPart(CheckedPart):
 class SensorSpec(Checked):
     """A robot's perception: lidar, its nearest robots, and the route ahead."""
 
-    rays: int = 32  # of the lidar, evenly all round
+    rays: int = 32  # of the lidar, evenly all round; or 0
     lidar_range: float = 6.0  # [m], from the body's centre
-    neighbours: int = 6  # nearest robots within lidar_range
-    route_points: int = 5  # of the route ahead
+    neighbours: int = 6  # nearest robots within lidar_range; or 0
+    route_points: int = 5  # of the route ahead; or 0
     route_spacing: float = 1.0  # [m] between route points ahead
     predictions: bool = False  # also the time to a predicted conflict of every (speed level, lateral offset)
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._between(1, 4096, "rays", "neighbours", "route_points")
+        self._between(0, 4096, "rays", "neighbours", "route_points")
         self._between(_LEAST, _MOST, "lidar_range", "route_spacing")
+        seen = self.neighbours > 0 and self.route_points > 0
+        self._require(seen or not self.predictions, "predictions", "False without neighbours or route_points")
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from warehouse_env.config import EnvConfig
+from warehouse_env.errors import ConfigError
 
 EGO = 8  # speed, steering, follower's steering, bearing, lateral, remaining, contact time, waiting time
 FIELD = 2  # held, time held
@@ -24,20 +25,28 @@ class Starts(NamedTuple):
     goal: int | None
 
 
-class ObservationLayout(NamedTuple):
-    """Names -> slices of the flat vector; `size` is its length."""
+class Slices(dict[str, slice]):
+    """Names -> slices of the flat vector; ConfigError for one that the config leaves out."""
 
-    slices: dict[str, slice]
+    def __missing__(self, name: str) -> slice:
+        raise ConfigError(f"the observation has only {', '.join(self)}: give it the slice {name!r} by SensorSpec")
+
+
+class ObservationLayout(NamedTuple):
+    """The slices of the flat vector by name; `size` is its length."""
+
+    slices: Slices
     size: int
 
     @property
     def starts(self) -> Starts:
-        """Where the slices start that kernels write."""
-        return Starts._make(self.slices[name].start if name in self.slices else None for name in Starts._fields)
+        """Where the slices start that kernels write; 0 for route and neighbours of which none are."""
+        found = {"route": 0, "neighbours": 0} | {name: part.start for name, part in self.slices.items()}
+        return Starts._make(found.get(name) for name in Starts._fields)
 
 
 def observation_layout(config: EnvConfig) -> ObservationLayout:
-    """Return the layout of one robot's observation, all in its own frame and scaled to about 1.
+    """Return the layout of one robot's observation, all in its own frame and scaled to about 1, without empty slices.
 
     lidar[rays]: 1 / (1 + d), d [m] from the body's centre to a shelf or robot; ray k at 2 pi k / rays from the nose,
         counter-clockwise.
@@ -72,8 +81,9 @@ def observation_layout(config: EnvConfig) -> ObservationLayout:
         sizes["goal"] = GOAL
     if config.works:
         sizes["needs"] = NEEDS + (config.battery is not None)
-    slices, start = {}, 0
+    slices, start = Slices(), 0
     for name, size in sizes.items():
-        slices[name] = slice(start, start + size)
+        if size:
+            slices[name] = slice(start, start + size)
         start += size
     return ObservationLayout(slices, start)

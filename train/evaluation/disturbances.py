@@ -110,7 +110,7 @@ class Senses:
 
     def __init__(self, disturbance: Disturbance, config: EnvConfig, seed: int) -> None:
         self._disturbance = disturbance
-        self._lidar = observation_layout(config).slices["lidar"]
+        self._lidar = observation_layout(config).slices.get("lidar", slice(0))
         self._nothing = np.float32(1.0) / (np.float32(1.0) + np.float32(config.sensor.lidar_range))
         self._rng = np.random.default_rng([seed, _SENSES])
         late = round(disturbance.delay / (config.time_step * config.action_repeat))  # decisions

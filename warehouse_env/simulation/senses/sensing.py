@@ -139,7 +139,7 @@ def look_around(n, places, p, kinds, rays, out, start):
                 x, y = dx * c + dy * s, dy * c - dx * s
                 turn_c, turn_s = other_c * c + other_s * s, other_s * c - other_c * s
                 scan_robot(x, y, turn_c, turn_s, kind_of(order[m], p, kinds), rays, out)
-                if squared < lidar_range * lidar_range and bodies[SILENT, m] == ZERO:
+                if count > 0 and squared < lidar_range * lidar_range and bodies[SILENT, m] == ZERO:
                     _remember(squared, dx, dy, m, out, start, count)
 
 
