@@ -222,10 +222,12 @@ class GridMap:
         A robot may stand in a cell that a disc closes, or believe that it is in a shelf or off the floor: it plans from
         the nearest cell of `free_cells`.
         """
-        cells = self.nearest_cell(points)
-        for at in map(tuple, np.argwhere(self.occupied[cells[..., 0], cells[..., 1]])):
-            away = self.centre(self.free_cells) - np.asarray(points, dtype=np.float64)[at]
-            cells[at] = self.free_cells[np.argmin((away * away).sum(axis=1))]
+        from warehouse_env.maps.standing import standing_cells
+
+        array = np.asarray(points, dtype=np.float64)[..., :2]
+        cells = np.empty(array.shape, dtype=np.int64)
+        flat = np.ascontiguousarray(array).reshape(-1, 2)
+        standing_cells(flat, self.occupied, self.free_cells, float(self.cell_size), cells.reshape(-1, 2))
         return cells
 
     def world(self, points: ArrayLike) -> NDArray[np.float64]:

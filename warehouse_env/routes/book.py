@@ -11,41 +11,34 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from threading import Lock
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from warehouse_env.config import EnvConfig
+from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.errors import MapError, PlanError
 from warehouse_env.maps.fitting import opened
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.planning.plan import Plan, Planner, validate
 from warehouse_env.portable import Portable
-from warehouse_env.routes.goals import Pose, facing
+from warehouse_env.routes.goals import Pose, face, facing
 from warehouse_env.routes.lanes import drivable_line
 from warehouse_env.routes.plan_store import PlanStore, cache_directory
 from warehouse_env.routes.plan_table import read_table, write_table
+from warehouse_env.routes.route_table import BEHIND, Route, RouteTable, behind_of
 from warehouse_env.threads import get_num_threads
 
 WORTH_KEEPING = 0.002  # [s] a plan must have taken to be kept on disk
 MEMORY = 200_000  # routes kept in memory
 
 
-class Route(NamedTuple):
-    """A path of cells, and the line that a body drives along it."""
-
-    cells: NDArray[np.int32]  # [L, 2] (row, column)
-    line: NDArray[np.float32]  # [R, 2] [m], way-points
-    reach: float = math.inf  # [m] of the line that are drivable
-    end: Pose | None = None  # its last pose, if not the centre of the last cell
-    either: bool = False  # the body may also stand there with the opposite heading
-
-
 class RouteBook(Portable):
     """Cache of the routes on one map by one planner. A copy starts with the plans on disk alone."""
 
-    bound = ("_solid", "_one_way", "_routes", "_fresh", "_store", "_table", "_usual", "_lock")
+    bound = (
+        "_solid", "_one_way", "_routes", "_fresh", "_faces", "_tables", "_store", "_table", "_usual", "_lock",
+    )  # fmt: skip
 
     def __init__(
         self,
@@ -67,6 +60,8 @@ class RouteBook(Portable):
         self._fresh: dict[tuple[Cell, Cell, Cell | None], NDArray[np.int64]] = {}  # plans without a route yet
         self._store = PlanStore(cache_directory())
         self._table = read_table(self.grid, self.planner)
+        self._faces: dict[tuple[Cell, RobotSpec], tuple[Pose, ...]] = {}
+        self._tables: dict[RobotSpec | None, RouteTable] = {}
         self._usual = 1.0  # [s] recent mean duration of a plan
         self._lock = Lock()  # threads of a training share a cache
 
@@ -157,42 +152,51 @@ class RouteBook(Portable):
             if plan.found and plan.seconds > WORTH_KEEPING:
                 self._store.put(self._key(start, goal, behind), plan.cells)
 
-    def _blocked_turn(self, start: Cell, goal: Cell, heading: float) -> Cell | None:
-        """Return the cell behind a robot in a single lane, where it cannot turn round; None elsewhere."""
-        forward = (-round(math.sin(heading)), round(math.cos(heading)))
-        if abs(forward[0]) + abs(forward[1]) != 1:
-            return None
-        rows, columns = self.grid.shape
-        for side in (1, -1):
-            row, column = start[0] + side * forward[1], start[1] + side * forward[0]
-            if 0 <= row < rows and 0 <= column < columns and not self.grid.closed[row, column]:
-                return None
-        behind = (start[0] - forward[0], start[1] - forward[1])
-        inside = 0 <= behind[0] < rows and 0 <= behind[1] < columns
-        return behind if inside and behind != goal and not self.grid.closed[behind] else None
-
     def route(self, start: Cell, goal: Cell, heading: float | None = None, ends: tuple[Pose, ...] = ()) -> Route:
         """Return the route from start's centre to goal's centre, or to one of `ends` there; PlanError if there is none.
 
         heading [rad]: of the robot at start. In a single lane the route continues ahead if possible, because a robot
         cannot turn round there.
         """
-        behind = None if heading is None else self._blocked_turn(start, goal, heading)
+        side = 0 if heading is None else behind_of(self.grid.closed, *start, *goal, heading)
+        behind = (start[0] + BEHIND[side][0], start[1] + BEHIND[side][1]) if side else None
         known = self._routes.get((start, goal, behind, ends))
         if known is None:
-            try:
-                cells = self.cells(start, goal, behind)
-            except (MapError, PlanError):
-                if behind is None:
-                    raise
-                cells = self.cells(start, goal)  # a dead end: it must back out
-            known = self.along(cells.astype(np.int32), ends=ends)
+            known = self._make(start, goal, behind, ends)
             with self._lock:
                 if len(self._routes) >= MEMORY:
                     self._routes.pop(next(iter(self._routes)))
                 self._routes[start, goal, behind, ends] = known
-                self._fresh.pop((start, goal, behind), None)
         return known
+
+    def _make(self, start: Cell, goal: Cell, behind: Cell | None, ends: tuple[Pose, ...]) -> Route:
+        try:
+            cells = self.cells(start, goal, behind)
+        except (MapError, PlanError):
+            if behind is None:
+                raise
+            cells = self.cells(start, goal)  # a dead end: it must back out
+        with self._lock:
+            self._fresh.pop((start, goal, behind), None)
+        return self.along(cells.astype(np.int32), ends=ends)
+
+    def ends(self, goal: Cell, robot: RobotSpec) -> tuple[Pose, ...]:
+        """Return the poses at which a robot serves an endpoint (goals.face)."""
+        if (goal, robot) not in self._faces:
+            self._faces[goal, robot] = face(self.grid, goal, robot).poses
+        return self._faces[goal, robot]
+
+    def table(self, robot: RobotSpec | None) -> RouteTable:
+        """Return the table of routes to the poses at which a robot serves endpoints; None: to the cells' centres."""
+        with self._lock:
+            if robot not in self._tables:
+                self._tables[robot] = RouteTable(
+                    lambda start, goal, behind: self._make(
+                        start, goal, behind, () if robot is None else self.ends(goal, robot)
+                    ),
+                    self.grid.shape,
+                )
+            return self._tables[robot]
 
     def along(
         self, cells: NDArray[np.int32], begin: NDArray[np.floating[Any]] | None = None, reach: float = math.inf,

@@ -56,13 +56,13 @@ def below(key, purpose, robot, number, attempt, count):
 
 
 @kernel
-def permutation(key, purpose, count):
-    """Return int64[count], the numbers below `count` in a random order; see `words`."""
-    order = np.arange(count)
-    for k in range(count - 1, 0, -1):
+def shuffle(key, purpose, order):
+    """Write the numbers below the length of `order`, a whole-number array, into it in a random order; see `words`."""
+    for k in range(len(order)):
+        order[k] = k
+    for k in range(len(order) - 1, 0, -1):
         other = below(key, purpose, 0, k, 0, k + 1)
         order[k], order[other] = order[other], order[k]
-    return order
 
 
 class Draws:

@@ -12,15 +12,17 @@ import warehouse_env.simulation.state as state
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
 from warehouse_env.kernel import compiled_for
-from warehouse_env.maps.grid_map import Cell
+from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.portable import Portable
-from warehouse_env.routes.book import Route, RouteBook
-from warehouse_env.routes.goals import Goal, Pose, face, facing
+from warehouse_env.routes.book import RouteBook
+from warehouse_env.routes.goals import Goal, Pose, facing
+from warehouse_env.routes.route_table import Lines, Route, RouteTable
 from warehouse_env.simulation.draws import Draws
 from warehouse_env.simulation.physics.floor import Floor
 from warehouse_env.simulation.physics.kinds import kind_of
+from warehouse_env.simulation.tasks import giving
 from warehouse_env.simulation.tasks.assignment import Assignment
-from warehouse_env.simulation.tasks.goals import GoalState
+from warehouse_env.simulation.tasks.goals import GoalState, endpoints_of
 from warehouse_env.simulation.tasks.one_shot import OneShotTasks
 from warehouse_env.simulation.tasks.orders import Order
 from warehouse_env.simulation.tasks.placement import Limits, place, stand
@@ -44,6 +46,19 @@ _ALONG_AISLES = np.eye(2, dtype=np.float32)  # directions of which a robot that 
 ROUTE_BLOCK = 64  # way-points by which the routes' array grows
 
 
+def width_of(points: int) -> int:
+    """Return the width of an array of routes with so many way-points: whole blocks."""
+    return math.ceil(points / ROUTE_BLOCK) * ROUTE_BLOCK
+
+
+def no_room(robots: int, placed: int, grid: GridMap) -> ConfigError:
+    """Return the error of a floor on which not all robots find a start."""
+    return ConfigError(
+        f"num_agents={robots} do not fit on map {grid.name!r}: only {placed} found a start that touches nothing; "
+        "use fewer robots or a larger map"
+    )
+
+
 class Dispatcher(Portable):
     """Gives the robots of all worlds their tasks and routes.
 
@@ -52,7 +67,7 @@ class Dispatcher(Portable):
     `book` may be replaced by another of the same floor.
     """
 
-    bound = ("_find_astray",)
+    bound = ("_find_astray", "_place_code")
 
     def __init__(
         self, config: EnvConfig, book: RouteBook, robots: NDArray[np.void], persons: NDArray[np.void],
@@ -74,13 +89,18 @@ class Dispatcher(Portable):
         check_given(orders, config)
         self.shifts = Shifts(config, book.grid, self.tasks, limits, orders) if config.works else None
         self._told: dict[tuple[int, int], Goal] = {}  # points and poses that an assignment gives, up to the arrival
-        self._faces: dict[tuple[int, Cell], tuple[Pose, ...]] = {}  # of kinds at endpoints, once asked for
-        # nan only where headings matter, since it is equal to nothing, not even in a copy of the same robot
-        self._any_heading = np.float32(0.0 if config.arrival == "pass" else np.nan)
+        self._rules = giving.rules_of(config, self._join(0), self.far)
+        lifelong, alike = config.tasks == "lifelong", config.arrival != "pose" or not config.fleet
+        self._by_table = lifelong and alike and self.live is None  # else Python places the robots
+        endpoints, each = endpoints_of(book.grid), (len(robots), config.num_agents)
+        self._wanted, self._status = np.zeros(each, np.int64), np.zeros(len(robots), np.int32)
+        self._orders = tuple(np.empty(len(cells), np.int32) for cells in (endpoints.cells, endpoints.elsewhere))
         self._bind()
 
     def _bind(self) -> None:
-        self._find_astray: Callable[..., int] | None = None  # its code, once the first step asks for it
+        # their code, once a step or a reset asks for it
+        self._find_astray: Callable[..., int] | None = None
+        self._place_code: Callable[..., None] | None = None
 
     def begin(self, world: int, entropy: list[int] | None, assignment: Assignment | None, floor: Floor) -> None:
         """Stand the robots of a world on the floor with their first tasks, by chance or as the assignment says.
@@ -96,6 +116,8 @@ class Dispatcher(Portable):
             self.shifts.begin(world, entropy, self._draws.keys[world])
         if assignment is not None:
             self._assign(world, assignment, floor)
+        elif self._by_table:
+            self._place_by_table(world, floor)
         else:
             self._place_all(world, floor, idle=self._config.orders is not None)
         if self.shifts is not None:
@@ -120,10 +142,34 @@ class Dispatcher(Portable):
             return told.poses if self._config.arrival == "pose" else tuple((x, y, math.nan) for x, y, _ in told.poses)
         if self._config.arrival != "pose":
             return ()
-        kind = self._kind_of[robot]
-        if (kind, goal) not in self._faces:
-            self._faces[kind, goal] = face(self.book.grid, goal, self._config.kinds[kind]).poses
-        return self._faces[kind, goal]
+        return self.book.ends(goal, self._config.kinds[self._kind_of[robot]])
+
+    @property
+    def route_table(self) -> RouteTable:
+        """The table of the routes that `arrays` refers to."""
+        posed = self._config.arrival == "pose"
+        return self.book.table(self._config.robot if posed else None)
+
+    def arrays(self, lines: Lines) -> giving.TaskArrays:
+        """Return what the kernels read and write that give goals and routes."""
+        own = self.robots, self.routes, self._draws.keys, self.goals, self._wanted, np.empty((0, 0, 2))
+        return giving.TaskArrays(*own, lines, giving.floor_of(self.book.grid), self._rules)
+
+    def _place_by_table(self, world: int, floor: Floor) -> None:
+        """Give every robot of a world a start, a goal and a route, by the kernel that a device calls, too."""
+        table, status = self.route_table, self._status
+        table.trim()
+        status[world] = giving.TO_PLACE
+        while status[world] == giving.TO_PLACE:
+            self._make_room(table.longest)
+            params, kinds = self._limits
+            arguments = world, world + 1, status, self._orders, (params[0], kinds, floor), self.arrays(table.lines)
+            if self._place_code is None:
+                self._place_code = compiled_for(giving.place, *arguments)
+            self._place_code(*arguments)
+            table.fill(self._wanted[world])
+        if status[world] < 0:
+            raise no_room(self.robots.shape[1], -1 - int(status[world]), self.book.grid)
 
     def _place_all(self, world: int, floor: Floor, idle: bool) -> None:
         """Give every robot of a world a start, a goal and a route; idle: it stands, and its goal is where."""
@@ -141,10 +187,7 @@ class Dispatcher(Portable):
                 continue
             elsewhere = tasks.elsewhere(key) if elsewhere is None else elsewhere
             if not self._place_on_one(world, robot, elsewhere, idle, floor):
-                raise ConfigError(
-                    f"num_agents={robots} do not fit on map {self.book.grid.name!r}: only {robot} found a "
-                    "start that touches nothing; use fewer robots or a larger map"
-                )
+                raise no_room(robots, robot, self.book.grid)
 
     def _place_on_one(self, world: int, robot: int, cells: list[Cell], idle: bool, floor: Floor) -> bool:
         """Put a robot on the first of some cells on which it touches nothing; take all that were tried off the list."""
@@ -189,20 +232,25 @@ class Dispatcher(Portable):
         Where a line bends sharply, as at a pose beside the lane, its points are nearer to each other: not its spacing.
         """
         points = route.line
-        if len(points) > self.routes.shape[2]:
-            longer = math.ceil(len(points) / ROUTE_BLOCK) * ROUTE_BLOCK
-            grown = np.zeros((*self.robots.shape, longer, 2), dtype=np.float32)
-            grown[:, :, : self.routes.shape[2]] = self.routes
-            self.routes = grown
+        self._make_room(len(points))
         if self.live is not None:
             self.live.give_up(world, robot)
-        take_route(self.robots, self.routes, world, robot, points, self._any_heading)
+        take_route(self.robots, self.routes, world, robot, points, self._rules.heading)
         if route.end is not None:
-            params, kinds = self._limits
-            join = JOIN * float(kind_of(robot, params[0], kinds)["length_scale"])
-            take_end(self.robots, world, robot, *route.end, route.either, join)
+            take_end(self.robots, world, robot, *route.end, route.either, self._join(robot))
         if self.live is not None:
             self.live.take_up(self.robots, self.routes, world, robot, route.cells, route.reach)
+
+    def _join(self, robot: int) -> float:
+        params, kinds = self._limits
+        return JOIN * float(kind_of(robot, params[0], kinds)["length_scale"])
+
+    def _make_room(self, points: int) -> None:
+        """Take a larger array of routes if theirs have more way-points than it has."""
+        if points > self.routes.shape[2]:
+            grown = np.zeros((*self.robots.shape, width_of(points), 2), dtype=np.float32)
+            grown[:, :, : self.routes.shape[2]] = self.routes
+            self.routes = grown
 
     def give_line(self, world: int, robot: int, line: NDArray[np.float32]) -> None:
         """Give a robot a line float32[R, 2] [m] of someone else's making as its route, evenly spaced along it."""

@@ -39,6 +39,7 @@ class Endpoints(NamedTuple):
     kinds: tuple[NDArray[np.int32], NDArray[np.int32]]  # numbers of the pick faces and of the stations
     all: NDArray[np.int32]  # numbers of all
     number: NDArray[np.int32]  # [H, W], NONE elsewhere
+    elsewhere: NDArray[np.int32]  # [K, 2], the other cells from which all endpoints can be reached and back
 
 
 @lru_cache(maxsize=16)
@@ -48,7 +49,8 @@ def endpoints_of(grid: GridMap) -> Endpoints:
     number = np.full(grid.shape, NONE, np.int32)
     number[tuple(np.transpose(places))] = numbers = np.arange(len(places), dtype=np.int32)
     kinds = number[tuple(np.transpose(picks))], number[tuple(np.transpose(stations))]
-    return Endpoints(np.array(places, np.int32), kinds, numbers, number)
+    region = grid.return_region(places[0]) & (number == NONE)
+    return Endpoints(np.array(places, np.int32), kinds, numbers, number, np.argwhere(region).astype(np.int32))
 
 
 @kernel

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.errors import ConfigError
-from warehouse_env.kernel import kernel, part
+from warehouse_env.kernel import inline, kernel, part
 from warehouse_env.simulation.driver import line
 from warehouse_env.simulation.physics.floor import Floor
 from warehouse_env.simulation.physics.footprint import body_touches_shelf
@@ -22,6 +22,9 @@ Limits = tuple[NDArray[Any], NDArray[Any] | None]
 GAP = np.float32(0.15)  # [m] to robots at the start, half of it to shelves
 TOUCH = np.float32(1e-6)  # [m] of gap under which bodies touch
 TURNS = (0, 1, -1, 2, -2, 3, -3, 4)  # eighths of a circle tried off the route's direction
+_EIGHTH, _WITHIN = math.pi / 4, math.tan(math.pi / 8)
+# [rad] of so many eighths more than -8
+_HEADINGS = np.array([math.remainder(k * _EIGHTH, 2 * math.pi) for k in range(-8, 9)], np.float32)
 
 
 @part
@@ -49,6 +52,30 @@ def _put(robots, index, pose):
     motion = r["motion"]
     motion["x"], motion["y"], motion["heading"] = pose
     motion["sin"], motion["cos"] = sin_cos(pose[2])
+
+
+@inline
+def _eighths(dx, dy):
+    """Return the direction (dx, dy) as the nearest eighth of a circle, -4..4."""
+    across, along = abs(dy), abs(dx)
+    k = 0 if across <= along * _WITHIN else 2 if along < across * _WITHIN else 1
+    k = k if dx >= 0 else 4 - k
+    return k if dy >= 0 else -k
+
+
+@kernel
+def stand_facing(robots, index, start, p, kinds, floor):
+    """Put robot `index` of ROBOT[N] on a start, facing its direction as nearly as fits; return whether anything fits.
+
+    start: (x, y) [m] and a direction (x, y). Robots 0..index-1 stand already.
+    """
+    x, y, first = np.float32(start[0]), np.float32(start[1]), _eighths(start[2], start[3])
+    for turn in TURNS:
+        pose = x, y, _HEADINGS[8 + first + turn]
+        if _fits(robots, index, pose, p, kinds, floor, GAP):
+            _put(robots, index, pose)
+            return True
+    return False
 
 
 @part
@@ -105,16 +132,8 @@ def place(
 
     Robots 0..index-1 stand already.
     """
-    x, y = np.float32(point[0]), np.float32(point[1])
-    along = math.atan2(float(direction[1]), float(direction[0]))
-    eighth = math.pi / 4
-    first = round(along / eighth) * eighth
-    for turn in TURNS:
-        heading = np.float32(math.remainder(first + turn * eighth, 2 * math.pi))
-        if _fits(robots, index, (x, y, heading), limits[0][0], limits[1], floor, GAP):
-            _put(robots, index, (x, y, heading))
-            return True
-    return False
+    p, kinds = limits
+    return bool(stand_facing(robots, index, (*point.tolist(), *direction.tolist()), p[0], kinds, floor))
 
 
 def stand(robots: NDArray[Any], index: int, pose: NDArray[np.float64], limits: Limits, floor: Floor) -> None:

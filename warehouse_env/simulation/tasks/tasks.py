@@ -13,7 +13,7 @@ from warehouse_env.errors import ConfigError
 from warehouse_env.kernel import kernel
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.portable import Portable
-from warehouse_env.simulation.draws import ELSEWHERE, START, Key, permutation
+from warehouse_env.simulation.draws import ELSEWHERE, START, Key, shuffle
 from warehouse_env.simulation.driver.line import forget_grants
 from warehouse_env.simulation.tasks.goals import GoalState, endpoints_of, forget_goals, next_goal
 
@@ -80,7 +80,8 @@ def take_route(robots, routes, world, robot, points, heading):
     for k in range(len(points)):
         routes[world, robot, k, 0], routes[world, robot, k, 1] = points[k, 0], points[k, 1]
         if k > 0:
-            spacing = max(spacing, np.hypot(points[k, 0] - points[k - 1, 0], points[k, 1] - points[k - 1, 1]))
+            dx, dy = np.float64(points[k, 0] - points[k - 1, 0]), np.float64(points[k, 1] - points[k - 1, 1])
+            spacing = max(spacing, np.float32(np.sqrt(dx * dx + dy * dy)))  # the same bits on any machine
     r = robots[world, robot]
     on_route, manoeuvre = r["on_route"], r["manoeuvre"]
     on_route["points"] = len(points) if spacing > 0.0 else 1  # it stands at the end already
@@ -146,17 +147,16 @@ class Tasks(Portable):
 
     def starts(self, key: Key) -> list[Cell]:
         """Return all places in the order in which robots may be stood on them."""
-        return [self.places[k] for k in permutation(key, START, len(self.places))]
+        order = np.empty(len(self.places), np.int32)
+        shuffle(key, START, order)
+        return [self.places[k] for k in order.tolist()]
 
     def elsewhere(self, key: Key) -> list[Cell]:
-        """Return the other cells of floor from which all places can be reached and back, in a random order.
-
-        Robots that do not fit on pick faces and stations start there.
-        """
-        region = self._grid.return_region(self.places[0])
-        region[tuple(np.transpose(self.places))] = False
-        cells = np.argwhere(region)
-        return [(row, column) for row, column in cells[permutation(key, ELSEWHERE, len(cells))].tolist()]
+        """Return other cells, in a random order, on which robots start that do not fit on pick faces and stations."""
+        cells = self._endpoints.elsewhere
+        order = np.empty(len(cells), np.int32)
+        shuffle(key, ELSEWHERE, order)
+        return [(row, column) for row, column in cells[order].tolist()]
 
     def first_goals(self, starts: Sequence[Cell], key: Key) -> list[Cell]:
         """Give each robot its first goal."""

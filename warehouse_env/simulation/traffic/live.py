@@ -32,8 +32,9 @@ from warehouse_env.kernel import inline, kernel
 from warehouse_env.maps.grid_map import MOVES, Cell
 from warehouse_env.planning.cost_to_go import UNIT, CostToGo, to_go
 from warehouse_env.portable import Portable
-from warehouse_env.routes.book import Route, RouteBook
+from warehouse_env.routes.book import RouteBook
 from warehouse_env.routes.goals import Pose
+from warehouse_env.routes.route_table import Route
 from warehouse_env.simulation.traffic.ants import make_trails, send_ants
 from warehouse_env.simulation.traffic.prices import ReplanQuery, make_price_cache, prices_for
 from warehouse_env.simulation.traffic.replan_search import find_way, make_labels
