@@ -14,7 +14,6 @@ from pathlib import Path
 import numpy as np
 import torch
 from stable_baselines3 import PPO
-from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.vec_env import VecEnvWrapper
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepReturn
@@ -47,13 +46,6 @@ class MeasuredVecEnv(VecEnvWrapper):
         return observation, reward * self._scale, done, infos
 
 
-class _Nothing(BaseCallback):
-    """The library needs a callback; our schedules are set between rollouts instead."""
-
-    def _on_step(self) -> bool:
-        return True
-
-
 class Ppo(Trainer):
     """The trainer: one `update` is one rollout and some epochs over its rows."""
 
@@ -73,7 +65,7 @@ class Ppo(Trainer):
         self._worlds = MeasuredVecEnv(worlds, config.reward_scale, self._split, self._tally)
         self.model = self._make_model()
         self.optimizer = self.model.policy.optimizer
-        _, self._callback = self.model._setup_learn(1, _Nothing())
+        _, self._callback = self.model._setup_learn(1)
 
     @property
     def split(self) -> Split:

@@ -20,17 +20,12 @@ class Reinforce(ThreadedTrainer):
     """The trainer: one pass over the rows of each rollout."""
 
     def __init__(self, config: ReinforceConfig) -> None:
-        super().__init__(config, actor_loss)
+        super().__init__(config, policy_loss)
 
 
-def actor_loss(log_probability: Tensor, old: Tensor, advantage: Tensor) -> tuple[Tensor, Tensor]:
+def policy_loss(log_probability: Tensor, old: Tensor, advantage: Tensor) -> tuple[Tensor, Tensor]:
     """Return -E[A log pi] and 0, for no row is held back (see `ActorLoss`)."""
-    return policy_loss(log_probability, advantage), advantage.new_zeros(())
-
-
-def policy_loss(log_probability: Tensor, advantage: Tensor) -> Tensor:
-    """Return the loss whose gradient is minus that of E[A log pi], a scalar from float32[M] each."""
-    return -(advantage * log_probability).mean()
+    return -(advantage * log_probability).mean(), advantage.new_zeros(())
 
 
 def train(config: ReinforceConfig) -> Path:

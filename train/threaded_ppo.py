@@ -23,18 +23,13 @@ class ThreadedPpo(ThreadedTrainer):
     """The trainer: some passes over the rows of each rollout, with the ratio clipped."""
 
     def __init__(self, config: ThreadedPPOConfig) -> None:
-        super().__init__(config, partial(actor_loss, clip=config.clip))
+        super().__init__(config, partial(clipped_loss, clip=config.clip))
         self.epochs = config.epochs
 
 
-def actor_loss(log_probability: Tensor, old: Tensor, advantage: Tensor, clip: float) -> tuple[Tensor, Tensor]:
-    """Return the clipped loss, and the share of rows whose ratio is clipped (see `ActorLoss`)."""
-    return clipped_loss(log_probability - old, advantage, clip)
-
-
-def clipped_loss(log_ratio: Tensor, advantage: Tensor, clip: float) -> tuple[Tensor, Tensor]:
-    """Return -E[min(r A, clip(r) A)] (eq. 7) and the share of rows with r beyond 1 - clip to 1 + clip."""
-    ratio = log_ratio.exp()
+def clipped_loss(log_probability: Tensor, old: Tensor, advantage: Tensor, clip: float) -> tuple[Tensor, Tensor]:
+    """Return -E[min(r A, clip(r) A)] (eq. 7), and the share of rows whose ratio is clipped (see `ActorLoss`)."""
+    ratio = (log_probability - old).exp()
     within = ratio.clamp(1.0 - clip, 1.0 + clip)
     loss = -torch.minimum(ratio * advantage, within * advantage).mean()
     return loss, ((ratio - 1.0).abs() > clip).float().mean()

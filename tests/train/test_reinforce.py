@@ -36,7 +36,7 @@ def test_the_gradient_of_one_step_is_the_hand_computed_one() -> None:
     net = ActorCritic(Network(2, 3, True, ()), np.array([0.5, 0.0, -0.5], np.float32))
     observation, action, advantage = np.array([0.3, -0.7], np.float32), 1, 2.0
     log_probability, entropy = net.log_probability(torch.from_numpy(observation[None]), torch.tensor([action]))
-    (policy_loss(log_probability, torch.tensor([advantage])) - 0.1 * entropy.mean()).backward()
+    (policy_loss(log_probability, log_probability, torch.tensor([advantage]))[0] - 0.1 * entropy.mean()).backward()
     weight, bias = (net.state_dict()[f"actor.0.{kind}"].numpy() for kind in ("weight", "bias"))
     p = np.exp(weight @ observation + bias)
     p /= p.sum()
@@ -55,6 +55,18 @@ def test_advantages_by_hand() -> None:
     d0, d1, d2 = 1 + 0.5 * 20 - 10, 2 + 0.5 * 5 - 20, 4 + 0.5 * 40 - 30
     got = advantages(reward, value, ended, last, gamma=0.5, gae_lambda=0.8)
     assert got[:, 0] == pytest.approx([d0 + 0.4 * d1, d1, d2])
+
+
+def test_advantages_have_the_bits_of_the_formula_in_numpy() -> None:
+    rng = np.random.default_rng(0)
+    reward, last = rng.standard_normal((2, 9, 50), dtype=np.float32)
+    value, ended = rng.standard_normal((10, 50), dtype=np.float32), rng.random((9, 50)) < 0.2
+    carried, expected = np.zeros(50, np.float32), np.zeros_like(reward)
+    for t in reversed(range(9)):
+        delta = reward[t] + np.float32(0.98) * np.where(ended[t], last[t], value[t + 1]) - value[t]
+        expected[t] = carried = delta + np.where(ended[t], np.float32(0), np.float32(0.98 * 0.95)) * carried
+    got = advantages(*map(torch.from_numpy, (reward, value, ended, last)), gamma=0.98, gae_lambda=0.95)
+    assert np.array_equal(got, expected)
 
 
 def test_a_training_leaves_a_policy_that_acts(config: ReinforceConfig) -> None:

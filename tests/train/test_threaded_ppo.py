@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from agents.networks import ActorCritic
 from agents.weights_folder import Network
 from train.learning.config import ThreadedPPOConfig
 from train.learning.threaded import joint_scale
+from train.learning.trainer import rng_of
 from train.threaded_ppo import ThreadedPpo, clipped_loss
 
 
@@ -28,7 +30,7 @@ def config(tmp_path: Path) -> ThreadedPPOConfig:
 def test_the_clipped_loss_by_hand() -> None:
     ratio, advantage = torch.tensor([1.0, 1.5, 0.5, 1.5, 0.5]), torch.tensor([2.0, 1.0, 1.0, -1.0, -1.0])
     log_ratio = ratio.log().requires_grad_()
-    loss, held = clipped_loss(log_ratio, advantage, 0.2)
+    loss, held = clipped_loss(log_ratio, torch.zeros(5), advantage, 0.2)
     # min(r A, clip(r) A): 2, 1.2 (held), 0.5, -1.5, -0.8 (held)
     assert loss.item() == pytest.approx(-(2.0 + 1.2 + 0.5 - 1.5 - 0.8) / 5)
     assert held.item() == pytest.approx(4 / 5)
@@ -37,14 +39,22 @@ def test_the_clipped_loss_by_hand() -> None:
     assert log_ratio.grad.tolist() == pytest.approx([-2.0 / 5, 0.0, -0.5 / 5, 1.5 / 5, 0.0])
 
 
+@pytest.mark.parametrize("device", [None, "cpu"])
 @pytest.mark.parametrize("discrete", [True, False])
-def test_a_draw_comes_with_its_log_probability(discrete: bool) -> None:
+def test_a_draw_comes_with_its_log_probability(discrete: bool, device: str | None) -> None:
     torch.manual_seed(0)
     net = ActorCritic(Network(5, 3, discrete, (16,)), np.array([1.0, -1.0, 0.0], np.float32))
-    observation = 3.0 * torch.randn(200, 5)
-    action, log_probability = net.draw(observation, np.random.default_rng(0))
+    observation = 3.0 * torch.randn(2, 5).repeat(10_000, 1)
+    action, log_probability = net.draw(observation, rng_of([0], device))
     expected, _ = net.log_probability(observation, action)
     assert log_probability.numpy() == pytest.approx(expected.detach().numpy(), abs=1e-5)
+    output, drawn = net.output(observation[0]).detach(), action[::2]
+    if discrete:
+        shares = torch.bincount(drawn, minlength=3) / len(drawn)
+        assert shares.tolist() == pytest.approx(output.softmax(-1).tolist(), abs=0.015)
+    else:
+        assert drawn.mean(0).tolist() == pytest.approx(output.tolist(), abs=0.02)
+        assert drawn.std(0).tolist() == pytest.approx([math.exp(-0.7)] * 3, rel=0.03)
 
 
 def test_it_learns_a_bandit_in_several_passes_over_each_batch() -> None:
@@ -61,7 +71,7 @@ def test_it_learns_a_bandit_in_several_passes_over_each_batch() -> None:
         for _ in range(4):
             log_probability, _ = net.log_probability(observation, action)
             optimizer.zero_grad()
-            loss, _ = clipped_loss(log_probability - old, (advantage - mean) / spread, 0.2)
+            loss, _ = clipped_loss(log_probability, old, (advantage - mean) / spread, 0.2)
             loss.backward()
             optimizer.step()
     assert (net.draw(observation, rng)[0].numpy() == best).mean() > 0.95

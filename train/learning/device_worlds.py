@@ -48,9 +48,10 @@ class TrainingDevice(DeviceSimulator):
         return observation
 
     def step(self, actions: Tensor) -> Tensor:
-        """Step all worlds; `reward` is shaped, and `truncated` also tells the worlds that `see_jams` found."""
+        """Step all worlds; `reward` is shaped, and `truncated` also tells the worlds that had jammed before."""
+        self._jammed.copy_(jammed_worlds(self.fields, self._jam_seconds), non_blocking=True)
         stood = self.fields["motion"]["speed"] == 0
-        observation = super().step(actions)  # waits for the device, so what see_jams asked for is here
+        observation = super().step(actions)  # waits for the device, so what has jammed is known now
         shape_reward(self.reward, self.reward_terms, self.fields, stood, self._shared)
         self.stuck = (self.fields["clocks"]["stalled_time"] > self.config.stuck_after).sum()
         jammed = self._jammed.numpy()
@@ -58,37 +59,21 @@ class TrainingDevice(DeviceSimulator):
         self.ends = jammed[self.truncated].tolist()
         return observation
 
-    def see_jams(self) -> None:
-        """Ask the device which worlds have jammed, for the next step."""
-        self._jammed.copy_(jammed_worlds(self.fields, self._jam_seconds), non_blocking=True)
-
 
 class DeviceWorlds(TrainingWorlds):
     """The worlds of TrainingDevices. A world's generators go on from episode to episode."""
 
-    def _drive(self, actions: Tensor) -> None:
-        self._step_simulators(actions)
+    replays = False
 
-    def _end_worlds(self) -> list[tuple[slice | Tensor, Tensor]]:
-        ended: list[tuple[slice | Tensor, Tensor]] = []
-        for simulator, block in zip(self.simulators, self._blocks, strict=True):
-            worlds, robots = np.flatnonzero(simulator.truncated), simulator.num_agents
-            if len(worlds):
-                rows = block.start + worlds[:, None] * robots + np.arange(robots)
-                on_device = torch.from_numpy(rows.ravel()).to(self.observation.device)
-                ended.append((on_device, self.observation[on_device]))
-                simulator.reset_worlds(worlds.tolist())
-                self.observation[on_device] = simulator.observation.flatten(0, 1)[on_device - block.start]
-            simulator.see_jams()
-        return ended
+    def _restart(self, number: int, worlds: NDArray[np.int64]) -> None:
+        self.simulators[number].reset_worlds(worlds.tolist())
 
     def history(self) -> dict[str, NDArray[Any]]:
         """Return the state of all worlds, for `replay`."""
-        states = [simulator.save_state() for simulator in self.simulators]
         return {
             f"{number}.{name}": tensor.cpu().numpy()
-            for number, state in enumerate(states)
-            for name, tensor in state.items()
+            for number, simulator in enumerate(self.simulators)
+            for name, tensor in simulator.save_state().items()
         }
 
     def replay(self, history: dict[str, NDArray[Any]]) -> None:
@@ -96,5 +81,4 @@ class DeviceWorlds(TrainingWorlds):
         for number, simulator in enumerate(self.simulators):
             state = checkpoint.part_of(history, f"{number}.")
             simulator.load_state({name: torch.from_numpy(array) for name, array in state.items()})
-            simulator.see_jams()
         self._observe()

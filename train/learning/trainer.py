@@ -8,7 +8,6 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
-import gymnasium
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -17,7 +16,6 @@ from agents.weights_folder import Network
 from train.learning import checkpoint
 from warehouse_env.config import EnvConfig
 from warehouse_env.observation import observation_layout
-from warehouse_env.simulation.actions import ActionDecoder
 from warehouse_env.threads import MOST_THREADS, set_num_threads
 
 PARTS = ("simulator_s", "policy_s", "update_s")
@@ -123,10 +121,9 @@ def shuffled(count: int, rng: np.random.Generator | torch.Generator) -> torch.Te
 
 def network_of(env: EnvConfig, hidden: tuple[int, ...]) -> Network:
     """Return the sizes of the networks for one robot."""
-    size, space = observation_layout(env).size, ActionDecoder(env).space
-    if isinstance(space, gymnasium.spaces.Discrete):
-        return Network(size, int(space.n), True, hidden)
-    return Network(size, (space.shape or (0,))[0], False, hidden)
+    discrete = env.action_type == "discrete"
+    actions = len(env.speed_levels) * len(env.lateral_offsets) if discrete else 2
+    return Network(observation_layout(env).size, actions, discrete, hidden)
 
 
 def profile(trainer: Trainer, updates: int, warm_up: int = 1) -> dict[str, float]:

@@ -71,6 +71,7 @@ class TrainingSimulator(Simulator):
     """Worlds whose episodes end at different times, and early in a jam, where little is learned.
 
     Attributes:
+        fields: ROBOT[B, N].
         stuck: robots that in the last step had not come forward for `stuck_after` of the config.
         ends: for each world that ended with the last step, whether it had jammed.
     """
@@ -85,8 +86,7 @@ class TrainingSimulator(Simulator):
             shared: see shape_reward.
         """
         super().__init__(config, num_worlds, routes=book_of(config))
-        self._shared = shared
-        self._jam_seconds = jam_seconds
+        self._shared, self._jam_seconds, self.fields = shared, jam_seconds, self.robots
         self.stuck, self.ends = 0, list[bool]()
 
     def reset(self, seed: int | Sequence[int] | None = None) -> NDArray[np.float32]:
@@ -105,11 +105,6 @@ class TrainingSimulator(Simulator):
         self.ends = jammed[self.truncated].tolist()
         self.stuck = int((self.robots["clocks"]["stalled_time"] > self.config.stuck_after).sum())
         return observation
-
-    @property
-    def fields(self) -> NDArray[np.void]:
-        """ROBOT[B, N], by whose fields what happened is counted."""
-        return self.robots
 
 
 @dataclass
@@ -184,6 +179,8 @@ class TrainingWorlds:
         tally: counts of goals, collisions and metres.
     """
 
+    replays = True  # its last actions restore the state
+
     def __init__(self, simulators: Sequence[Any], seed: list[int]) -> None:
         """Reset all worlds.
 
@@ -193,16 +190,17 @@ class TrainingWorlds:
         """
         self.simulators, self._seed = simulators, seed
         self.tally = TrainingTally(simulators)
+        self._first = np.cumsum([0, *(simulator.num_worlds for simulator in simulators)]).tolist()  # world of each
         self._world = [(s, w) for s, simulator in enumerate(simulators) for w in range(simulator.num_worlds)]
         starts = np.cumsum([0, *(simulator.num_worlds * simulator.num_agents for simulator in simulators)]).tolist()
         self._blocks = [slice(a, b) for a, b in itertools.pairwise(starts)]
         self.rows = starts[-1]
         seen = torch.as_tensor(simulators[0].observation)
         self.observation, self.reward = seen.new_zeros((self.rows, seen.shape[-1])), seen.new_zeros(self.rows)
-        self._actions: deque[NDArray[Any]] = deque(maxlen=simulators[0].config.max_steps)
+        self._actions = deque[Tensor](maxlen=simulators[0].config.max_steps if self.replays else 0)
         self._episode = np.zeros(len(self._world), np.int64)
         for number, simulator in enumerate(simulators):
-            simulator.reset([self._world_seed(w) for w, (s, _) in enumerate(self._world) if s == number])
+            simulator.reset([self._world_seed(world) for world in range(*self._first[number : number + 2])])
         self._observe()
 
     def _world_seed(self, world: int) -> int:
@@ -219,39 +217,41 @@ class TrainingWorlds:
         for simulator, block in zip(self.simulators, self._blocks, strict=True):
             self.observation[block] = torch.as_tensor(simulator.observation).flatten(0, 1)
 
-    def _step_simulators(self, actions: Any) -> None:
+    def _step_simulators(self, actions: Tensor) -> None:
         for simulator, block in zip(self.simulators, self._blocks, strict=True):
             simulator.step(actions[block].reshape(simulator.num_worlds, simulator.num_agents, *actions.shape[1:]))
 
-    def step(self, actions: Tensor) -> list[tuple[slice | Tensor, Tensor]]:
+    def step(self, actions: Tensor) -> list[tuple[Tensor, Tensor]]:
         """Step all worlds once with actions [rows] or [rows, 2].
 
         Returns the rows of the worlds that ended with this step, with their last observations; in `observation` they
         hold already the first one of their next episode.
         """
-        self._drive(actions)
+        self._actions.append(actions.clone())
+        self._step_simulators(actions)
         for simulator, block in zip(self.simulators, self._blocks, strict=True):
             self.reward[block] = torch.as_tensor(simulator.reward).flatten()
         self.tally.add()
         self._observe()
         return self._end_worlds()
 
-    def _drive(self, actions: Tensor) -> None:
-        self._actions.append(actions.numpy().copy())
-        self._step_simulators(self._actions[-1])
+    def _end_worlds(self) -> list[tuple[Tensor, Tensor]]:
+        ended = []
+        for number, (simulator, block) in enumerate(zip(self.simulators, self._blocks, strict=True)):
+            worlds, robots = np.flatnonzero(simulator.truncated), simulator.num_agents
+            if len(worlds):
+                rows = torch.from_numpy((block.start + worlds[:, None] * robots + np.arange(robots)).ravel())
+                rows = rows.to(self.observation.device)
+                ended.append((rows, self.observation[rows]))
+                self._restart(number, worlds)
+        if ended:
+            self._observe()
+        return ended
 
-    def _end_worlds(self) -> list[tuple[slice | Tensor, Tensor]]:
-        ended: list[tuple[slice | Tensor, Tensor]] = []
-        for world in np.flatnonzero(np.concatenate([simulator.truncated for simulator in self.simulators])).tolist():
-            number, index = self._world[world]
-            simulator, robots = self.simulators[number], self.simulators[number].num_agents
-            start = self._blocks[number].start + index * robots
-            rows = slice(start, start + robots)
-            ended.append((rows, self.observation[rows].clone()))
+    def _restart(self, number: int, worlds: NDArray[np.int64]) -> None:
+        for world in (self._first[number] + worlds).tolist():
             self._episode[world] += 1
             self._reset_world(world)
-            self.observation[rows] = torch.from_numpy(simulator.observation[index])
-        return ended
 
     def set_reward(self, weights: RewardWeights) -> None:
         """Change the reward weights of all worlds from the next step on."""
@@ -261,7 +261,7 @@ class TrainingWorlds:
     def history(self) -> dict[str, NDArray[Any]]:
         """Return what `replay` needs: the last actions, and every world's age in steps and episode number."""
         age = np.concatenate([simulator.steps for simulator in self.simulators])
-        actions = np.stack(self._actions) if self._actions else np.empty(0)
+        actions = torch.stack(list(self._actions)).numpy() if self._actions else np.empty(0)
         return {"actions": actions, "age": age, "episode": self._episode.copy()}
 
     def replay(self, history: dict[str, NDArray[Any]]) -> None:
@@ -274,6 +274,6 @@ class TrainingWorlds:
                 # a first episode begins with some age, on which contacts, too, are dated
                 self._reset_world(world, int(age[world] - (len(actions) - step)))
             if step < len(actions):
-                self._actions.append(actions[step])
-                self._step_simulators(actions[step])
+                self._actions.append(torch.from_numpy(actions[step]))
+                self._step_simulators(self._actions[-1])
         self._observe()

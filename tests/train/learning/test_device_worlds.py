@@ -1,16 +1,13 @@
-"""Training on a device: the rewards, jams and counts of the CPU's worlds, and the policy's own draws."""
+"""Training on a device: the rewards, jams and counts of the CPU's worlds, and what is refused."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
 import pytest
 import torch
 
-from agents.networks import ActorCritic
-from agents.weights_folder import Network
 from train.cli import main
 from train.learning.config import ReinforceConfig
 from train.learning.device_worlds import DeviceWorlds, TrainingDevice
@@ -45,24 +42,6 @@ def test_a_device_trains_in_the_worlds_of_the_cpu() -> None:
     assert final.shape == (16, last.shape[1])
     assert there.simulators[0].steps.tolist() == [here.simulators[0].steps[0] + 1, 0, 0]
     assert not torch.equal(there.observation[rows], final)
-
-
-@pytest.mark.parametrize("discrete", [True, False])
-def test_a_device_draws_with_its_own_generator(discrete: bool) -> None:
-    torch.manual_seed(0)
-    net = ActorCritic(Network(5, 3, discrete, (16,)), np.array([1.0, -1.0, 0.0], np.float32))
-    observation = torch.randn(1, 5).expand(20_000, 5)
-    action, log_probability = net.draw(observation, torch.Generator().manual_seed(3))
-    expected, _ = net.log_probability(observation, action)
-    assert torch.equal(log_probability, expected)
-    with torch.no_grad():
-        output = net.output(observation[:1])[0]
-        if discrete:
-            share = torch.bincount(action, minlength=3) / len(action)
-            assert share.tolist() == pytest.approx(output.softmax(-1).tolist(), abs=0.01)
-        else:
-            assert action.mean(0).tolist() == pytest.approx(output.tolist(), abs=0.015)
-            assert action.std(0).tolist() == pytest.approx(net.log_std.exp().tolist(), rel=0.02)
 
 
 @pytest.mark.parametrize(

@@ -13,6 +13,7 @@ from safetensors.numpy import load_file
 
 from agents.weights_folder import read_record
 from train import reinforce, threaded_ppo
+from train.held_out import held_out
 from train.learning.config import ReinforceConfig, ThreadedConfig, ThreadedPPOConfig
 from train.learning.threaded import ThreadedTrainer
 
@@ -50,6 +51,7 @@ def test_a_resumed_run_gives_the_same_bits_as_an_unbroken_one(
     assert read_record(folder).training["updates"] == read_record(tmp_path / "whole").training["updates"]
     assert whole.keys() == parts.keys()
     assert all(np.array_equal(whole[name], parts[name]) for name in whole)
+    assert 0.0 <= held_out(replace(config, name="parts"))["stuck"] <= 1.0
 
 
 def test_whole_mixes_are_dealt_out_where_they_go_round() -> None:
