@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import importlib
-import math
 import statistics
 import sys
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from train.benchmarks.timing import speeds
 from train.reporting.rows import Row
 from warehouse_env.config import EnvConfig
 from warehouse_env.threads import MOST_THREADS, set_num_threads
@@ -22,7 +21,6 @@ _PLANNER = "astar"  # fast to plan
 _POOL = 32  # random actions, drawn before the clock starts and then cycled
 _TRAINED = 5  # seconds of each training per second of the budget
 _TURNS = 3  # chunks of the step and its reference per second of the budget
-_CHUNKS = 9  # a rate is the median over these
 _TRAINING_TURNS = 5
 _WARM_UP = 3  # updates of a training before the clock starts, which load kernels
 _START_SEEDS = 16  # large batches repeat these starts: planning 30,000 routes is not what is measured
@@ -35,7 +33,7 @@ class Budget:
     """How long and how large to measure."""
 
     seconds: float  # for each row
-    largest: int  # robots in a single world
+    device: str  # of the peers
     threads: tuple[int, ...]
     seed: int
 
@@ -45,40 +43,10 @@ def _draws(space: Any, seed: int, *shape: int) -> NDArray[np.int64]:
     return np.random.default_rng(seed).integers(0, space.n, (_POOL, *shape))
 
 
-class Rate(NamedTuple):
-    """Calls a second: median, lowest and highest chunk."""
-
-    median: float
-    low: float
-    high: float
-
-
-def rate(call: Callable[[int], object], seconds: float) -> Rate:
-    """Measure how often a second `call(k)` can be called, k counting up; the first calls only warm up."""
-    begin, count = time.perf_counter(), 0
-    while count < 3 or time.perf_counter() - begin < 0.1 * seconds:
-        call(count)
-        count += 1
-        if count == 1:
-            begin = time.perf_counter()  # the first call may compile
-    per_chunk = max(1, math.ceil(count * 10 / _CHUNKS))
-    rates = []
-    for _ in range(_CHUNKS):
-        begin = time.perf_counter()
-        for k in range(count, count + per_chunk):
-            call(k)
-        rates.append(per_chunk / (time.perf_counter() - begin))
-        count += per_chunk
-    return Rate(statistics.median(rates), min(rates), max(rates))
-
-
-def _speed(measured: Rate, envs: int, agents: int, threads: int) -> Row:
-    """Return a row from a rate of calls that step `envs` environments of `agents` robots each."""
-    rows = envs * agents
-    return {
-        "envs": envs, "agents": agents, "threads": threads, "agent_steps_per_s": measured.median * rows,
-        "low": measured.low * rows, "high": measured.high * rows, "env_steps_per_s": measured.median * envs,
-    }  # fmt: skip
+def _speed(call: Callable[[int], object], envs: int, agents: int, threads: int, seconds: float) -> Row:
+    """Return a row of calls that step `envs` environments of `agents` robots each."""
+    (row,) = speeds([(call, envs * agents)], seconds)
+    return {"envs": envs, "agents": agents, "threads": threads, **row}
 
 
 def simulator(budget: Budget) -> Iterator[Row]:
@@ -87,8 +55,6 @@ def simulator(budget: Budget) -> Iterator[Row]:
     from warehouse_env.simulation.simulator import Simulator
 
     for worlds, robots in ((64, 16), (1024, 32), (1, 32), (1, 256), (1, 1024)):
-        if worlds == 1 and robots > budget.largest:
-            continue
         config = EnvConfig(num_agents=robots, planner=_PLANNER, action_repeat=1)
         side = _SQUARE_PER_ROBOTS[robots] if worlds == 1 else 0
         grid = make_layout("blocks", rows=side, columns=side) if worlds == 1 else None
@@ -99,8 +65,10 @@ def simulator(budget: Budget) -> Iterator[Row]:
             if threads > MOST_THREADS:
                 continue
             set_num_threads(threads)
-            measured = rate(lambda k, sim=sim, pool=pool: sim.step(pool[k % _POOL]), budget.seconds)  # type: ignore[misc]
-            yield _speed(measured, worlds, robots, threads)
+            yield _speed(
+                lambda k, sim=sim, pool=pool: sim.step(pool[k % _POOL]),  # type: ignore[misc]
+                worlds, robots, threads, budget.seconds,
+            )  # fmt: skip
     set_num_threads(MOST_THREADS)
 
 
@@ -122,7 +90,7 @@ def pettingzoo(budget: Budget) -> Iterator[Row]:
     env.reset(seed=budget.seed)
     draws = _draws(env.action_space(env.agents[0]), budget.seed, 8)
     pool = [dict(zip(env.agents, draw, strict=True)) for draw in draws]
-    yield _speed(rate(lambda k: env.step(pool[k % _POOL]), budget.seconds), 1, 8, 1)
+    yield _speed(lambda k: env.step(pool[k % _POOL]), 1, 8, 1, budget.seconds)
 
 
 def vec_env(budget: Budget) -> Iterator[Row]:
@@ -134,7 +102,7 @@ def vec_env(budget: Budget) -> Iterator[Row]:
     env.seed(budget.seed)
     env.reset()
     pool = _draws(env.action_space, budget.seed, 64 * 16)
-    yield _speed(rate(lambda k: env.step(pool[k % _POOL]), budget.seconds), 64, 16, 1)
+    yield _speed(lambda k: env.step(pool[k % _POOL]), 64, 16, 1, budget.seconds)
 
 
 def cuda(budget: Budget) -> Iterator[Row]:
@@ -153,8 +121,17 @@ def cuda(budget: Budget) -> Iterator[Row]:
         random = rng.random(commands.shape) < 0.2
         commands[random] = rng.integers(0, len(sim.host.actions.table), int(random.sum()))
         pool = torch.from_numpy(commands).to(sim.device)
-        measured = rate(lambda k, sim=sim, pool=pool: sim.step(pool[k % _POOL]), budget.seconds)  # type: ignore[misc]
-        yield {**_speed(measured, worlds, robots, 1), "shield": shield, "card": torch.cuda.get_device_name(sim.device)}
+        row = _speed(lambda k, sim=sim, pool=pool: sim.step(pool[k % _POOL]), worlds, robots, 1, budget.seconds)  # type: ignore[misc]
+        yield {**row, "shield": shield, "card": torch.cuda.get_device_name(sim.device)}
+
+
+def peers(budget: Budget) -> Iterator[Row]:
+    """Step this simulator, VMAS, JaxNav and CAMAR in turns, on one core or on a GPU."""
+    from train.benchmarks.peers import peers as measured
+
+    set_num_threads(1)
+    yield from measured(budget.seconds, budget.device)
+    set_num_threads(MOST_THREADS)
 
 
 def training(budget: Budget) -> Iterator[Row]:
@@ -191,5 +168,5 @@ def training(budget: Budget) -> Iterator[Row]:
 
 
 PARTS: dict[str, Callable[[Budget], Iterator[Row]]] = {
-    part.__name__: part for part in (simulator, reference, pettingzoo, vec_env, cuda, training)
+    part.__name__: part for part in (simulator, reference, pettingzoo, vec_env, cuda, training, peers)
 }

@@ -14,7 +14,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from agents import make_policy, policy_config
 from train.benchmarks.fixed_work import FixedWork, floor
+from train.benchmarks.timing import Timed, in_turns
 from train.reporting.report import Table, number
 from train.reporting.rows import Row, read_rows, select, write_rows
 from warehouse_env import __version__
@@ -59,20 +60,6 @@ class Size(NamedTuple):
 
 
 SIZES = (Size(64, 16, 60, 100, 30, 20), Size(1024, 32, 2, 3, 1, 5))
-
-
-class Timed(NamedTuple):
-    """A function that steps `rows` robots, called `steps` times in a chunk."""
-
-    call: Callable[[int], object]  # does step k
-    rows: int
-    steps: int
-
-    def warmed(self, steps: int) -> Timed:
-        """Return this after some steps; the timed steps continue where these end."""
-        for k in range(steps):
-            self.call(k)
-        return self._replace(call=lambda k, call=self.call: call(k + steps))  # type: ignore[misc]
 
 
 def reference(chunks: int, seed: int) -> Iterator[Row]:
@@ -135,22 +122,10 @@ def _decision(robots: int, decisions: int, seed: int) -> Timed:
 
 def _ratio(ours: Timed, theirs: Timed, chunks: int) -> Row:
     """Return the reference's time over ours, which is our speed over its speed."""
-    spent, other = in_turns([ours, theirs], chunks)
+    spent, other = in_turns([ours, theirs], chunks, time.process_time)
     low, ratio, high = statistics.quantiles([b / a for a, b in zip(spent, other, strict=True)], n=4)
     times = {"us_a_robot": statistics.median(spent), "reference_us": statistics.median(other)}
     return {"ratio": ratio, "low": low, "high": high, "chunks": chunks, **times}
-
-
-def in_turns(timed: Sequence[Timed], chunks: int) -> list[list[float]]:
-    """Return for each its processor time [us] of a robot's step in each chunk, measured in turns."""
-    spent: list[list[float]] = [[] for _ in timed]
-    for chunk in range(chunks):
-        for one, times in zip(timed, spent, strict=True):
-            begin = time.process_time()
-            for k in range(chunk * one.steps, (chunk + 1) * one.steps):
-                one.call(k)
-            times.append(1e6 * (time.process_time() - begin) / (one.steps * one.rows))
-    return spent
 
 
 def reference_table(rows: Sequence[Row]) -> Table:

@@ -18,9 +18,9 @@ from warehouse_env.errors import ConfigError
 if TYPE_CHECKING:
     from train.benchmarks.parts import Budget
 
-What = Literal["simulator", "reference", "pettingzoo", "vec_env", "cuda", "training"]
+What = Literal["simulator", "reference", "pettingzoo", "vec_env", "cuda", "training", "peers"]
 
-_SMALL = 32  # robots of the single world that larger ones are compared with
+_ASKED = ("cuda", "peers")  # which need a GPU, and packages
 
 
 @dataclass(frozen=True)
@@ -28,15 +28,15 @@ class Bench(Checked):
     """Measure agent-steps/s of the simulator, environments and trainers, and the step beside fixed work in C."""
 
     only: tuple[What, ...] = ()
-    """What to measure (everything but cuda, which needs a GPU, if left out)."""
-    quick: bool = False
-    """Measure a fifth as long, and no world of more than 256 robots."""
+    """What to measure (if left out, all but cuda, which needs a GPU, and peers, which needs VMAS, JaxMARL or CAMAR)."""
     threads: tuple[int, ...] = (1, 2)
     """Numbers of threads for batches of worlds."""
     seconds: float = 3.0
     """Time for each measurement, after its warm-up [s]."""
     seed: int = 0
     """Seed of the worlds and of the random actions."""
+    device: Literal["cpu", "cuda"] = "cpu"
+    """Where the peers run."""
     json: Path | None = None
     """Write the rows to this file as JSON lines."""
     append: bool = False
@@ -57,7 +57,7 @@ class Bench(Checked):
             print("\n".join(table.markdown() for table in tables(read_rows(self.rows))))
             return
         budget = self._budget()
-        chosen = [what for what in get_args(What) if what in self.only or (not self.only and what != "cuda")]
+        chosen = [what for what in get_args(What) if what in self.only or (not self.only and what not in _ASKED)]
         file = RowFile(self.json, keep=self.append)
         rows = measure(chosen, PARTS, budget, file)
         for table in tables(rows):
@@ -80,10 +80,7 @@ class Bench(Checked):
             )
         if (self.check or self.write_release) and self.only and "reference" not in self.only:
             raise ConfigError("--check and --write-release need the part `reference`: name it in --only as well")
-        return Budget(
-            seconds=self.seconds / 5 if self.quick else self.seconds, largest=256 if self.quick else 1024,
-            threads=self.threads, seed=self.seed,
-        )  # fmt: skip
+        return Budget(self.seconds, self.device, self.threads, self.seed)
 
 
 def measure(
@@ -121,43 +118,17 @@ def tables(rows: Sequence[Row]) -> list[Table]:
 
 
 def _speeds(rows: Sequence[Row]) -> Table:
-    header = ("what", "worlds", "robots", "threads", "agent-steps/s", "spread", "env-steps/s", "where the time goes")
+    header = ("what", "worlds", "robots", "threads", "agent-steps/s", "spread", "where the time goes")
     cells = []
     for row in rows:
         low, high = row.get("low"), row.get("high")
         cells.append((
-            row["what"], *(str(row[name]) for name in ("envs", "agents", "threads")),
+            str(row.get("simulator", row["what"])), *(str(row[name]) for name in ("envs", "agents", "threads")),
             _thousands(row["agent_steps_per_s"]),
             f"{_thousands(low)} to {_thousands(high)}" if low is not None and high is not None else "",
-            _thousands(row["env_steps_per_s"]) if "env_steps_per_s" in row else "",
             ", ".join(f"{name} {100 * share:.0f}%" for name, share in row.get("shares", {}).items()),
         ))  # fmt: skip
-    return Table("Speed", header, tuple(cells), "\n".join(["A simulator step here is 0.1 s.", *ratios(rows)]))
-
-
-def ratios(rows: Sequence[Row]) -> list[str]:
-    """Return ratios within these rows: threads over one, large single worlds over a small one, trainers over PPO."""
-    lines = []
-    simulator = select(rows, what="simulator")
-    for row in simulator:
-        if row["threads"] > 1:
-            alone = select(simulator, envs=row["envs"], agents=row["agents"], threads=1)
-            lines += [f"{_name(row)}, {row['threads']} threads over 1: {_ratio(row, one)}" for one in alone]
-        elif row["envs"] == 1 and row["agents"] > _SMALL:
-            small = select(simulator, envs=1, agents=_SMALL, threads=1)
-            lines += [f"{_name(row)} over {_name(one)}: {_ratio(row, one)}" for one in small]
-    for other in select(rows, what="train_ppo"):
-        trained = [row for row in rows if "trainer" in row and row is not other]
-        lines += [f"{row['what']} over train_ppo: {_ratio(row, other)}" for row in trained]
-    return lines
-
-
-def _name(row: Row) -> str:
-    return f"{row['envs']}x{row['agents']}"
-
-
-def _ratio(row: Row, base: Row) -> str:
-    return f"{row['agent_steps_per_s'] / base['agent_steps_per_s']:.2f}"
+    return Table("Speed", header, tuple(cells), "A simulator step here is 0.1 s.")
 
 
 def _thousands(value: float) -> str:

@@ -1,8 +1,8 @@
-"""The benchmark: rates by a fake clock, ratios by hand, and parts on a tiny budget."""
+"""The benchmark: speeds by a fake clock, and parts on a tiny budget."""
 
 from __future__ import annotations
 
-import itertools
+import os
 from pathlib import Path
 from typing import Any, get_args
 
@@ -10,9 +10,11 @@ import pytest
 import torch
 
 from train.benchmarks import parts
-from train.benchmarks.parts import PARTS, Budget, rate
+from train.benchmarks import peers as peers_part
+from train.benchmarks.parts import PARTS, Budget
+from train.benchmarks.timing import speeds
 from train.cli import main
-from train.commands.bench import What, ratios, tables
+from train.commands.bench import What, tables
 from train.learning import recipes
 from train.learning.recipes import by_recipe
 from train.reporting.rows import read_rows
@@ -21,38 +23,23 @@ from warehouse_env.simulation.device import memory, simulator
 SMALL: dict[str, Any] = {
     "layouts": ("open",), "robots": (2,), "rows": 8, "planner": "astar", "rollout": 4, "hidden": (20,), "threads": 1,
 }  # fmt: skip
-TINY = Budget(seconds=0.02, largest=32, threads=(1,), seed=0)
+TINY = Budget(seconds=0.02, device="cpu", threads=(1,), seed=0)
 
 
-def test_rate_by_a_clock_in_hand(monkeypatch: pytest.MonkeyPatch) -> None:
-    ticks = itertools.count()
-    monkeypatch.setattr(parts.time, "perf_counter", lambda: 0.5 * next(ticks))
-    calls: list[int] = []
-    measured = rate(calls.append, seconds=9.0)
-    # Each chunk is timed by two readings half a second apart, so its rate is twice its calls.
-    per_chunk = measured.median / 2
-    assert measured.low == measured.median == measured.high
-    assert per_chunk == int(per_chunk)
-    assert calls == list(range(len(calls)))
+def test_speeds_by_a_clock_in_hand() -> None:
+    now, order = 0.0, ""
 
+    def takes(seconds: float, name: str) -> Any:
+        def call(_: int) -> None:
+            nonlocal now, order
+            now, order = now + seconds, order + name
 
-def simulator_row(envs: int, agents: int, threads: int, speed: float) -> dict[str, Any]:
-    return {"what": "simulator", "envs": envs, "agents": agents, "threads": threads, "agent_steps_per_s": speed}
+        return call
 
-
-def test_ratios_by_hand() -> None:
-    rows = [
-        simulator_row(64, 16, 1, 1000.0), simulator_row(64, 16, 2, 1900.0), simulator_row(1, 32, 1, 800.0),
-        simulator_row(1, 1024, 1, 600.0),
-    ]  # fmt: skip
-    assert ratios(rows) == ["64x16, 2 threads over 1: 1.90", "1x1024 over 1x32: 0.75"]
-    trained = [
-        {"what": f"train_{name}", "trainer": name, "envs": 1, "agents": "2", "agent_steps_per_s": speed}
-        for name, speed in (("reinforce", 300.0), ("ppo", 100.0))
-    ]
-    assert ratios(trained) == ["train_reinforce over train_ppo: 3.00"]
-    (table,) = tables(rows)
-    assert table.cells[0][:5] == ("simulator", "64", "16", "1", "1,000")
+    fast, slow = speeds([(takes(0.25, "f"), 8), (takes(1.0, "s"), 8)], 9.0, lambda: now)
+    assert [fast[name] for name in ("agent_steps_per_s", "low", "high")] == pytest.approx([32.0] * 3)
+    assert slow["agent_steps_per_s"] == pytest.approx(8.0)
+    assert order == 5 * "f" + 2 * "s" + 9 * "ffffs"  # the first call may compile, then a second to count, then turns
 
 
 @pytest.mark.parametrize("what", ["simulator", "vec_env"])
@@ -77,13 +64,12 @@ def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["bench", "--only", "pettingzoo", "--seconds", "0.02", "--json", str(path)]) == 0
     (row,) = read_rows(path)
     assert (row["what"], row["envs"], row["agents"], row["threads"]) == ("pettingzoo", 1, 8, 1)
-    assert row["env_steps_per_s"] * 8 == pytest.approx(row["agent_steps_per_s"])
     assert "pettingzoo" in capsys.readouterr().out
 
 
 @pytest.mark.skipif(torch.cuda.is_available(), reason="there is a GPU")
 def test_a_gpu_that_is_not_there_is_missed_in_one_sentence(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["bench", "--only", "cuda", "--quick"]) == 2
+    assert main(["bench", "--only", "cuda"]) == 2
     assert "device='cuda' needs" in capsys.readouterr().err
 
 
@@ -94,3 +80,25 @@ def test_worlds_on_a_device_are_measured(monkeypatch: pytest.MonkeyPatch) -> Non
     (row,) = parts.cuda(TINY)
     assert (row["envs"], row["agents"], row["shield"], row["card"]) == (2, 4, False, "a card")
     assert 0 < row["low"] <= row["agent_steps_per_s"] <= row["high"]
+
+
+def test_peers_are_measured_in_turns(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr(peers_part, "SIZES", (2,))
+    monkeypatch.setattr(os, "sched_setaffinity", lambda *_: None, raising=False)
+    monkeypatch.setattr(peers_part, "PEERS", {"warehouse-env": peers_part._ours, "none-such": peers_part._vmas})
+    assert main(["bench", "--only", "peers"]) == 2
+    assert "pip install vmas jaxmarl camar" in capsys.readouterr().err
+    monkeypatch.setattr(peers_part, "PEERS", {"warehouse-env": peers_part._ours, "numpy": peers_part._ours})
+    rows = [{"what": "peers", **row} for row in PARTS["peers"](TINY)]
+    assert [row["simulator"].split()[0] for row in rows] == ["warehouse-env", "numpy"]
+    (table,) = tables(rows)
+    assert [line[:4] for line in table.cells] == [(row["simulator"], "2", "16", "1") for row in rows]
+
+
+@pytest.mark.parametrize("package", ["vmas", "jaxmarl", "camar"])
+def test_a_peer_steps(package: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip(package)
+    monkeypatch.setenv("JAX_PLATFORMS", "cpu")
+    call, rows = peers_part.PEERS[package](2, "cpu")
+    call(0)
+    assert rows % (2 * peers_part.ROBOTS) == 0

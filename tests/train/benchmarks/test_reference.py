@@ -11,7 +11,8 @@ import pytest
 
 from train.benchmarks import reference
 from train.benchmarks.fixed_work import FixedWork, compiler
-from train.benchmarks.reference import ROOT, Size, Timed, in_turns, reference_table
+from train.benchmarks.reference import ROOT, Size, reference_table
+from train.benchmarks.timing import Timed, in_turns
 from train.cli import main
 from train.commands.bench import tables
 from train.reporting.rows import Row, read_rows, write_rows
@@ -47,7 +48,7 @@ def test_ratios_by_a_clock_in_hand(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(reference, "time", SimpleNamespace(process_time=lambda: now))
     ours, theirs = Timed(takes(3.0), rows=2, steps=5), Timed(takes(1.0), rows=4, steps=7)
-    assert in_turns([ours, theirs], 3) == [pytest.approx([1.5e6] * 3), pytest.approx([0.25e6] * 3)]
+    assert in_turns([ours, theirs], 3, lambda: now) == [pytest.approx([1.5e6] * 3), pytest.approx([0.25e6] * 3)]
     row = reference._ratio(ours, theirs, 4)
     assert (row["ratio"], row["low"], row["high"]) == pytest.approx((1 / 6,) * 3)
     assert (row["us_a_robot"], row["reference_us"]) == pytest.approx((1.5e6, 0.25e6))
@@ -104,7 +105,7 @@ def test_the_command_checks(
     for function in (reference.judge, reference.write_release):
         monkeypatch.setattr(function, "__defaults__", (path,))
     json = tmp_path / "rows.jsonl"
-    bench = ["bench", "--only", "reference", "--quick"]
+    bench = ["bench", "--only", "reference", "--seconds", "0.6"]
     assert main([*bench, "--write-release", "--json", str(json)]) == 0
     written = read_rows(path)
     assert written == read_rows(json)
