@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,9 @@ import pytest
 import torch
 
 import warehouse_env
+from train.cli import main
 from warehouse_env import ConfigError, EnvConfig, Simulator
+from warehouse_env.simulation.record.recording import Episode, Recorder
 
 CONFIG = EnvConfig(num_agents=6, planner="astar_turns", max_steps=20)
 
@@ -33,6 +36,33 @@ def test_an_episode_ends_with_its_last_observation_and_metrics_and_the_next_begi
     env.simulator.download([0, 1, 2])
     for world in range(3):
         assert env.state()[world].tolist() == env.simulator.host.global_state(world).tolist()
+
+
+def test_recorded_worlds_equal_those_of_a_simulator_and_their_file_is_replayed_and_audited(tmp_path: Path) -> None:
+    env, host = warehouse_env.tensor_env(3, CONFIG, device="cpu"), Recorder(Simulator(CONFIG, 2), (7, 8))
+    env.reset(seed=4)
+    actions = torch.randint(20, (25, 3, 6), generator=torch.Generator().manual_seed(1))
+    env.step(actions[0].flatten())
+    recorder = env.record([2, 0], seed=7)
+    seen = env.simulator.observation
+    assert seen[[2, 0]].tolist() == host.simulator.observation.tolist()
+    for k, step in enumerate(actions):  # the episode has 20 steps, and that of the other world ends before
+        env.step(step.flatten())
+        if k < 20:
+            host.step(step[[2, 0]].numpy())
+    recorder.episode.save(tmp_path / "two.npz")
+    kept, wanted = Episode.load(tmp_path / "two.npz"), host.episode
+    assert kept.seeds == wanted.seeds == (7, 8)
+    assert kept.actions.tolist() == wanted.actions.tolist()
+    assert kept.pose.tolist() == wanted.pose.tolist()
+    assert main(["audit", str(tmp_path / "two.npz"), "--out", str(tmp_path / "audit")]) == 0
+    assert main(["replay", str(tmp_path / "two.npz"), "--html", str(tmp_path / "two.html"), "--seed", "8"]) == 0
+    env.record([1]).episode.save(tmp_path / "none.npz")  # before its first step
+    for worlds in ([], [0, 0], [3], [-1], [[0]], 0):
+        with pytest.raises(ConfigError, match="worlds"):
+            env.record(worlds)  # type: ignore[arg-type]
+    with pytest.raises(ConfigError, match="2\\*\\*63"):
+        env.record([0, 1], seed=2**63 - 1)
 
 
 @pytest.mark.parametrize("changes", [{}, {"terminate_on_collision": True}, {"tasks": "one_shot", "layout": "narrow"}])

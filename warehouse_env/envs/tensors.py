@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, Unpack
 
 import gymnasium
@@ -16,6 +17,7 @@ from warehouse_env.envs.options import build
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning.plan import Planner
 from warehouse_env.simulation.device.memory import field_on_device
+from warehouse_env.simulation.device.recorder import DeviceRecorder
 from warehouse_env.simulation.device.simulator import DeviceSimulator
 from warehouse_env.simulation.simulator import Simulator
 
@@ -64,6 +66,7 @@ class WarehouseTensorEnv(VectorEnv[torch.Tensor, torch.Tensor, torch.Tensor]):
         self.observation_space = gymnasium.vector.utils.batch_space(self.single_observation_space, self.num_envs)
         self.action_space = gymnasium.vector.utils.batch_space(self.single_action_space, self.num_envs)
         self._state = GlobalView(simulator)
+        self._recorder: DeviceRecorder | None = None
         self._never = torch.zeros(self.num_envs, dtype=torch.bool, device=self.device)
 
     def reset(
@@ -72,6 +75,7 @@ class WarehouseTensorEnv(VectorEnv[torch.Tensor, torch.Tensor, torch.Tensor]):
         """Start all worlds anew, world b from the draws of (seed, b); return observations float32[rows, D]."""
         if isinstance(seed, list) or options:
             raise ValueError("reset takes one seed for all worlds, and no options")
+        self._recorder = None
         return self._rows(self.simulator.reset(seed)), {}
 
     def step(self, actions: torch.Tensor) -> Step:
@@ -80,8 +84,10 @@ class WarehouseTensorEnv(VectorEnv[torch.Tensor, torch.Tensor, torch.Tensor]):
         Returns observations [rows, D], rewards, terminations and truncations [rows], and infos.
         """
         simulator = self.simulator
-        shape = (simulator.num_worlds, simulator.num_agents)
-        observation = self._rows(simulator.step(actions.view(*shape, *actions.shape[1:])))
+        actions = actions.view(simulator.num_worlds, simulator.num_agents, *actions.shape[1:])
+        observation = self._rows(simulator.step(actions))
+        if self._recorder is not None:
+            self._recorder.keep(actions)
         reward, terminated, late = self._rows(simulator.reward), self._rows(simulator.terminated), simulator.truncated
         over = late | simulator.all_terminated()
         if not over.any():
@@ -91,6 +97,8 @@ class WarehouseTensorEnv(VectorEnv[torch.Tensor, torch.Tensor, torch.Tensor]):
         infos = {"final_obs": observation.clone(), "_final_obs": self._of_worlds(over), "world_metrics": metrics}
         reward, terminated = reward.clone(), terminated.clone()  # of the step, not of the reset
         simulator.reset_worlds(ended)
+        if self._recorder is not None and over[self._recorder.worlds].any():
+            self._recorder = None
         return observation, reward, terminated, truncated, infos
 
     def _of_worlds(self, flags: NDArray[np.bool_]) -> torch.Tensor:
@@ -99,6 +107,15 @@ class WarehouseTensorEnv(VectorEnv[torch.Tensor, torch.Tensor, torch.Tensor]):
 
     def _rows(self, tensor: torch.Tensor) -> torch.Tensor:
         return tensor.view(self.num_envs, *tensor.shape[2:])
+
+    def record(self, worlds: Sequence[int], seed: int = 0) -> DeviceRecorder:
+        """Start some worlds anew, the k-th with the seed `seed + k`, and keep their episodes until one ends.
+
+        `.episode.save(path)` of what is returned writes a file for `warehouse replay` and `audit` at any time. A reset
+        or another recording ends this one. ConfigError for worlds that do not exist, and for a bad seed.
+        """
+        self._recorder = DeviceRecorder(self.simulator, worlds, seed)
+        return self._recorder
 
     def state(self) -> torch.Tensor:
         """Return float32[worlds, N * 8] for centralised critics (Simulator.global_state)."""

@@ -151,9 +151,13 @@ class DeviceSimulator:
         self._upload(range(self.num_worlds))
         return self.observation
 
-    def reset_worlds(self, worlds: list[int]) -> None:
-        """Start some worlds anew; their generators go on."""
-        self.host.reset_worlds(worlds)
+    def reset_worlds(self, worlds: list[int], seeds: Sequence[int] | None = None) -> None:
+        """Start some worlds anew, with a seed each as `Simulator.reset_world` takes it, or with their next episodes."""
+        if seeds is None:
+            self.host.reset_worlds(worlds)
+        else:
+            for world, seed in zip(worlds, seeds, strict=True):
+                self.host.reset_world(world, seed)
         self._upload(worlds)
 
     def _upload(self, worlds: range | list[int]) -> None:

@@ -147,6 +147,17 @@ def _check_shapes(config: EnvConfig, seeds: NDArray[Any], actions: NDArray[Any],
         raise WarehouseError(f"poses of shape {pose.shape} do not fit {steps} steps of {robots} robots")
 
 
+def recordable(seeds: object) -> tuple[int, ...]:
+    """Return one seed a world as Python ints; ConfigError unless a file can hold them."""
+    given = listed(seeds)
+    if given is None:
+        raise ConfigError(f"seeds={shown(seeds)} must be a list of one whole number for each world")
+    whole = tuple(whole_seed(seed) for seed in given)
+    if any(seed >= 2**63 for seed in whole):
+        raise ConfigError(f"seeds={shown(seeds)} must be below 2**63 to be recorded")
+    return whole
+
+
 class Recorder:
     """Step a simulator and keep what an Episode needs. The planner must be the one that the config names."""
 
@@ -155,12 +166,7 @@ class Recorder:
 
         policy: name or folder of the policy, stored in the episode.
         """
-        given = listed(seeds)
-        if given is None:
-            raise ConfigError(f"seeds={shown(seeds)} must be a list of one whole number for each world")
-        self.simulator, self._seeds, self._policy = simulator, tuple(whole_seed(seed) for seed in given), policy
-        if any(seed >= 2**63 for seed in self._seeds):
-            raise ConfigError(f"seeds={shown(seeds)} must be below 2**63 to be recorded")
+        self.simulator, self._seeds, self._policy = simulator, recordable(seeds), policy
         simulator.reset(self._seeds)
         self._decoder = ActionDecoder(simulator.config)
         self._actions: list[NDArray[Any]] = []
