@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import math
 from collections import Counter
 from typing import Any
 
@@ -15,6 +17,7 @@ from warehouse_env.simulation.traffic.route_occupancy import (
     RoadUsers,
     RouteOccupancy,
     Site,
+    eighth,
     forget_route,
     keep_all_up,
     make_occupancy,
@@ -49,6 +52,11 @@ def new_route(rng: np.random.Generator, robots: Any, routes: Any, i: int) -> Non
         0.5,
         0.0,
     )
+
+
+def test_the_nearest_move_of_a_direction() -> None:
+    for row, column in itertools.product(range(-9, 10), repeat=2):
+        assert eighth(row, column) == round(math.atan2(-row, column) / (math.pi / 4)) % 8, (row, column)
 
 
 @settings(max_examples=60, deadline=None)

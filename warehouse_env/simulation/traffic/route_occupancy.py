@@ -108,7 +108,14 @@ def ahead_of(r):
 @inline
 def eighth(d_row, d_column):
     """Return the index of the move of MOVES that is nearest to a direction in rows and columns."""
-    return int(round(math.atan2(-d_row, d_column) / (0.25 * math.pi))) % 8
+    high, wide = abs(d_row), abs(d_column)
+    if (high + wide) * (high + wide) > 2 * max(high, wide) * max(high, wide):  # more than 22.5 degrees off both axes
+        if d_row < 0:
+            return 1 if d_column > 0 else 3
+        return 7 if d_column > 0 else 5
+    if wide >= high:
+        return 0 if d_column >= 0 else 4
+    return 2 if d_row < 0 else 6
 
 
 @kernel
