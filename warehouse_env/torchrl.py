@@ -12,8 +12,9 @@ from torchrl.data import Bounded, Categorical, Composite, TensorSpec, Unbounded
 from torchrl.envs import EnvBase
 
 from warehouse_env.config import EnvConfig, EnvOptions
-from warehouse_env.envs.options import build
+from warehouse_env.envs.options import build, reset
 from warehouse_env.envs.tensors import GlobalView
+from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning.plan import Planner
 from warehouse_env.simulation.device.simulator import DeviceSimulator
@@ -75,12 +76,17 @@ class WarehouseEnv(EnvBase):  # type: ignore[misc]
         """Use a seed at the next reset of all worlds; world b draws from (seed, b)."""
         self._seed = None if seed is None else whole_seed(seed)
 
-    def _reset(self, tensordict: TensorDictBase | None = None, **_: Any) -> TensorDictBase:
-        """Start all worlds anew, or those that "_reset" bool[worlds, 1] names; generators go on without a seed."""
+    def _reset(self, tensordict: TensorDictBase | None = None, *, options: Any = None) -> TensorDictBase:
+        """Start all worlds anew, or those that "_reset" bool[worlds, 1] names; generators go on without a seed.
+
+        options: starts and goals of all worlds, as `tensor_env` takes them.
+        """
         chosen = None if tensordict is None else tensordict.get("_reset", None)
         if chosen is None:
-            self.simulator.reset(self._seed)
+            reset(self.simulator, self._seed, options)
             self._seed = None
+        elif options:
+            raise ConfigError('options are of a reset of all worlds; reset without "_reset"')
         else:
             self.simulator.reset_worlds(chosen.view(-1).nonzero().view(-1).tolist())
         return self._seen({})

@@ -36,6 +36,7 @@ def test_an_episode_ends_with_its_last_observation_and_metrics_and_the_next_begi
     env.simulator.download([0, 1, 2])
     for world in range(3):
         assert env.state()[world].tolist() == env.simulator.host.global_state(world).tolist()
+        assert (env.state(per_row=True)[6 * world : 6 * world + 6] == env.state()[world]).all()
 
 
 def test_recorded_worlds_equal_those_of_a_simulator_and_their_file_is_replayed_and_audited(tmp_path: Path) -> None:

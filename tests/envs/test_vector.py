@@ -120,12 +120,12 @@ def test_each_row_is_told_of_its_own_world(tiny: EnvConfig) -> None:
     one, two = (block.simulator for block in env.blocks)
     expected = [one.global_state(0)] * 2 + [two.global_state(0)] * 3 + [two.global_state(1)] * 3
     assert not np.array_equal(expected[2], expected[5])
-    state = env.state()
+    state = env.state(per_row=True)
     assert state.shape == (8, 24)
     for row, view in enumerate(expected):
         np.testing.assert_array_equal(state[row], np.pad(view, (0, 24 - len(view))))
         np.testing.assert_array_equal(env.env_method("global_state")[row], view)
-        np.testing.assert_array_equal(env.env_method("state", indices=row)[0], state[row])
+    np.testing.assert_array_equal(env.state(), state[[0, 2, 5]])
     assert env.env_method("seconds") == env.env_method("seconds", indices=range(8)) == [0.1] * 5 + [0.0] * 3
     assert env.env_method("seconds", 0) == [0.1] * 8
     assert [row["seconds"] for row in env.env_method("episode_metrics")] == env.env_method("seconds")

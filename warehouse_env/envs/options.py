@@ -1,17 +1,23 @@
-"""How adapters build Simulators from keyword arguments, and share their routes."""
+"""How adapters build Simulators from keyword arguments, reset them as options say, and share their routes."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeVar
 
+import numpy as np
+
 from warehouse_env.config import EnvConfig, EnvOptions
-from warehouse_env.errors import ConfigError, shown
+from warehouse_env.errors import ConfigError, shown, unknown_name
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning.plan import Planner
+from warehouse_env.simulation.given import check_count
 from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.simulation.tasks.assignment import Assignment
 
 Made = TypeVar("Made")
+
+_RESET = ("starts", "goals", "num_agents")  # options of a reset
 
 
 class WorldOptions(EnvOptions, total=False):
@@ -47,6 +53,41 @@ def build(
     if isinstance(planner, str):
         chosen["planner"], planner = planner, None
     return kind((config or EnvConfig()).replace(**chosen), num_worlds, planner=planner, **parts)
+
+
+def reset(simulator: Any, seed: int | None, options: object, one: bool = False) -> Any:
+    """Reset a Simulator or DeviceSimulator as options say (see `assignments_of`), and return the observation."""
+    return begin(simulator, seed, assignments_of(options, [simulator.num_agents] * simulator.num_worlds, one))
+
+
+def begin(simulator: Any, seed: int | None, assignments: list[Assignment] | None) -> Any:
+    """Reset a simulator to assignments, if there are some, and return the observation."""
+    return simulator.reset(seed) if assignments is None else simulator.reset_to(assignments, seed)
+
+
+def assignments_of(options: object, robots: Sequence[int], one: bool = False) -> list[Assignment] | None:
+    """Return what the options of a reset assign to each world, of so many robots; None: starts and goals are drawn.
+
+    starts and goals hold a table for each world, as `Assignment` takes it; one: of the only world, the table itself.
+    num_agents: the number of robots as it is. ConfigError for everything else.
+    """
+    given = {} if options is None else options
+    if not isinstance(given, Mapping):
+        raise ConfigError(f"options={shown(options)} must be a dict of {', '.join(_RESET)}")
+    for name in given:
+        if name not in _RESET:
+            raise unknown_name("option of a reset", name, _RESET)
+    count = given.get("num_agents")
+    if count is not None and {check_count("num_agents", count)} != set(robots):
+        raise ConfigError(f"a reset cannot change the number of robots to {count}; make an environment of as many")
+    tables = [[given[name]] if one else given[name] for name in ("starts", "goals") if given.get(name) is not None]
+    if not tables:
+        return None
+    if len(tables) < 2:
+        raise ConfigError("the options starts and goals of a reset go together; give both or neither")
+    if not all(isinstance(table, (Sequence, np.ndarray)) and len(table) == len(robots) for table in tables):
+        raise ConfigError(f"starts and goals must be lists of a table for each of the {len(robots)} worlds")
+    return [Assignment(*pair) for pair in zip(*tables, strict=True)]
 
 
 def share_routes(simulators: Sequence[Simulator]) -> None:

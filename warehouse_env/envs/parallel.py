@@ -16,12 +16,13 @@ from warehouse_env.config import EnvConfig, EnvOptions
 from warehouse_env.envs.actions import ActionPacker
 from warehouse_env.envs.camera import RENDER_MODES, Camera, render_fps
 from warehouse_env.envs.infos import EPISODE_METRICS, RobotInfos, final_metrics
-from warehouse_env.envs.options import WorldOptions, build_simulator
+from warehouse_env.envs.options import WorldOptions, build_simulator, reset
 from warehouse_env.errors import ActionError, shown
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning.plan import Planner
 from warehouse_env.portable import Portable
 
+_PROBE = {"options": 1}  # of PettingZoo's own API test
 Observations = dict[str, NDArray[np.float32]]
 Infos = dict[str, dict[str, Any]]
 
@@ -89,8 +90,13 @@ class WarehouseParallelEnv(Portable, ParallelEnv):  # type: ignore[misc]  # pett
         return self.action_spaces[agent]
 
     def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Observations, Infos]:
-        """Start an episode; a seed fixes it to the bit, otherwise the generators continue. `options` is not used."""
-        self.simulator.reset(seed)
+        """Start an episode; a seed fixes it to the bit, otherwise the generators continue.
+
+        options: "starts" [N, 3], poses (x [m], y [m], heading [rad]), and "goals": cells, points or poses, see
+        `Assignment`; without them both are drawn. ConfigError or MapError for what cannot be honoured.
+        """
+        options = None if options == _PROBE else options
+        reset(self.simulator, seed, options, one=True)
         if seed is not None:
             self.np_random = np.random.default_rng(seed)
         self.agents = list(self.possible_agents)

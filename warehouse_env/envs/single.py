@@ -13,7 +13,7 @@ from warehouse_env.config import EnvConfig, EnvOptions
 from warehouse_env.envs.actions import ActionPacker
 from warehouse_env.envs.camera import RENDER_MODES, Camera, render_fps
 from warehouse_env.envs.infos import EPISODE_METRICS, RobotInfos, final_metrics
-from warehouse_env.envs.options import WorldOptions, build_simulator
+from warehouse_env.envs.options import WorldOptions, build_simulator, reset
 from warehouse_env.errors import ActionError
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning.plan import Planner
@@ -77,10 +77,13 @@ class WarehouseSingleEnv(Portable, gymnasium.Env[NDArray[np.float32], Any]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """Start an episode; a seed fixes it to the bit, otherwise the generators continue. `options` is not used."""
+        """Start an episode; a seed fixes it to the bit, otherwise the generators continue.
+
+        options: starts and goals of all robots, as `WarehouseParallelEnv.reset` takes them.
+        """
         seed = None if seed is None else whole_seed(seed)
         super().reset(seed=seed)
-        observation = self.simulator.reset(seed)
+        observation = reset(self.simulator, seed, options, one=True)
         self._started = True
         if self.render_mode == "human":
             self.render()

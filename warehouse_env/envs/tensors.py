@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from warehouse_env.config import EnvConfig, EnvOptions
 from warehouse_env.envs.infos import known
-from warehouse_env.envs.options import build
+from warehouse_env.envs.options import build, reset
+from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning.plan import Planner
 from warehouse_env.simulation.device.memory import field_on_device
@@ -72,11 +73,14 @@ class WarehouseTensorEnv(VectorEnv[torch.Tensor, torch.Tensor, torch.Tensor]):
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[torch.Tensor, dict[str, Any]]:
-        """Start all worlds anew, world b from the draws of (seed, b); return observations float32[rows, D]."""
-        if isinstance(seed, list) or options:
-            raise ValueError("reset takes one seed for all worlds, and no options")
+        """Start all worlds anew, world b from the draws of (seed, b); return observations float32[rows, D].
+
+        options: "starts" and "goals", a table for each world as `WarehouseParallelEnv.reset` takes them.
+        """
+        if isinstance(seed, list):
+            raise ConfigError("reset takes one seed for all worlds")
         self._recorder = None
-        return self._rows(self.simulator.reset(seed)), {}
+        return self._rows(reset(self.simulator, seed, options)), {}
 
     def step(self, actions: torch.Tensor) -> Step:
         """Advance all worlds; actions: int[rows], or float[rows, 2] in [-1, 1], on the device.
@@ -117,9 +121,10 @@ class WarehouseTensorEnv(VectorEnv[torch.Tensor, torch.Tensor, torch.Tensor]):
         self._recorder = DeviceRecorder(self.simulator, worlds, seed)
         return self._recorder
 
-    def state(self) -> torch.Tensor:
-        """Return float32[worlds, N * 8] for centralised critics (Simulator.global_state)."""
-        return self._state()
+    def state(self, per_row: bool = False) -> torch.Tensor:
+        """Return float32[worlds, N * 8] for centralised critics (Simulator.global_state); per_row: [rows, N * 8]."""
+        state = self._state()
+        return state.repeat_interleave(self.simulator.num_agents, 0) if per_row else state
 
 
 def tensor_env(

@@ -16,13 +16,14 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices
 from warehouse_env.config import EnvConfig, EnvOptions
 from warehouse_env.envs.camera import Camera, render_fps
 from warehouse_env.envs.infos import EPISODE_METRICS, final_metrics, finished_task, known
-from warehouse_env.envs.options import build_simulator, share_routes
+from warehouse_env.envs.options import assignments_of, begin, build_simulator, share_routes
 from warehouse_env.envs.rows import write_rows
 from warehouse_env.errors import ActionError, ConfigError, shown
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning.plan import Planner
 from warehouse_env.simulation.given import check_count, listed, whole_seed
 from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.simulation.tasks.assignment import Assignment
 
 StepResult = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]
 
@@ -77,6 +78,9 @@ class WarehouseVecEnv(VecEnv):
             actions = np.zeros(shape, dtype=first.action_space.dtype)
             self.blocks.append(Block(simulator, rows, actions))
             rows += simulator.num_worlds * simulator.num_agents
+        self._worlds = [(block, world) for block in self.blocks for world in range(block.simulator.num_worlds)]
+        self._robots = [block.simulator.num_agents for block, _ in self._worlds]
+        self._assigned: list[Assignment] | None = None  # by the next reset
         self._owner = np.repeat(np.arange(len(self.blocks)), [b.rows.stop - b.start for b in self.blocks])
         self._world = np.concatenate([np.repeat(np.arange(one.num_worlds), one.num_agents) for one in simulators])
         super().__init__(rows, first.observation_space, first.action_space)
@@ -92,15 +96,16 @@ class WarehouseVecEnv(VecEnv):
         """Start every world; returns observations float32[rows, D].
 
         After `seed(s)` the first simulator is reset with s itself and later ones with seeds drawn from it;
-        otherwise the generators go on.
+        otherwise the generators go on. Starts and goals are those of `set_options`, if it was called.
         """
         seed = self._seeds[0]
-        observation = self._new_observation()
+        assigned, self._assigned = self._assigned, None
+        observation, worlds = self._new_observation(), 0
         for k, block in enumerate(self.blocks):
             drawn = None if seed is None else int(np.random.SeedSequence([seed, k]).generate_state(1)[0])
-            block.simulator.reset(drawn if k else seed)
+            begin(block.simulator, drawn if k else seed, assigned and assigned[worlds:][: block.simulator.num_worlds])
+            worlds += block.simulator.num_worlds
         self._reset_seeds()
-        self._reset_options()
         self._begin(slice(None))
         self._padding = []
         return observation
@@ -115,6 +120,10 @@ class WarehouseVecEnv(VecEnv):
     def seed(self, seed: int | None = None) -> Sequence[int | None]:
         """Set the seed of the next reset; ConfigError unless it is a whole number of at least 0."""
         return list(super().seed(None if seed is None else whole_seed(seed)))
+
+    def set_options(self, options: list[dict[str, Any]] | dict[str, Any] | None = None) -> None:
+        """Give the next reset starts and goals: for each world a table, as `WarehouseParallelEnv.reset` takes it."""
+        self._assigned = assignments_of(options, self._robots)
 
     def step_async(self, actions: NDArray[Any]) -> None:
         """Take the actions [rows] or [rows, 2] of the next step; ActionError on a wrong shape or kind."""
@@ -198,17 +207,16 @@ class WarehouseVecEnv(VecEnv):
         self._first[rows] = self._steps
         self._begun[rows] = time.time()
 
-    def state(self) -> NDArray[np.float32]:
-        """Return float32[rows, S] for centralised critics: for each row `Simulator.global_state` of its world.
+    def state(self, per_row: bool = False) -> NDArray[np.float32]:
+        """Return float32[worlds, S] for centralised critics, `Simulator.global_state` of each; per_row: [rows, S].
 
-        S is that of the worlds with most robots; where a world has fewer, zeros follow.
+        S is N * 8 of the worlds with most robots; where a world has fewer, zeros follow.
         """
-        worlds = [(block, world) for block in self.blocks for world in range(block.simulator.num_worlds)]
-        views = [block.simulator.global_state(world) for block, world in worlds]
-        whole = np.zeros((self.num_envs, max(map(len, views))), dtype=np.float32)
-        for (block, world), view in zip(worlds, views, strict=True):
-            whole[block.world_rows(world), : len(view)] = view
-        return whole
+        views = [block.simulator.global_state(world) for block, world in self._worlds]
+        whole = np.zeros((len(views), max(map(len, views))), dtype=np.float32)
+        for row, view in zip(whole, views, strict=True):
+            row[: len(view)] = view
+        return np.repeat(whole, self._robots, axis=0) if per_row else whole
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
         """Return, for each chosen row, the attribute of its Simulator ("render_mode": of this env)."""
@@ -228,11 +236,9 @@ class WarehouseVecEnv(VecEnv):
         """Call a method once on each Simulator that holds a chosen row; returns the result for each such row.
 
         A method that takes a world, as `global_state` and `episode_metrics` do, is called once for each chosen row's
-        world instead, unless the arguments name one. "state" gives rows of `state`.
+        world instead, unless the arguments name one.
         """
         rows = list(self._get_indices(indices))
-        if method_name == "state":
-            return list(self.state(*method_args, **method_kwargs)[rows])
         results: dict[tuple[int, int | None], Any] = {}
         asked = list[tuple[int, int | None]]()
         for row in rows:
@@ -252,11 +258,7 @@ class WarehouseVecEnv(VecEnv):
 
     def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
         """Return one picture for each world (not row)."""
-        return [
-            self._camera.shot(block.simulator, world)
-            for block in self.blocks
-            for world in range(block.simulator.num_worlds)
-        ]
+        return [self._camera.shot(block.simulator, world) for block, world in self._worlds]
 
     def close(self) -> None:
         """Close the window, if one is open."""

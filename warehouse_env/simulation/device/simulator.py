@@ -21,6 +21,7 @@ from warehouse_env.simulation.device.actions import TensorDecoder
 from warehouse_env.simulation.device.memory import mapped, memory_of, tensor_of
 from warehouse_env.simulation.driver.scratch import make_search_scratch
 from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.simulation.tasks.assignment import Assignment
 from warehouse_env.simulation.tasks.tasks import Arrival
 from warehouse_env.simulation.traffic import off_route
 from warehouse_env.simulation.traffic.path_ahead import POSES
@@ -148,6 +149,12 @@ class DeviceSimulator:
     def reset(self, seed: int | Sequence[int] | None = None) -> torch.Tensor:
         """Start all worlds anew, as `Simulator.reset` does, and return the observation."""
         self.host.reset(seed)
+        self._upload(range(self.num_worlds))
+        return self.observation
+
+    def reset_to(self, assignments: Sequence[Assignment], seed: int | Sequence[int] | None = None) -> torch.Tensor:
+        """Start all worlds anew, as `Simulator.reset_to` does, and return the observation."""
+        self.host.reset_to(assignments, seed)
         self._upload(range(self.num_worlds))
         return self.observation
 
