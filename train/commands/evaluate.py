@@ -67,8 +67,8 @@ class Working(Fleet, Work, Drive):
 
 
 @dataclass(frozen=True)
-class Episodes(Working, WorkerOptions):
-    """Options of the episodes to drive and of the files to write."""
+class Driven(Checked):
+    """What is driven where; the first options of the help."""
 
     policy: tuple[str, ...] = ("follow", "brake", "reinforce", "ppo", "threaded_ppo")
     """Policies to compare: names of `warehouse policies`, folders of trained policies, or your own, FILE.py:CLASS or
@@ -84,6 +84,12 @@ class Episodes(Working, WorkerOptions):
     """Simulated time of an episode [s]."""
     tasks: TaskMode = "lifelong"
     """lifelong: a new goal after every arrival; one_shot: one goal per robot, which then parks."""
+
+
+@dataclass(frozen=True)
+class Episodes(Working, WorkerOptions, Driven):
+    """Options of the episodes to drive and of the files to write."""
+
     json: Path | None = None
     """File for the rows, one per episode, as JSON lines (default: OUT/rows.jsonl)."""
     out: Path = Path("results/evaluate")

@@ -14,6 +14,7 @@ from warehouse_env.render.chart_style import hexed
 from warehouse_env.render.colours import CONTACT, WAITING, robot_colour
 from warehouse_env.render.replay import FLAGS, REWARD_TERMS
 from warehouse_env.simulation.state import PERSON_RADIUS
+from warehouse_env.traffic_spec import written_traffic
 
 PAGE = Path(__file__).parent / "page"
 # in the order in which the browser reads them; each page's own scripts follow
@@ -68,12 +69,12 @@ def about_page(robots: int) -> dict[str, Any]:
 
 def about_world(name: str, grid: GridMap, config: EnvConfig, seed: int) -> dict[str, Any]:
     """Return a page's data about a world beside its arrays, in JSON types."""
-    robots = config.num_agents
+    robots, traffic = config.num_agents, written_traffic(config.traffic_spec)
     rows, across = grid.shape
     discrete = config.action_type == "discrete"
     return {
         "name": name,
-        "about": f"{grid.name}, {robots} robot{'s' * (robots != 1)}, seed {seed}",
+        "about": f"{grid.name}, {robots} robot{'s' * (robots != 1)}, traffic {traffic}, seed {seed}",
         "robots": robots,
         "gridRows": rows,
         "gridColumns": across,
