@@ -18,7 +18,6 @@ CLIENTS = ("ray", "torchrl", "supersuit")
 SHORTER = {
     "total_timesteps=500_000": "total_timesteps=9_216",
     "simulator.seconds(0) < 40": "simulator.seconds(0) < 21",
-    "range(60)": "range(2)",
     "range(50)": "range(1)",
     "total_frames=30_000": "total_frames=600",
     "begin=20, seconds=10": "begin=0, seconds=1",

@@ -191,4 +191,4 @@ def test_names_are_those_of_the_code() -> None:
     fields = {field.name for field in dataclasses.fields(EnvConfig)}
     (stepping,) = fenced(PAGES["README.md"], "python")
     (training, *_) = fenced(PAGES["docs/how_to/train.md"], "python")
-    assert set(re.findall(r"\b(\w+)=", stepping + training)) & fields >= {"num_agents", "max_steps", "action_repeat"}
+    assert set(re.findall(r"\b(\w+)=", stepping + training)) & fields >= {"num_agents", "max_steps", "layout"}

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import gymnasium
 
 if TYPE_CHECKING:
-    from warehouse_env.config import EnvConfig, FleetPart, RewardWeights, RobotSpec, SensorSpec
+    from warehouse_env.config import LEARNING, EnvConfig, FleetPart, RewardWeights, RobotSpec, SensorSpec
     from warehouse_env.envs.callback import MetricsCallback
     from warehouse_env.envs.parallel import WarehouseParallelEnv, aec_env, parallel_env
     from warehouse_env.envs.single import WarehouseSingleEnv, single_env
@@ -37,7 +37,7 @@ __version__ = "0.1.0"
 _HOME = {  # public name -> the module that holds it
     name: module
     for module, names in {
-        "config": "EnvConfig FleetPart RewardWeights RobotSpec SensorSpec",
+        "config": "LEARNING EnvConfig FleetPart RewardWeights RobotSpec SensorSpec",
         "envs.callback": "MetricsCallback",
         "envs.parallel": "WarehouseParallelEnv aec_env parallel_env",
         "envs.single": "WarehouseSingleEnv single_env",
@@ -61,13 +61,13 @@ _HOME = {  # public name -> the module that holds it
 }
 
 __all__ = [
-    "LAYOUTS", "PLANNERS", "ActionError", "BasePlanner", "BatterySpec", "ConfigError", "EnvConfig", "ErrorBounds",
-    "FleetPart", "GridMap", "MapError", "MetricsCallback", "OrderSpec", "Plan", "PlanError", "Planner",
-    "RewardWeights", "RobotSpec", "Scene", "SensorSpec", "ServiceSpec", "Simulator", "TrafficSpec", "UncertaintySpec",
-    "VideoWriter", "WarehouseError", "WarehouseParallelEnv", "WarehouseSingleEnv", "WarehouseTensorEnv",
-    "WarehouseVecEnv", "WeightsError", "__version__", "aec_env", "draw", "make_layout", "make_planner",
-    "observation_layout", "parallel_env", "read_map", "read_scen", "scene_of", "set_num_threads", "single_env",
-    "tensor_env", "vec_env", "write_map",
+    "LAYOUTS", "LEARNING", "PLANNERS", "ActionError", "BasePlanner", "BatterySpec", "ConfigError", "EnvConfig",
+    "ErrorBounds", "FleetPart", "GridMap", "MapError", "MetricsCallback", "OrderSpec", "Plan", "PlanError",
+    "Planner", "RewardWeights", "RobotSpec", "Scene", "SensorSpec", "ServiceSpec", "Simulator", "TrafficSpec",
+    "UncertaintySpec", "VideoWriter", "WarehouseError", "WarehouseParallelEnv", "WarehouseSingleEnv",
+    "WarehouseTensorEnv", "WarehouseVecEnv", "WeightsError", "__version__", "aec_env", "draw", "make_layout",
+    "make_planner", "observation_layout", "parallel_env", "read_map", "read_scen", "scene_of", "set_num_threads",
+    "single_env", "tensor_env", "vec_env", "write_map",
 ]  # fmt: skip
 
 

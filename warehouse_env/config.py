@@ -302,6 +302,11 @@ class EnvConfig(Checked):
         return from_plain(cls, data)
 
 
+# What to start learning in: live routes, so that jams are not the policy's fault; for every action the time to a
+# predicted conflict; a decision every 0.2 s, and episodes of 120 s.
+LEARNING = EnvConfig(traffic="routes", sensor=SensorSpec(predictions=True), action_repeat=2, max_steps=600)
+
+
 # For type checkers and editors, which cannot read keyword arguments off a dataclass: `python -m tests.test_config`
 # writes the fields of EnvOptions from EnvConfig's.
 

@@ -26,11 +26,11 @@ FLOORS = ("paper46", "narrow")
 _ROOM = 30  # goals per hour; a higher bar has room for its figure
 # In the order of the bars; grey marks policies of others.
 BARS = {
-    "threaded_ppo": ("threaded_ppo\n(learned)", "#0072b2"),
-    "greedy": ("greedy\n(right of way)", "#56a4d3"),
-    "orca": ("ORCA\n(discs)", "#8c8c8c"),
-    "rules": ("rules of\npaper 001", "#8c8c8c"),
-    "central_pibt": ("central\nplanner PIBT", "#8c8c8c"),
+    "threaded_ppo": ("threaded_ppo\ntraffic assist", "#0072b2"),
+    "greedy": ("greedy\ntraffic rules", "#56a4d3"),
+    "orca": ("ORCA\ntraffic routes", "#8c8c8c"),
+    "rules": ("paper 001\ntraffic routes", "#8c8c8c"),
+    "central_pibt": ("central PIBT\ntraffic none", "#8c8c8c"),
 }
 
 
@@ -51,7 +51,7 @@ def measured(policy: str, floor: str, robots: int) -> Bar:
 
 
 def _hits(bar: Bar) -> str:
-    return "no collision" if bar.collisions == 0 else f"{bar.collisions:.2g} collisions/km"
+    return "no collision" if bar.collisions == 0 else f"{bar.collisions:.2g} collisions\nper km"
 
 
 def draw() -> None:

@@ -34,11 +34,8 @@ class Compare(Checked):
 
     def run(self) -> None:
         """Read all runs, print the table, write the rows."""
-        groups, runs = read_groups(self.group), []
-        for run in read_runs(self.runs):
-            known = {row["policy"] for row in run.rows}
-            own = {name: members for name, members in groups.items() if known.intersection(members)}
-            runs.append(run._replace(rows=regrouped(run.rows, own, self.policy)))
+        groups = read_groups(self.group)
+        runs = [one._replace(rows=regrouped(one.rows, groups, self.policy)) for one in read_runs(self.runs)]
         if missing := groups.keys() - {row["policy"] for run in runs for row in run.rows}:
             raise ConfigError(f"--group {min(missing)}: no run has rows of its policies")
         lines = compare(runs, self.policy)

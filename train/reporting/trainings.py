@@ -34,9 +34,11 @@ def read_groups(texts: Iterable[str]) -> Groups:
 def regrouped(rows: Sequence[Row], groups: Groups, alone: Sequence[str] = ()) -> list[Row]:
     """Return the rows of each group under its name, after those of policies that are `alone` or in no group.
 
-    Raises ConfigError for a name that a policy has, and for a training without rows.
+    Groups without rows are left out. Raises ConfigError for a name that a policy has, and for a training without rows.
     """
-    known, members = {str(row["policy"]) for row in rows}, {one for own in groups.values() for one in own}
+    known = {str(row["policy"]) for row in rows}
+    groups = {name: own for name, own in groups.items() if known.intersection(own)}
+    members = {one for own in groups.values() for one in own}
     if wrong := sorted(known & groups.keys() | members - known):
         raise ConfigError(f"--group: {wrong[0]} must be a new name before =, and have rows behind it")
     kept = [row for row in rows if row["policy"] not in members or row["policy"] in alone]
