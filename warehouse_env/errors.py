@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, SupportsInt
 
 _SHOWN = 80  # characters of a wrong value that an error repeats
 
@@ -51,6 +51,11 @@ def shown(value: Any) -> str:
     except Exception:  # whatever the value's own code raises; Python itself where a number has thousands of digits
         text = f"(a value of type {type(value).__name__})"
     return text if len(text) <= _SHOWN else f"{text[: _SHOWN - 3]}..."
+
+
+def counted(count: SupportsInt, noun: str) -> str:
+    """Return "1 robot", "16 robots"."""
+    return f"{int(count):,} {noun}{'s' * (int(count) != 1)}"
 
 
 def unknown_name(kind: str, name: Any, known: Iterable[str]) -> ConfigError:

@@ -36,8 +36,8 @@ def test_over_robots_names_policies_floors_and_counts() -> None:
 
 
 def test_drawings_are_the_same_every_time() -> None:
-    pairs = {"goals": [Pair("a", 1.0, 0.5, 1.5), Pair("b", 0.1, -1.0, 1.2), Pair("c", 1.0, math.nan, math.nan)]}
-    drawings = [differences(pairs, "label") for _ in range(2)]
+    pairs = [Pair("a", 1.0, 0.5, 1.5), Pair("b", 0.1, -1.0, 1.2), Pair("c", 1.0, math.nan, math.nan)]
+    drawings = [differences(pairs, "label", "goals") for _ in range(2)]
     assert drawings[0] == drawings[1]
     assert {"a", "b", "c", "goals"} <= set(read(drawings[0]))
 

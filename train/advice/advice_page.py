@@ -171,7 +171,7 @@ def _changes(advice: Advice) -> list[Shown]:
     pairs = [report_charts.Pair(one.candidate.text, *one.gain[:3]) for one in advice.effects]
     differences = f"{aim.noun.capitalize()} per hour of all robots, difference from the floor as it is"
     below = f"{differences}: paired, with intervals; blue and filled if the interval excludes 0."
-    drawn = report_charts.differences({"measured": pairs}, differences, f"{aim.noun} per hour")
+    drawn = report_charts.differences(pairs, differences, f"{aim.noun} per hour")
     return [Shown(heat_maps(panels, "standing [s per hour]", label), caption), Shown(drawn, below)]
 
 

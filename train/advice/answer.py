@@ -13,8 +13,9 @@ from train.advice.course import Advice
 from train.advice.curve import STUCK, peak
 from train.advice.trials import AdvicePlan
 from train.kinds import described
-from train.reporting.report import counted, difference, number, with_interval
+from train.reporting.report import difference, number, with_interval
 from warehouse_env.config import RobotSpec
+from warehouse_env.errors import counted
 from warehouse_env.maps.grid_map import GridMap
 
 NAMED = 3  # bottlenecks named in words

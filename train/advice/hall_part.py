@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from train.reporting.page import PagePart, Shown
-from train.reporting.report import counted
+from warehouse_env.errors import counted
 from warehouse_env.files import companion
 from warehouse_env.maps.halls import places
 from warehouse_env.maps.halls.hall import Hall, parse

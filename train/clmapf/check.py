@@ -23,11 +23,11 @@ class SolutionCheck(NamedTuple):
     makespan: float  # [s] until the last robot has arrived
     flowtime: float  # [s] of all robots
     driven: float  # length of all robots' routes
-    gap: float  # least between two bodies, at most _HORIZON
-    disc_gap: float  # least between a body and a disc, at most _HORIZON
-    beyond: float  # how far a body reaches beyond the border
+    least_gap: float  # between two bodies, at most _HORIZON
+    least_disc_gap: float  # between a body and a disc, at most _HORIZON
+    body_beyond_border: float  # how far a body reaches beyond the border
     slack: float  # overlaps up to this count as rounding; all above twice this are found
-    unit: float  # [s] of a unit of t
+    unit_of_t: float  # [s]
 
 
 def check(instance: Instance, schedule: dict[str, States], unit: float = 1.0) -> SolutionCheck:

@@ -68,28 +68,23 @@ def body_gap(pose: NDArray[np.float64], other: NDArray[np.float64]) -> float:
     return float(gap(Outline(*middle_of(pose), *half), Outline(*middle_of(other), *half)))
 
 
-def why_impossible(instance: Instance) -> Iterator[str]:
-    """Yield what no route can solve: poses that overlap discs or each other, or with the axle off the floor."""
+def gaps(instance: Instance) -> Iterator[tuple[float, str]]:
+    """Yield the gap of each start and goal to each disc and to the others, and a sentence for a negative one."""
     for what, poses in (("start", instance.starts), ("goal", instance.goals)):
-        for i, pose in enumerate(poses):
-            who = f"the {what} of {instance.names[i]}"
-            if not (0.0 <= pose[0] <= instance.width and 0.0 <= pose[1] <= instance.height):
-                yield f"{who} is off the floor"
+        for name, pose in zip(instance.names, poses, strict=True):
             for k, disc in enumerate(instance.discs):
-                if disc_gap(pose, disc) < 0.0:
-                    yield f"{who} overlaps obstacle {k} by {-disc_gap(pose, disc):.3f}"
+                found = disc_gap(pose, disc)
+                yield found, f"the {what} of {name} overlaps obstacle {k} by {-found:.3f}"
         for (i, pose), (j, other) in itertools.combinations(enumerate(poses), 2):
-            if body_gap(pose, other) < 0.0:
-                yield f"the {what}s of {instance.names[i]} and {instance.names[j]} overlap"
+            yield body_gap(pose, other), f"the {what}s of {instance.names[i]} and {instance.names[j]} overlap"
 
 
-def least_gap(instance: Instance) -> float:
-    """Return the least gap between a start or goal and a disc or another one."""
-    found = math.inf
-    for poses in (instance.starts, instance.goals):
-        found = min([found, *(disc_gap(pose, disc) for pose in poses for disc in instance.discs)])
-        found = min([found, *(body_gap(pose, other) for pose, other in itertools.combinations(poses, 2))])
-    return found
+def why_impossible(instance: Instance) -> Iterator[str]:
+    """Yield what no route can solve: poses with the axle off the floor, or that overlap discs or each other."""
+    for what, poses in (("start", instance.starts), ("goal", instance.goals)):
+        inside = ((poses[:, :2] >= 0.0) & (poses[:, :2] <= (instance.width, instance.height))).all(axis=1)
+        yield from (f"the {what} of {instance.names[i]} is off the floor" for i in np.flatnonzero(~inside).tolist())
+    yield from (text for found, text in gaps(instance) if found < 0.0)
 
 
 def read_instance(path: Path, name: str) -> Instance:

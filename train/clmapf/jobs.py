@@ -12,7 +12,7 @@ import numpy as np
 from train.central.car_like.floor import floor_of
 from train.central.car_like.together import Together, plan_together
 from train.clmapf.check import SolutionCheck, check
-from train.clmapf.instance import BODY, DISC_RADIUS, Instance, Poses, least_gap, read_instance, why_impossible
+from train.clmapf.instance import BODY, DISC_RADIUS, Instance, gaps, read_instance, why_impossible
 from train.clmapf.solution import read_solution, write_solution
 from train.evaluation.jobs import Job, Result, Tick
 from train.reporting.rows import Row
@@ -59,14 +59,11 @@ def solve(instance: Instance, seed: int) -> tuple[Together, float]:
     """Plan routes for all robots; return them and the processor time [s], without compiling."""
     _warm_up()
     begun = time.process_time()
-    margin = min(_MARGIN, 0.5 * least_gap(instance))
+    margin = min([_MARGIN, *(0.5 * gap for gap, _ in gaps(instance))])
     floor = floor_of(instance.width, instance.height, instance.discs, DISC_RADIUS, BODY, margin)
-    found = plan_together(_tuples(instance.starts), _tuples(instance.goals), floor, seed)
+    starts, goals = ([tuple(pose) for pose in poses.tolist()] for poses in (instance.starts, instance.goals))
+    found = plan_together(starts, goals, floor, seed)
     return found, time.process_time() - begun
-
-
-def _tuples(poses: Poses) -> list[tuple[float, float, float]]:
-    return [(float(x), float(y), float(heading)) for x, y, heading in poses]
 
 
 @lru_cache(maxsize=1)
@@ -89,10 +86,8 @@ def row_of(instance: Instance) -> Row:
 def figures(checked: SolutionCheck) -> Row:
     """Return a row about a solution."""
     return {
-        "solved": not checked.faults, "faults": [str(fault) for fault in checked.faults[:_FAULTS]],
-        "fault_count": len(checked.faults), "makespan": checked.makespan, "flowtime": checked.flowtime,
-        "driven": checked.driven, "least_gap": checked.gap, "least_disc_gap": checked.disc_gap,
-        "body_beyond_border": checked.beyond, "slack": checked.slack, "unit_of_t": checked.unit,
+        **checked._asdict(), "solved": not checked.faults, "fault_count": len(checked.faults),
+        "faults": [str(fault) for fault in checked.faults[:_FAULTS]],
     }  # fmt: skip
 
 

@@ -14,20 +14,20 @@ from train.commands.layouts import BY_MAP
 from train.fleet.build import episode_of
 from train.fleet.check import check_log
 from train.fleet.driven import load_simulated
-from train.fleet.messages import LOG, Names
+from train.fleet.messages import LOG, Names, write_log
 from train.fleet.orders import Story, story_of
 from train.fleet.publisher import Broker, broker_of, package, publish, secure_context
 from train.fleet.received import hear_log
 from train.fleet.row import fleet_table, row_of
-from train.fleet.vehicle import serial_of
-from train.fleet.write import messages_of, write_floor, write_log
-from train.reporting.report import counted, make_progress
+from train.fleet.vehicle import messages_of, serial_of
+from train.reporting.report import make_progress
 from train.reporting.rows import RowFile
 from warehouse_env.checked import Checked
 from warehouse_env.config import EnvConfig
-from warehouse_env.errors import ConfigError
+from warehouse_env.errors import ConfigError, counted
 from warehouse_env.files import check_writable
 from warehouse_env.maps.fitting import load_floor
+from warehouse_env.maps.halls.saved import write_hall
 
 _SHOWN = 20  # faults in words
 _DAY = datetime(2026, 1, 1, tzinfo=UTC)  # when episodes in logs begin, so the same episode gives the same file
@@ -115,7 +115,7 @@ class FleetCommand(Checked):
             if folder is not None:
                 bar = progress.add_task("messages", total=len(episode.pose))
                 count = write_log(messages_of(story, names, self.every, lambda: progress.advance(bar)), folder)
-                floor = write_floor(story, folder)
+                floor = write_hall(story.replay.grid, folder / "floor.yaml")
             if broker is not None:
                 count = self._publish(broker, story, names, progress)
         if folder is not None:

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from train.reporting.report import counted, number
+from train.reporting.report import number
 from train.reporting.rows import RowFile
 from warehouse_env.checked import Checked
 from warehouse_env.config import EnvConfig
-from warehouse_env.errors import ConfigError
+from warehouse_env.errors import ConfigError, counted
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import make_layout
 from warehouse_env.simulation.tasks.allocation import make_allocator

@@ -17,10 +17,10 @@ from train.evaluation.jobs import Job, Result, Runner, Tick
 from train.evaluation.pictures import plan_pictures
 from train.evaluation.planning_runs import PlanningRun, PlanningTask, is_optimal, make_task, plan_once
 from train.evaluation.rollout import MOST
-from train.reporting.report import Table, counted, grouped, number, require_charts, with_interval
+from train.reporting.report import Table, grouped, number, require_charts, with_interval
 from train.reporting.rows import Row, RowFile, mean_interval
 from warehouse_env.checked import Checked
-from warehouse_env.errors import ConfigError, MapError, MapWarning
+from warehouse_env.errors import ConfigError, MapError, MapWarning, counted
 from warehouse_env.files import check_writable, write_text
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.maps.layouts import NAMED_TASKS, make_layout

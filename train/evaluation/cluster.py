@@ -26,9 +26,9 @@ from typing import Any
 from train.evaluation.jobs import Job, Numbered, Progress, Result, lost_jobs
 from train.job_files import JobFiles, pack, unpacked
 from train.own import Typed, take_in, taken_in
-from train.reporting.report import counted, tell
+from train.reporting.report import tell
 from warehouse_env import __version__
-from warehouse_env.errors import ConfigError, WarehouseError, shown
+from warehouse_env.errors import ConfigError, WarehouseError, counted, shown
 
 AUTO, LOCAL = "auto", "local"
 _ADDRESS = re.compile(r"[^\s:/]+:\d{1,5}|\[[0-9a-fA-F:]+\]:\d{1,5}")

@@ -13,8 +13,9 @@ from train.evaluation.planning_runs import PlanningRun
 from train.evaluation.rollout import Trace
 from train.reporting import columns
 from train.reporting.driven import labels
-from train.reporting.report import counted, grouped, number
+from train.reporting.report import grouped, number
 from train.reporting.rows import Row
+from warehouse_env.errors import counted
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.render import charts, report_charts
 from warehouse_env.render.report_charts import Bar

@@ -20,10 +20,10 @@ from train.evaluation.pictures import file_name
 from train.evaluation.rollout import Experiment, identity, play_out
 from train.own import versions
 from train.reporting.page import Link
-from train.reporting.report import counted, grouped, number
+from train.reporting.report import grouped, number
 from train.reporting.rows import Row
 from warehouse_env.config import EnvConfig
-from warehouse_env.errors import ConfigError, WeightsError
+from warehouse_env.errors import ConfigError, WeightsError, counted
 from warehouse_env.render.replay import Shares, replay_of
 from warehouse_env.render.replay_page import write_replay_page
 from warehouse_env.simulation.record.recording import Episode, Recorder

@@ -11,8 +11,9 @@ from train.evaluation.recorded import worst_episodes, write_replays
 from train.evaluation.rollout import Experiment
 from train.reporting.driven import labels
 from train.reporting.page import Page, PagePart, Shown, made_by
-from train.reporting.report import counted, evaluation_table, grouped, make_progress, number
+from train.reporting.report import evaluation_table, grouped, make_progress, number
 from train.reporting.rows import Row, select, short_names, values_of, write_rows
+from warehouse_env.errors import counted
 from warehouse_env.maps.fitting import load_floor
 from warehouse_env.render.heat_maps import Panel, heat_maps
 from warehouse_env.render.report_charts import over_robots

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 
 from train.evaluation.disturbances import DISTURBANCES, UNDISTURBED
 from train.reporting.driven import driven_with
-from train.reporting.report import Table, counted, grouped, number, with_interval
+from train.reporting.report import Table, grouped, number, with_interval
 from train.reporting.rows import Interval, Row, mean_interval, select, short_names, stratified_interval
+from warehouse_env.errors import counted
 
 SLOWER = 0.9  # share of the undisturbed goals below which a policy is slower
 MORE_CONTACTS = 1.5  # times the undisturbed contacts per kilometre above which the verdict is contacts

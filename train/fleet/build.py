@@ -16,9 +16,8 @@ from train.fleet.factsheet import body_of
 from train.fleet.figures import MOMENT, PRESENT, UNDER_WAY
 from train.fleet.places import SILENCE, EvenTimes, Track, places_of, spans
 from train.fleet.received import GONE, HeardFleet, HeardVehicle, Key
-from train.reporting.report import counted
 from warehouse_env.config import EnvConfig
-from warehouse_env.errors import ConfigError, WarehouseError, shown
+from warehouse_env.errors import ConfigError, WarehouseError, counted, shown
 from warehouse_env.maps.grid_map import GridMap
 
 FINEST = 0.05  # [s] between two moments, unless asked for

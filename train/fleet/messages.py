@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import json
 from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
+from pathlib import Path
 from typing import Any, NamedTuple
+
+from warehouse_env.files import complete_file
 
 VERSION = "2.1.0"  # of VDA 5050, which is written and checked
 MAJOR = int(VERSION.partition(".")[0])
@@ -81,3 +85,13 @@ class Sender:
         """Return what the broker publishes if the vehicle is cut off after its first connection message."""
         payload = self.header(0.0, 1) | {"connectionState": "CONNECTIONBROKEN"}
         return Message(0.0, self._names.topic(self._serial, "connection"), payload, 1, True)
+
+
+def write_log(messages: Iterable[Message], folder: Path) -> int:
+    """Write messages to FOLDER/messages.jsonl, completely or not at all; return their number."""
+    count = 0
+    with complete_file(folder / LOG) as part, part.open("w", encoding="utf-8") as file:
+        for message in messages:
+            file.write(message.line)
+            count += 1
+    return count

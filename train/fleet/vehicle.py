@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
+from train.fleet.factsheet import factsheet_of
+from train.fleet.messages import Message, Names, Sender
 from train.fleet.orders import OrderNode, RobotOrder, Story, orders_of
+from warehouse_env.errors import ConfigError
 from warehouse_env.simulation.state import NOBODY
 
 Body = tuple[str, dict[str, Any]]
@@ -214,3 +217,32 @@ class VehicleWriter:
         theta = min(max(round(theta, 4), -_HALF_TURN), _HALF_TURN)
         position = {"x": x, "y": y, "theta": theta, "mapId": self._map, "positionInitialized": True}
         return {"agvPosition": position, "velocity": velocity}
+
+
+def messages_of(
+    story: Story, names: Names, every: float | None = None, moved: Callable[[], object] = lambda: None
+) -> Iterator[Message]:
+    """Yield all messages of a story.
+
+    every: seconds between two visualizations of a vehicle (None: each step). moved: called after each moment.
+    """
+    step, last = story.replay.seconds, len(story.replay.pose) - 1
+    stride = 1 if every is None else round(every / step)
+    if stride < 1:
+        raise ConfigError(f"--every {every:g} must be at least {step:g}, a step of the episode [s]")
+    vehicles = [VehicleWriter(story, robot) for robot in range(story.replay.config.num_agents)]
+    senders = [Sender(names, vehicle.serial) for vehicle in vehicles]
+    both = list(zip(vehicles, senders, strict=True))
+    factsheet = factsheet_of(story.replay.config, stride * step)
+    for _, sender in both:
+        yield sender.message(0.0, "connection", {"connectionState": "ONLINE"})
+        yield sender.message(0.0, "factsheet", factsheet)
+    for frame in range(last + 1):
+        for vehicle, sender in both:
+            for name, body in vehicle.at(frame):
+                yield sender.message(frame * step, name, body)
+            if frame % stride == 0:
+                yield sender.message(frame * step, "visualization", vehicle.where(frame))
+        moved()
+    for _, sender in both:
+        yield sender.message(last * step, "connection", {"connectionState": "OFFLINE"})

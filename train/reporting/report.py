@@ -139,11 +139,6 @@ def number(value: float, digits: int = 3) -> str:
     return text.rstrip("0").rstrip(".") if "." in text and abs(value - round(value)) < 1e-12 else text
 
 
-def counted(count: int, noun: str) -> str:
-    """Return "1 robot", "16 robots"."""
-    return f"{count:,} {noun}{'s' * (count != 1)}"
-
-
 def with_interval(interval: Interval, factor: float = 1.0, digits: int = 3) -> str:
     """Format "mean [low, high]", each times `factor`; the mean alone where there is no interval or no spread."""
     mean, low, high, _ = interval.times(factor)

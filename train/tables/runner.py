@@ -23,7 +23,6 @@ from train.reporting.rows import Row
 from train.tables.catalogue import EXPERIMENTS, PAPERS, settings_of, studies_of
 from train.tables.measures import MEASURES, TableFigures
 from train.tables.options import TableOptions
-from train.tables.planners import PAIRS
 from train.tables.study import ClaimVerdict, PrintedLine, TableStudy, TableSystem, TableTask
 from train.tables.verdicts import RULE, judge, verdict_counts
 from warehouse_env.errors import unknown_name
@@ -176,20 +175,9 @@ class PlannersTable(Studies):
     name: ClassVar[str] = "planners"
     title: ClassVar[str] = "Every planner on the same pairs of cells"
 
-    pairs: int = PAIRS
-    """Pairs of cells on each floor, 200 at most."""
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._between(1, PAIRS, "pairs")
-
     def chosen(self) -> list[tuple[str, TableStudy]]:
         """Return the one study."""
         return [("planners", study) for study in studies_of("planners").values()]
-
-    def blocks(self, file: str, study: TableStudy) -> list[PlanBlock]:
-        """Return the jobs on the first pairs."""
-        return [block for block in super().blocks(file, study) if block.number < self.pairs]
 
 
 def study_table(study: TableStudy, figures: TableFigures) -> Table:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from warehouse_env.errors import counted
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.render.chart_style import INK, empty_figure, hexed, save, style
 from warehouse_env.render.colours import CONTACT, SKY, name_colours, robot_colour
@@ -60,7 +61,7 @@ def trajectories(
         if len(hits):
             ax.scatter(hits[:, 0], hits[:, 1], s=110, color=hexed(CONTACT), alpha=0.22, lw=0, zorder=4)
             ax.scatter(hits[:, 0], hits[:, 1], s=26, marker="X", color=hexed(CONTACT), ec="white", lw=0.6, zorder=5)
-        what = f"○ start of {_count(len(tracks), 'robot')}    ✖ {_count(len(hits), 'collision')}"
+        what = f"○ start of {counted(len(tracks), 'robot')}    ✖ {counted(len(hits), 'collision')}"
         ax.set_title(what, loc="right", fontsize=9.5)
         save(figure, path)
 
@@ -140,12 +141,8 @@ def _curve(ax: Axes, name: str, lengths: NDArray[np.float64], colour: str) -> No
     low, middle, high = (ranked[math.ceil(share * count) - 1] for share in (0.1, 0.5, 0.9))
     shown, banded = np.isfinite(middle), np.isfinite(high)
     ax.fill_between(iterations[banded], low[banded], high[banded], color=colour, alpha=0.18, lw=0)
-    runs = _count(count, "run") if found == count else f"{found} of {_count(count, 'run')} found a path"
+    runs = counted(count, "run") if found == count else f"{found} of {counted(count, 'run')} found a path"
     ax.plot(iterations[shown], middle[shown], color=colour, lw=2, label=f"{name} ({runs})")
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}" if number == 1 else f"{number} {what}s"
 
 
 def _sideways(line: NDArray[np.float64], shift: float) -> NDArray[np.float64]:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.config import RobotSpec
-from warehouse_env.errors import ConfigError
+from warehouse_env.errors import ConfigError, counted
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.render.colours import CONTACT, DEADLOCK, RGB, WAITING, mix, robot_colour
 from warehouse_env.render.extras import load
@@ -75,8 +75,8 @@ def scene_of(simulator: Any, world: int = 0) -> Scene:
     jams, shifts = simulator.jams(), simulator.dispatcher.shifts
     totals = simulator.episode_metrics(world)
     collisions = totals["collisions_robot"] + totals["collisions_shelf"] + totals["collisions_person"]
-    parts = [simulator.grid.name, _count(len(counts), "robot")]
-    parts += [_count(round(totals["goals"]), "goal"), _count(round(collisions), "collision")]
+    parts = [simulator.grid.name, counted(len(counts), "robot")]
+    parts += [counted(round(totals["goals"]), "goal"), counted(round(collisions), "collision")]
     return Scene(
         grid=simulator.grid,
         robot=simulator.config.robot,
@@ -95,10 +95,6 @@ def scene_of(simulator: Any, world: int = 0) -> Scene:
         people=places(simulator.people.persons[world]),
         fleet=simulator.config.robots if simulator.config.fleet else (),
     )
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}" if number == 1 else f"{number} {what}s"
 
 
 def route_ahead(route: NDArray[np.float32], driven: float) -> NDArray[np.float32]:

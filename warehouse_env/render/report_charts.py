@@ -102,29 +102,24 @@ def _dots(ax: Axes, bars: Sequence[Bar]) -> None:
     ax.grid(axis="y")
 
 
-def differences(panels: Mapping[str, Sequence[Pair]], label: str, unit: str = "") -> str:
-    """Draw paired differences with their intervals around zero: a panel a measure, a line a pair."""
+def differences(pairs: Sequence[Pair], label: str, unit: str) -> str:
+    """Draw paired differences with their intervals around zero, a line a pair."""
     with style():
-        names = list(dict.fromkeys(pair.name for pairs in panels.values() for pair in pairs))
-        figure = empty_figure(10.0, 0.34 * len(names) + 0.9)
-        for k, (ax, (title, pairs)) in enumerate(
-            zip(figure.subplots(1, len(panels), squeeze=False)[0], panels.items(), strict=True)
-        ):
-            for pair in pairs:
-                told = pair.low > 0 or pair.high < 0
-                at = len(names) - 1 - names.index(pair.name)
-                reach = np.nan_to_num([[pair.mean - pair.low], [pair.high - pair.mean]]).clip(0)
-                colour = hexed(BLUE if told else GREY)
-                fill = colour if told else "#ffffff"
-                ax.errorbar([pair.mean], [at], xerr=reach, fmt="o", ms=6, color=colour, mfc=fill, capsize=3)
-            ax.axvline(0, color=INK, lw=0.9)
-            ax.set_yticks(range(len(names)), names[::-1] if k == 0 else [""] * len(names))
-            ax.set_ylim(-0.6, len(names) - 0.4)
-            ax.tick_params(axis="y", length=0)
-            ax.set_title(title, fontsize=10)
-            ax.set_xlabel(unit)
-            ax.margins(x=0.12)
-            ax.grid(axis="x")
+        figure = empty_figure(10.0, 0.34 * len(pairs) + 0.9)
+        ax = figure.add_subplot()
+        for at, pair in enumerate(reversed(pairs)):
+            reach = np.nan_to_num([[pair.mean - pair.low], [pair.high - pair.mean]]).clip(0)
+            told = pair.low > 0 or pair.high < 0
+            colour = hexed(BLUE if told else GREY)
+            fill = colour if told else "#ffffff"
+            ax.errorbar([pair.mean], [at], xerr=reach, fmt="o", ms=6, color=colour, mfc=fill, capsize=3)
+        ax.axvline(0, color=INK, lw=0.9)
+        ax.set_yticks(range(len(pairs)), [pair.name for pair in reversed(pairs)])
+        ax.set_ylim(-0.6, len(pairs) - 0.4)
+        ax.tick_params(axis="y", length=0)
+        ax.set_xlabel(unit)
+        ax.margins(x=0.12)
+        ax.grid(axis="x")
         return svg(figure, label)
 
 

@@ -10,7 +10,6 @@ API, for any kernel (scalars, float64, pure): a goal seen from the start (`seen_
 
     distance(ahead, left, turn, radius)             length [m] of the shortest curve
     word(n, ahead, left, turn, radius)              (length, five signed lengths [m]) of word n, length inf: no such way
-    best_word(ahead, left, turn, radius)            (n, length, five signed lengths [m]) of the shortest
     TURNS[n, k] / radius                            curvature [1/m] of segment k of word n: 1 left, 0 straight, -1 right
 
     seen_from(x, y, heading, to_x, to_y, to_heading)  (ahead, left, turn)
@@ -195,17 +194,3 @@ def distance(ahead, left, turn, radius):
     for n in range(WORDS):
         least = min(least, _unit_word(n, x, y, s, c, turn)[0])
     return least * radius
-
-
-@part
-def best_word(ahead, left, turn, radius):
-    """Return (n, length, five signed lengths [m]) of the shortest curve; of equal ones the first word."""
-    turn = wrapped(turn)
-    s, c, x, y = math.sin(turn), math.cos(turn), ahead / radius, left / radius
-    least, best = np.inf, 0
-    for n in range(WORDS):
-        length = _unit_word(n, x, y, s, c, turn)[0]
-        if length < least:
-            least, best = length, n
-    _, p0, p1, p2, p3, p4 = _unit_word(best, x, y, s, c, turn)
-    return best, least * radius, p0 * radius, p1 * radius, p2 * radius, p3 * radius, p4 * radius

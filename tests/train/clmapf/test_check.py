@@ -68,7 +68,7 @@ def test_how_far_bodies_reach_beyond_the_border() -> None:
     """An axle at x = 1.5 that faces west has its front half a unit beyond the border."""
     instance = instance_of([[10, 20, math.pi]], [[1.5, 20, math.pi]])
     found = check(instance, {"agent0": np.array([[10, 20, math.pi, 0], [1.5, 20, math.pi, 8.5]])})
-    assert (found.faults, found.beyond) == ([], pytest.approx(0.5))
+    assert (found.faults, found.body_beyond_border) == ([], pytest.approx(0.5))
 
 
 def test_missing_and_unknown_robots() -> None:
@@ -90,7 +90,7 @@ def test_contacts_between_stated_states_and_after_them() -> None:
     two = instance_of([[10, 20, 0], [20, 23, math.pi]], [[20, 20, 0], [10, 23, math.pi]])
     back = np.array([[20, 23, math.pi, 0], [10, 23, math.pi, 10]])
     assert kinds(two, straight(), back) == []  # they pass each other a unit apart
-    assert check(two, {"agent0": straight(), "agent1": back}).gap == pytest.approx(1.0, abs=1e-9)
+    assert check(two, {"agent0": straight(), "agent1": back}).least_gap == pytest.approx(1.0, abs=1e-9)
     near = instance_of([[10, 20, 0], [20, 21.9, math.pi]], [[20, 20, 0], [10, 21.9, math.pi]])
     found = check(near, {"agent0": straight(), "agent1": np.array([[20, 21.9, math.pi, 0], [10, 21.9, math.pi, 10]])})
     assert [fault.kind for fault in found.faults] == ["overlaps"]
@@ -116,7 +116,7 @@ def test_the_authors_steps() -> None:
     instance = instance_of([[10, 20, 0]], [[13, 20, 0]])
     assert kinds(instance, states) == ["too fast"]
     found = check(instance, {"agent0": states}, AUTHORS_STEP)
-    assert (found.faults, found.unit, found.makespan) == ([], AUTHORS_STEP, 2 * AUTHORS_STEP)
+    assert (found.faults, found.unit_of_t, found.makespan) == ([], AUTHORS_STEP, 2 * AUTHORS_STEP)
 
 
 def wander(rates: list[int], start: tuple[float, float, float]) -> np.ndarray[Any, Any]:
@@ -171,9 +171,9 @@ def test_it_agrees_with_dense_sampling(
         if faults:
             assert max(faults) == pytest.approx(-least, abs=depth + 1e-3)
     if not overlaps:
-        assert found.gap == pytest.approx(min(bodies, 1.0), abs=2 * step)
+        assert found.least_gap == pytest.approx(min(bodies, 1.0), abs=2 * step)
     if not clips:
-        assert found.disc_gap == pytest.approx(min(discs, 1.0), abs=step + 2e-3)
+        assert found.least_disc_gap == pytest.approx(min(discs, 1.0), abs=step + 2e-3)
 
 
 def test_what_is_impossible_as_stated() -> None:
@@ -196,6 +196,6 @@ def test_a_solved_instance_is_written_read_and_whole(tmp_path: Path) -> None:
     write_solution(tmp_path / "s.yaml", instance.names, routes, 0.0)
     found = check(instance, read_solution(tmp_path / "s.yaml"))
     assert found.faults == []
-    assert min(found.gap, found.disc_gap) > 0.004
+    assert min(found.least_gap, found.least_disc_gap) > 0.004
     assert found.makespan == pytest.approx(max(route[-1, -1] for route in routes))
     assert all(np.array_equal(a, b) for a, b in zip(routes, solve(instance, 0)[0].routes, strict=True))

@@ -13,7 +13,7 @@ import numpy as np
 from tests.render.episodes import driven
 from train.fleet.messages import Message, Names
 from train.fleet.orders import Story, story_of
-from train.fleet.write import messages_of
+from train.fleet.vehicle import messages_of
 from warehouse_env.config import EnvConfig
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.render.replay import FLAGS, REWARD_TERMS, Replay

@@ -15,7 +15,7 @@ from tests.train.fleet.brokers import ANONYMOUS, Authority, answering, free_port
 from tests.train.fleet.stories import NAMES, story
 from train.fleet.messages import Message
 from train.fleet.publisher import PASSWORD, Broker, broker_of, publish, secure_context
-from train.fleet.write import messages_of
+from train.fleet.vehicle import messages_of
 from warehouse_env.errors import ConfigError, LostError, WarehouseError
 
 FAST = 40.0

@@ -8,7 +8,8 @@ import pytest
 
 from tests.train.fleet.stories import NAMES, episode_story, sent, story
 from train.fleet.check import check_log
-from train.fleet.write import messages_of, write_log
+from train.fleet.messages import write_log
+from train.fleet.vehicle import messages_of
 from warehouse_env.errors import ConfigError
 
 

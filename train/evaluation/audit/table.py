@@ -6,8 +6,9 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from train.evaluation.audit.instants import OVERLAPS
-from train.reporting.report import Table, counted, grouped, number
+from train.reporting.report import Table, grouped, number
 from train.reporting.rows import Row, short_names
+from warehouse_env.errors import counted
 
 _GROUP = ("layout", "robots", "policy")
 _COUNTS = (*(f"overlaps_{kind}" for kind in OVERLAPS), "limits", "jumps")

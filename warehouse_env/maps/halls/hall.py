@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from warehouse_env.checked import from_plain, parse_named
 from warehouse_env.config import RobotSpec
-from warehouse_env.errors import MapError, MapWarning
+from warehouse_env.errors import MapError, MapWarning, counted
 from warehouse_env.files import STAGED, companion, path_of
 from warehouse_env.maps import one_way
 from warehouse_env.maps.discs import SUFFIX as DISCS
@@ -42,7 +42,7 @@ from warehouse_env.maps.halls.cells import (
 from warehouse_env.maps.halls.lanes import Lanes, lay, prices
 from warehouse_env.maps.halls.map_server import PICTURES, YAMLS, Occupancy, beside, image_of, read_occupancy
 from warehouse_env.maps.halls.proposed import propose, racks
-from warehouse_env.maps.halls.report import counted, report_of
+from warehouse_env.maps.halls.report import report_of
 from warehouse_env.maps.tables import DEAREST
 
 SUFFIXES = (*YAMLS, *PICTURES)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from warehouse_env.errors import counted
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.halls.cells import HallOptions, Raster, closed, exceeds, not_free, room_of, spread
 from warehouse_env.maps.halls.map_server import Occupancy
@@ -54,8 +54,3 @@ def _closed_aisles(room: NDArray[np.bool_], walls: NDArray[np.bool_], raster: Ra
             f"aisles close: {counted(label_regions(lost).max(), 'place')} where a robot has room, "
             f"{counted(lost.sum(), 'cell')} long, one near ({x:.1f}, {y:.1f}) m; a smaller cell= may open them"
         )
-
-
-def counted(number: int | np.integer[Any], what: str) -> str:
-    """Return a number with what it counts, as in "1 cell"."""
-    return f"{int(number):,} {what}{'' if number == 1 else 's'}"
