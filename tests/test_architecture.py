@@ -62,6 +62,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "warehouse_env.simulation.senses": SENSES,
     "warehouse_env.simulation.traffic": RULES,
     "warehouse_env.simulation.tasks": TASKS,
+    "warehouse_env.simulation.device": (*SIMULATION, "warehouse_env.compiled"),
     "warehouse_env.simulation": SIMULATION,
     "warehouse_env.render": (*BASE, "warehouse_env.maps", "warehouse_env.simulation.state", "warehouse_env.render"),
     "warehouse_env.envs": (*SIMULATION, "warehouse_env.envs", "warehouse_env.render"),

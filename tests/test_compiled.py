@@ -32,6 +32,12 @@ def outer(x):
 @kernel
 def other(x):
     return x
+
+def plain(x):
+    return inner(x)
+
+def driver(x):
+    return plain(x)
 """
 
 
@@ -53,6 +59,11 @@ def digest_of(source: str, name: str = "outer") -> str:
 )
 def test_whatever_a_kernel_is_compiled_from_is_in_its_digest(old: str, new: str) -> None:
     assert digest_of(SOURCE) != digest_of(SOURCE.replace(old, new))
+
+
+@pytest.mark.parametrize(("old", "new"), [("x + 1", "x + 2"), ("return inner(x)\n", "return 0\n")])
+def test_plain_functions_between_kernels_count(old: str, new: str) -> None:
+    assert digest_of(SOURCE, "driver") != digest_of(SOURCE.replace(old, new), "driver")
 
 
 @pytest.mark.parametrize(

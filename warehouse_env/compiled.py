@@ -14,7 +14,7 @@ import hashlib
 import os
 import time
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
 from typing import Any, NamedTuple
@@ -36,6 +36,22 @@ def kernels_folder() -> Path:
     """Return the folder of kept kernels: in NUMBA_CACHE_DIR if that is set, else in the user's cache folder."""
     chosen: str = numba.config.CACHE_DIR  # type: ignore[attr-defined]
     return Path(chosen or user_cache_dir("warehouse_env"), "kernels")
+
+
+def kept_file(name: str, make: Callable[[], bytes]) -> bytes:
+    """Return the content of a file in the folder of kept kernels, made and stored if it is missing."""
+    file = kernels_folder() / name
+    with contextlib.suppress(OSError):
+        return file.read_bytes()
+    made, part = make(), file.with_name(f"{os.getpid()}-{name}")
+    _remove_unused(str(file.parent))
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        part.write_bytes(made)
+        part.replace(file)
+    except OSError:
+        _warn_once(str(file.parent))
+    return made
 
 
 class KernelCache(NullCache):
@@ -117,7 +133,7 @@ def _warn_once(folder: str) -> None:
 def _remove_unused(folder: str) -> None:
     """Remove kernels that were not loaded for `_UNUSED_DAYS`."""
     before = time.time() - 86400 * _UNUSED_DAYS
-    for file in Path(folder).glob("*.nb[ic]"):
+    for file in (*Path(folder).glob("*.nb[ic]"), *Path(folder).glob("*.cubin")):
         with contextlib.suppress(OSError):
             about = file.stat()
             if max(about.st_atime, about.st_mtime) < before:
@@ -125,14 +141,17 @@ def _remove_unused(folder: str) -> None:
 
 
 class _Own(NamedTuple):
-    """A kernel's own code as a digest, and the kernels that it calls."""
+    """A function's own code as a digest, and the functions of ours that it calls."""
 
     digest: bytes
-    calls: tuple[Any, ...]  # kernels
+    calls: tuple[Any, ...]
 
 
 def digest(kernel: Any) -> str:
-    """Return a digest of all that a kernel is compiled from: 64 hexadecimal digits, the same in any folder."""
+    """Return a digest of all that a kernel is compiled from: 64 hexadecimal digits, the same in any folder.
+
+    A kernel is a Dispatcher of Numba's, or a plain function that is compiled into others.
+    """
     found, waiting = {}, [kernel]
     while waiting:
         one = waiting.pop()
@@ -146,7 +165,7 @@ def digest(kernel: Any) -> str:
 
 @functools.cache
 def _own(kernel: Any) -> _Own:
-    function: FunctionType = kernel.py_func
+    function: FunctionType = getattr(kernel, "py_func", kernel)
     codes = list(_codes(function.__code__))
     names = {name for code in codes for name in code.co_names}
     values = {name: value for name, value in function.__globals__.items() if name in names}
@@ -155,14 +174,21 @@ def _own(kernel: Any) -> _Own:
     ours = function.__module__.partition(".")[0]  # versions of Numba and NumPy count apart
     for module in [one for one in values.values() if isinstance(one, ModuleType) and one.__name__.startswith(ours)]:
         values |= {f"{module.__name__}.{name}": vars(module)[name] for name in names & vars(module).keys()}
-    calls = {name: value for name, value in values.items() if isinstance(value, Dispatcher)}
-    said = [f"{function.__module__}.{function.__qualname__} {sorted(kernel.targetoptions.items())}"]
+    calls = {name: value for name, value in values.items() if _is_compiled(value, ours)}
+    said = [f"{function.__module__}.{function.__qualname__} {sorted(getattr(kernel, 'targetoptions', {}).items())}"]
     for code in codes:
         constants = [one for one in code.co_consts if not isinstance(one, CodeType) and one != function.__doc__]
         said.append(f"{code.co_code.hex()} {code.co_names} {code.co_varnames} {constants}")
     said += [f"{name}={_text(value)}" for name, value in sorted(values.items()) if name not in calls]
-    said += [f"{name}={one.py_func.__module__}.{one.py_func.__qualname__}" for name, one in sorted(calls.items())]
+    for name, one in sorted(calls.items()):
+        callee = getattr(one, "py_func", one)
+        said.append(f"{name}={callee.__module__}.{callee.__qualname__}")
     return _Own(hashlib.sha256("\n".join(said).encode()).digest(), tuple(calls.values()))
+
+
+def _is_compiled(value: Any, ours: str) -> bool:
+    plain = isinstance(value, FunctionType) and value.__module__.startswith(ours)
+    return plain or isinstance(value, Dispatcher)
 
 
 def _codes(code: CodeType) -> Iterator[CodeType]:

@@ -131,7 +131,7 @@ def torchrl_env(
 
     device: "cpu" simulates everything; a GPU, as "cuda", what `tensor_env` does. seed: of the first reset.
     """
-    on_cpu = torch.device(device).type == "cpu"
+    on_cpu = str(device).partition(":")[0] == "cpu"
     kind: Callable[..., Simulator | DeviceSimulator] = Simulator if on_cpu else DeviceSimulator
     parts: dict[str, Any] = {} if on_cpu else {"device": device}
     simulator = build(kind, config, changes, num_worlds=num_worlds, planner=planner, grid=grid, **parts)

@@ -25,6 +25,9 @@ class Compile(Checked):
     """Number of processes."""
     seed: int = 0
     """Seed of the tiny runs that compile the kernels."""
+    cuda: tuple[str, ...] | None = None
+    """Also compile the kernels for GPUs of these compute capabilities, which needs no GPU. Without a value: that of
+    this machine's GPU, or 9.0 (H100, H200)."""
     json: Path | None = None
     """Write the seconds of each part to this file as JSON lines."""
 
@@ -32,9 +35,21 @@ class Compile(Checked):
         """Compile, and print how long each part took."""
         if self.processes < 1 or self.seed < 0:
             raise ConfigError(f"--processes {self.processes} must be at least 1 and --seed {self.seed} at least 0")
+        capabilities = self._capabilities()
         file, begin = RowFile(self.json), time.perf_counter()
-        rows = compile_all(self.processes, self.seed, file)
+        rows = compile_all(self.processes, self.seed, file, capabilities)
         cells = tuple((row["part"], number(row["seconds"])) for row in rows)
         note = f"All is compiled and kept: {time.perf_counter() - begin:.0f} s in {self.processes} processes."
         Table("Kernels", ("part", "seconds"), cells, note).print()
         print(file.written())
+
+    def _capabilities(self) -> tuple[str, ...]:
+        """Return the compute capabilities to compile for; ConfigError for one that is none."""
+        if self.cuda is None:
+            return ()
+        from warehouse_env.simulation.device.memory import capability_at_hand, memory_of
+
+        chosen = self.cuda or (capability_at_hand(),)
+        for capability in chosen:
+            memory_of(f"compiler:{capability}")
+        return chosen

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,12 +19,17 @@ from train.evaluation.jobs import Job, Result, Runner, Tick
 from train.evaluation.processes import Processes
 from train.evaluation.rollout import make_experiment, run
 from train.reporting.rows import Row, RowFile
-from warehouse_env import EnvConfig, Simulator, parallel_env
+from warehouse_env import EnvConfig, SensorSpec, Simulator, TrafficSpec, parallel_env
 from warehouse_env.compiled import is_kept
 from warehouse_env.maps.layouts import make_layout
 from warehouse_env.planning import make_planner
 from warehouse_env.simulation.step import run as step_worlds
 from warehouse_env.simulation.traffic.live import FINDERS
+
+if TYPE_CHECKING:  # torch may not be installed yet
+    import torch
+
+    from warehouse_env.simulation.device.simulator import DeviceSimulator
 
 _BARE = EnvConfig(num_agents=4, layout="open", planner="astar", max_steps=20)
 _CROWD = EnvConfig(num_agents=24, layout="narrow")  # crowded: robots stand, replan and recover
@@ -51,10 +57,45 @@ class _Part(Job):
         return Result([{"what": "compile", "part": self.name, "seconds": time.perf_counter() - begin}])
 
 
-def compile_all(processes: int, seed: int = 0, file: RowFile | None = None) -> list[Row]:
-    """Run all parts under a progress bar; return a row with the seconds of each, written to `file` as well."""
+@dataclass(frozen=True)
+class CardPart(_Part):
+    """One of CARD_SETS, for GPUs of a compute capability."""
+
+    capability: str
+
+    titled = "compiling for GPUs of compute capability {capability}, once for this version: {name}"
+
+    def run(self, tick: Tick) -> Result:
+        """Compile what a step launches."""
+        from warehouse_env.simulation.device.simulator import DeviceSimulator
+
+        begin = time.perf_counter()
+        simulator = DeviceSimulator(CARD_SETS[self.name], device=f"compiler:{self.capability}")
+        simulator.step(no_actions(simulator))
+        part = f"compute capability {self.capability}: {self.name}"
+        return Result([{"what": "compile", "part": part, "seconds": time.perf_counter() - begin}])
+
+
+def no_actions(simulator: DeviceSimulator) -> torch.Tensor:
+    """Return actions of zeros for all worlds."""
+    import torch
+
+    space = simulator.host.action_space
+    shape = (simulator.num_worlds, simulator.num_agents, *(space.shape or ()))
+    return torch.from_numpy(np.zeros(shape, space.dtype))
+
+
+def compile_all(
+    processes: int, seed: int = 0, file: RowFile | None = None, capabilities: Sequence[str] = ()
+) -> list[Row]:
+    """Run all parts under a progress bar; return a row with the seconds of each, written to `file` as well.
+
+    capabilities: of GPUs for which kernels are compiled as well, as "9.0".
+    """
+    parts = [_Part(name, seed) for name in PARTS]
+    parts += [CardPart(name, seed, capability) for capability in capabilities for name in CARD_SETS]
     with Runner(file or RowFile(None), workers=Processes(processes)) as run_all:
-        return run_all([_Part(name, seed) for name in PARTS])
+        return run_all(parts)
 
 
 def compile_missing() -> None:
@@ -115,4 +156,14 @@ PARTS: dict[str, Callable[[int], None]] = {
     "all options off": _bare,
     "the environment": _environment,
     "the audit": _audit,
+}
+
+_SHIELD = TrafficSpec(shield=True)
+_PREDICTIONS = SensorSpec(predictions=True)
+CARD_SETS: dict[str, EnvConfig] = {  # each has kernels of its own on a GPU; other sets are compiled at their first step
+    "all options off": _BARE,
+    "shield": _BARE.replace(traffic=_SHIELD),
+    "predictions": _BARE.replace(sensor=_PREDICTIONS),
+    "shield and predictions": _BARE.replace(traffic=_SHIELD, sensor=_PREDICTIONS),
+    "raw actions": _BARE.replace(action_type="raw"),
 }

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
 
@@ -9,12 +11,12 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from warehouse_env.errors import ConfigError, shown
 from warehouse_env.simulation import state
 from warehouse_env.simulation.device import shim
+from warehouse_env.simulation.device.shim import Driver
 
 Bundle = TypeVar("Bundle")
-Driver = Callable[[Any, Any, Any], None]
-_BLOCK = 128  # threads of a block
 
 
 def mapped(bundle: Bundle, change: Callable[[NDArray[Any]], Any]) -> Bundle:
@@ -67,30 +69,16 @@ class Memory:
         return 1
 
 
-class CompilerMemory(Memory):
-    """Memory of the CPU laid out as on a GPU, for which kernels are compiled without one."""
-
-    def constant(self, array: NDArray[Any]) -> Any:
-        return array.copy()
-
-    def scratch(self, threads: int, array: NDArray[Any]) -> Any:
-        return np.moveaxis(np.zeros((*array.shape, threads), array.dtype), -1, 0)
-
-    def threads(self, most: int) -> int:
-        return most
-
-
 class CardMemory(Memory):
     """Memory of a GPU. Launches join torch's current stream, so they keep the order of torch's own work."""
 
-    def __init__(self, device: torch.device) -> None:
-        """ConfigError without numba-cuda, or a GPU that it can use."""
-        shim.check_card()
-        self.device = device
-        self._kernels: dict[Driver, Any] = {}
+    def __init__(self, device: torch.device, capability: shim.Capability) -> None:
+        """Lay memory out for kernels of GPUs of this compute capability."""
+        self.device, self._capability = device, capability
+        self._launchers: dict[Driver, tuple[Any, Callable[[int], None]]] = {}  # and the batches that they are for
 
     def _view(self, flat: torch.Tensor, shape: Sequence[int], dtype: np.dtype[Any]) -> Any:
-        return shim.array_at(flat, shape, np.empty(shape, dtype).strides, dtype)
+        return shim.DeviceArray(flat, shape, dtype)
 
     def constant(self, array: NDArray[Any]) -> Any:
         tensor, view = self.allocate(array.shape, array.dtype)
@@ -100,26 +88,69 @@ class CardMemory(Memory):
     def scratch(self, threads: int, array: NDArray[Any]) -> Any:
         """Neighbouring threads' elements lie side by side, so that a warp reads them at once."""
         dtype, shape = array.dtype, (threads, *array.shape)
-        flat = torch.empty(max(int(np.prod(shape)) * dtype.itemsize, 1), dtype=torch.uint8, device=self.device)
+        flat = torch.empty(max(math.prod(shape) * dtype.itemsize, 1), dtype=torch.uint8, device=self.device)
         strides = (dtype.itemsize, *(threads * stride for stride in array.strides))
-        return shim.array_at(flat, shape, strides, dtype)
+        return shim.DeviceArray(flat, shape, dtype, strides)
 
     def launch(self, driver: Driver, threads: int, batch: Any) -> None:
-        if driver not in self._kernels:
-            self._kernels[driver] = shim.kernel_of(driver)
-        stream = torch.cuda.current_stream(self.device).cuda_stream
-        self._kernels[driver][-(-threads // _BLOCK), _BLOCK, shim.cuda().external_stream(stream)](threads, batch)
+        made_for, call = self._launchers.get(driver, (None, None))
+        with torch.cuda.device(self.device):
+            if call is None or made_for is not batch:
+                call = shim.launcher(driver, self._capability, threads, batch)
+                self._launchers[driver] = (batch, call)
+            call(torch.cuda.current_stream().cuda_stream)
 
     def threads(self, most: int) -> int:
         return most
 
 
+class CompilerMemory(CardMemory):
+    """Memory of the CPU, for which kernels are compiled as for a GPU of its layout, but not run."""
+
+    def __init__(self, capability: shim.Capability) -> None:
+        """Lay memory out for kernels of GPUs of this compute capability."""
+        super().__init__(torch.device("cpu"), capability)
+
+    def launch(self, driver: Driver, threads: int, batch: Any) -> None:
+        """Keep the kernel on disk."""
+        shim.machine_code(driver, self._capability, threads, batch)
+
+
 def memory_of(device: str) -> Memory:
-    """Return the memory of a device by torch's name of it; ConfigError if it cannot be used."""
-    if device == "compiler":
-        return CompilerMemory()
-    place = torch.device(device)
-    return Memory() if place.type == "cpu" else CardMemory(place)
+    """Return the memory of a device by torch's name of it; ConfigError if it cannot be used.
+
+    "compiler:9.0" compiles kernels for GPUs of that compute capability, and runs none.
+    """
+    kind, _, number = str(device).partition(":")
+    if kind == "compiler":
+        return CompilerMemory(shim.capability_of(number))
+    if kind not in ("cpu", "cuda") or not re.fullmatch(r"\d{0,3}", number):
+        raise ConfigError(f"device {shown(device)} must be 'cpu', 'cuda' for a GPU, or 'cuda:1' for a further one")
+    if kind == "cpu":
+        return Memory()
+    place = find_card(number)
+    return CardMemory(place, shim.capability_of(capability_at_hand(place)))
+
+
+def capability_at_hand(card: torch.device | None = None) -> str:
+    """Return the compute capability of a GPU, else of torch's current one; "9.0" (H100, H200) if there is none."""
+    return "{}.{}".format(*torch.cuda.get_device_capability(card)) if torch.cuda.is_available() else "9.0"
+
+
+def find_card(number: str = "") -> torch.device:
+    """Return a GPU by torch's number of it, "" for torch's current one; ConfigError says what is missing to use it."""
+    shim.cuda()
+    count, why = torch.cuda.device_count(), ""
+    if torch.version.cuda is None:
+        why = f"PyTorch is installed without CUDA ({torch.__version__}): install its CUDA build"
+    elif count == 0:
+        why = "PyTorch finds no GPU: `nvidia-smi` shows whether there is one with a driver"
+    elif int(number or 0) >= count:
+        why = f"there is no GPU cuda:{number}: the last one is cuda:{count - 1}"
+    if why:
+        raise ConfigError(f"{why}, or use device='cpu'")
+    shim.check_driver()
+    return torch.device("cuda", int(number) if number else torch.cuda.current_device())
 
 
 def tensor_of(array: NDArray[Any]) -> torch.Tensor:

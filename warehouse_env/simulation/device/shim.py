@@ -1,25 +1,32 @@
 """What numba-cuda needs to compile the project's functions to the bits of the CPU. The only module that knows it.
 
-Four changes to numba-cuda 0.30 (pinned by the extra `cuda`), since it offers no options for them: rounding and roots by
-libdevice, `min` and `max` by comparison as in Python, no fused multiply-add, and None as a kernel's argument.
+Three changes to numba-cuda 0.30 (pinned by the extra `cuda`), since it offers no options for them: rounding and roots
+by libdevice, `min` and `max` by comparison as in Python, and no fused multiply-add. Numba only compiles, which needs no
+GPU. Machine code is kept on disk, and NVIDIA's cuda.core launches it.
 """
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Sequence
+import hashlib
+import importlib.metadata
+import math
+import re
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
-from warehouse_env.errors import ConfigError
+from warehouse_env.compiled import digest, kept_file
+from warehouse_env.errors import ConfigError, shown
 
-ARCHITECTURE = (9, 0)  # compute capability of the H100 and H200, for which kernels are compiled without a GPU
-_MISSING = (
-    "device='cuda' needs numba-cuda and a GPU with its driver: {why}; install the extra `cuda` "
-    "(pip install 'warehouse-env[cuda]') on a machine with an NVIDIA GPU, or use device='cpu'"
-)
+Capability = tuple[int, int]  # compute capability: (9, 0) of the H100 and H200
+Driver = Callable[[Any, Any, Any], None]
+_BLOCK = 128  # threads of a block
 
 
 @functools.cache
@@ -27,10 +34,12 @@ def cuda() -> Any:
     """Return the module numba.cuda, changed as said above; ConfigError if numba-cuda is not installed."""
     try:
         import numba_cuda  # noqa: F401  # Numba's own CUDA target is older and lacks what follows
-        from numba.cuda import cudaimpl, dispatcher, ufuncs
+        from numba.cuda import cudaimpl, ufuncs
         from numba.cuda.cudadrv import nvvm
-    except ImportError as missing:
-        raise ConfigError(_MISSING.format(why=missing)) from None
+    except ImportError:
+        raise ConfigError(
+            "kernels for a GPU need numba-cuda, which is not installed: pip install 'warehouse-env[cuda]'"
+        ) from None
     from numba import cuda
 
     _round_by_libdevice(ufuncs.ufunc_db())
@@ -38,34 +47,124 @@ def cuda() -> Any:
     own[:] = [entry for entry in own if entry[1] not in (min, max)]  # those left compare as Python does
     compile_ir = nvvm.compile_ir
     nvvm.compile_ir = lambda ir, **options: compile_ir(ir, **options | {"fma": False})
-    _pass_none(dispatcher._Kernel)
     return cuda
 
 
-def check_card() -> None:
-    """ConfigError unless there is a GPU that numba-cuda can use."""
-    try:
-        cuda().current_context()
-    except ConfigError:
-        raise
-    except Exception as failed:  # numba-cuda raises types of its own, which are not public
-        raise ConfigError(_MISSING.format(why=str(failed).strip().splitlines()[0])) from None
+def capability_of(text: str) -> Capability:
+    """Return a compute capability as "9.0"; ConfigError if the installed compiler makes no code for it."""
+    cuda()
+    from numba.cuda.cudadrv.nvrtc import get_supported_ccs
+
+    known = {f"{major}.{minor}": (major, minor) for major, minor in get_supported_ccs()}
+    if text not in known:
+        raise ConfigError(f"kernels are compiled for GPUs of compute capability {', '.join(known)}, not {shown(text)}")
+    return known[text]
 
 
-def compile_ptx(driver: Callable[..., None], *arguments: Any) -> str:
-    """Return the PTX of a driver's kernel for arguments of these types, for ARCHITECTURE; needs no GPU."""
+def check_driver() -> None:
+    """ConfigError if the GPU's driver is too old for the machine code."""
+    from cuda.bindings.driver import cuDriverGetVersion
+    from numba.cuda.cudadrv.runtime import get_version
+
+    (_, known), (needed, _) = cuDriverGetVersion(), get_version()
+    if known // 1000 < needed:
+        raise ConfigError(f"the GPU's driver is of CUDA {known // 1000}, but kernels need {needed}: update the driver")
+
+
+class DeviceArray:
+    """An array on a device as kernels see it: the memory of a tensor with a shape, strides [B] and a type."""
+
+    def __init__(
+        self, memory: Any, shape: Sequence[int], dtype: np.dtype[Any], strides: Sequence[int] | None = None
+    ) -> None:
+        """Describe a tensor's memory; strides: of C order, which kernels then rely on, unless given."""
+        from numba import types
+        from numba.np.numpy_support import from_dtype
+
+        self._numba_type_ = types.Array(from_dtype(dtype), len(shape), "C" if strides is None else "A")
+        if strides is None:
+            strides = [dtype.itemsize * math.prod(shape[axis + 1 :]) for axis in range(len(shape))]
+        self.memory = memory  # stays where it is as long as this lives
+        self.shape = tuple(shape)
+        self.parameters = (0, 0, math.prod(shape), dtype.itemsize, memory.data_ptr(), *shape, *strides)
+
+    def __len__(self) -> int:
+        """Return the first axis' length."""
+        return self.shape[0]
+
+
+def compile_ptx(driver: Driver, capability: Capability, *arguments: Any) -> str:
+    """Return the PTX of a driver's kernel, of the driver's name, for arguments of these types; needs no GPU."""
     from numba import typeof, types
     from numba.cuda import dispatcher
 
-    here = dispatcher.get_current_device
-    dispatcher.get_current_device = lambda: SimpleNamespace(compute_capability=ARCHITECTURE)
+    module, here = cuda(), dispatcher.get_current_device
+    dispatcher.get_current_device = lambda: SimpleNamespace(compute_capability=capability)
     try:
         signature = types.void(*map(typeof, arguments))
-        how = {"device": False, "cc": ARCHITECTURE, "abi": "numba", "output": "ptx"}
-        ptx, _ = cuda().compile(_in_threads(driver), signature, **how)
+        how = {"device": False, "cc": capability, "abi": "numba", "output": "ptx"}
+        ptx, _ = module.compile(_in_threads(driver), signature, **how)
     finally:
         dispatcher.get_current_device = here
-    return str(ptx)
+    (name,) = re.findall(r"\.entry\s+([^\s(]+)", ptx)
+    return str(ptx.replace(name, driver.__name__))
+
+
+def machine_code(driver: Driver, capability: Capability, *arguments: Any, note: str = "") -> bytes:
+    """Return the machine code of a driver's kernel for arguments of these types: kept on disk, or compiled now.
+
+    note: printed before compiling, which takes up to a minute.
+    """
+    cuda()
+    from numba import typeof
+    from numba.cuda.cudadrv.runtime import get_version
+
+    def compile_now() -> bytes:
+        from cuda.core import Linker, LinkerOptions, ObjectCode
+
+        begin = time.perf_counter()
+        print(note, end="", file=sys.stderr, flush=True)
+        ptx = ObjectCode.from_ptx(compile_ptx(driver, capability, *arguments).encode())
+        code = Linker(ptx, options=LinkerOptions(arch=f"sm_{capability[0]}{capability[1]}")).link("cubin").code
+        print(f"{time.perf_counter() - begin:.0f} s\n" if note else "", end="", file=sys.stderr, flush=True)
+        return bytes(code)
+
+    versions = [importlib.metadata.version("numba"), importlib.metadata.version("numba-cuda"), str(get_version())]
+    parts = [digest(driver), *versions, Path(__file__).read_text(encoding="utf-8"), *map(str, map(typeof, arguments))]
+    key = hashlib.sha256("\n".join(parts).encode()).hexdigest()
+    return kept_file(f"{driver.__name__}-{key[:16]}.sm{capability[0]}{capability[1]}.cubin", compile_now)
+
+
+def launcher(driver: Driver, capability: Capability, threads: int, batch: Any) -> Callable[[int], None]:
+    """Return what launches a driver's kernel in so many threads, on a stream given by its handle.
+
+    The batch must stay alive, and the GPU's context be current.
+    """
+    from cuda.core import LaunchConfig, Stream, launch
+
+    note = f"Compiling the kernel `{driver.__name__}` for this GPU, once: "
+    kernel = _loaded(driver.__name__, machine_code(driver, capability, threads, batch, note=note))
+    config = LaunchConfig(grid=-(-threads // _BLOCK), block=_BLOCK)
+    parameters = tuple(parameters_of((threads, batch)))
+    return lambda stream: launch(Stream.from_handle(stream), config, kernel, *parameters)
+
+
+@functools.cache
+def _loaded(name: str, code: bytes) -> Any:
+    from cuda.core import ObjectCode
+
+    return ObjectCode.from_cubin(code).get_kernel(name)
+
+
+def parameters_of(argument: Any) -> Iterator[Any]:
+    """Yield a kernel's parameters for an argument, in Numba's order."""
+    if isinstance(argument, DeviceArray):
+        yield from argument.parameters
+    elif isinstance(argument, tuple):
+        for part in argument:
+            yield from parameters_of(part)
+    else:
+        yield 0 if argument is None else np.asarray(argument)[()]  # None: a pointer that no code reads
 
 
 def _round_by_libdevice(known: dict[Any, Any]) -> None:
@@ -86,35 +185,7 @@ def _round_by_libdevice(known: dict[Any, Any]) -> None:
         known[ufunc] = {"f->f": calling(f"__nv_{of_single}", single), "d->d": calling(f"__nv_{of_double}", double)}
 
 
-def _pass_none(kernel: Any) -> None:
-    """Let launches pass None: a null pointer, which no code reads, as its type says all."""
-    from numba import types
-
-    prepare = kernel._prepare_args
-
-    def prepare_or_none(self: Any, kind: Any, value: Any, stream: Any, after: Any, arguments: list[Any]) -> None:
-        if isinstance(kind, types.NoneType):
-            arguments.append(0)
-        else:
-            prepare(self, kind, value, stream, after, arguments)
-
-    kernel._prepare_args = prepare_or_none
-
-
-def array_at(flat: Any, shape: Sequence[int], strides: Sequence[int], dtype: np.dtype[Any]) -> Any:
-    """Return the memory of a tensor uint8[bytes] on a GPU as numba-cuda's array of a shape, strides [B] and type."""
-    from numba.cuda.cudadrv.devicearray import DeviceNDArray
-
-    memory = cuda().as_cuda_array(flat).gpu_data
-    return DeviceNDArray(tuple(shape), tuple(strides), dtype, gpu_data=memory)
-
-
-def kernel_of(driver: Callable[[Any, Any, Any], None]) -> Any:
-    """Return the kernel that runs a driver (drivers.py) in so many threads."""
-    return cuda().jit(_in_threads(driver))
-
-
-def _in_threads(driver: Callable[[Any, Any, Any], None]) -> Callable[[Any, Any], None]:
+def _in_threads(driver: Driver) -> Callable[[Any, Any], None]:
     grid = cuda().grid
 
     def run(threads: Any, batch: Any) -> None:
