@@ -6,6 +6,7 @@ import math
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from decimal import Context, Decimal
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +21,7 @@ from warehouse_env.planning import Plan, make_planner
 from warehouse_env.routes import book as route_book
 from warehouse_env.routes import plan_store, plan_table
 from warehouse_env.routes.book import RouteBook
-from warehouse_env.routes.lanes import resample
+from warehouse_env.routes.lanes import distance, resample
 from warehouse_env.threads import set_num_threads
 
 EAST, NORTH, WEST, SOUTH = 0.0, math.pi / 2, math.pi, -math.pi / 2
@@ -341,3 +342,9 @@ def test_the_shipped_table_holds_what_the_planner_plans() -> None:
     assert len(kept) > 10
     for task in kept:
         np.testing.assert_array_equal(known._table.cells(*task), known._plan(*task).cells)
+
+
+@pytest.mark.parametrize(("x", "y"), [(1.3, 1.0), (-1.9, 1.55), (0.8, -2.45), (0.0, 0.0), (0.0, -0.1)])
+def test_distances_of_way_points_are_the_nearest_numbers(x: float, y: float) -> None:
+    exact = (Decimal(x) ** 2 + Decimal(y) ** 2).sqrt(Context(prec=60))
+    assert distance(x, y) == float(exact)

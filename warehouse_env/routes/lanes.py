@@ -165,13 +165,29 @@ def _relax(points, targets, room, solid, cell):
             points[k, 0], points[k, 1] = nx, ny
 
 
+@inline
+def distance(dx, dy):
+    """Return sqrt(dx^2 + dy^2), corrected as glibc's hypot does (Borges 2021), since libraries and GPUs round apart."""
+    high, low = max(abs(dx), abs(dy)), min(abs(dx), abs(dy))
+    root = math.sqrt(high * high + low * low)
+    if root == 0.0:
+        return root
+    if root <= 2.0 * low:
+        off = root - low
+        error = high * (2.0 * off - high) + (off - 2.0 * (high - low)) * off
+    else:
+        off = root - high
+        error = 2.0 * off * (high - 2.0 * low) + ((4.0 * off - low) * low + off * off)
+    return root - error / (2.0 * root)
+
+
 @kernel
 def resample(points, spacing):
     """Return the polyline float64[L, 2] [m] as evenly spaced points, nearest to `spacing` [m]; both ends are kept."""
     n = points.shape[0]
     arc = np.zeros(n)
     for k in range(1, n):
-        arc[k] = arc[k - 1] + math.hypot(points[k, 0] - points[k - 1, 0], points[k, 1] - points[k - 1, 1])
+        arc[k] = arc[k - 1] + distance(points[k, 0] - points[k - 1, 0], points[k, 1] - points[k - 1, 1])
     length = arc[n - 1]
     pieces = max(int(round(length / spacing)), 1) if length > 0.0 else 0
     step = length / max(pieces, 1)
