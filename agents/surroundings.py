@@ -49,21 +49,20 @@ class Surroundings:
         lidar = np.clip(observation[..., self._slices["lidar"]].astype(np.float64), 1e-3, 1.0)
         return np.asarray(np.maximum(1.0 / lidar - 1.0 - self.reach, 0.0))
 
-    def ego(self, observation: Observation) -> Floats:
-        """Return float64[..., 8], the slice `ego` as it is."""
-        return observation[..., self._slices["ego"]].astype(np.float64)
+    def _ego(self, observation: Observation, k: int) -> Floats:
+        return observation[..., self._slices["ego"].start + k].astype(np.float64)
 
     def speed(self, observation: Observation) -> Floats:
         """Return the own speed [m/s]."""
-        return np.asarray(self.ego(observation)[..., 0] * self._config.robot.max_speed)
+        return np.asarray(self._ego(observation, 0) * self._config.robot.max_speed)
 
     def waited(self, observation: Observation) -> Floats:
         """Return how long the robot has been standing [s], at most 20."""
-        return np.asarray(self.ego(observation)[..., EGO - 1] * 20.0)
+        return np.asarray(self._ego(observation, EGO - 1) * 20.0)
 
     def to_go(self, observation: Observation) -> Floats:
         """Return the way left to the goal [m], at most 20."""
-        return np.asarray(self.ego(observation)[..., EGO - 3] * 20.0)
+        return np.asarray(self._ego(observation, EGO - 3) * 20.0)
 
     def towards_route(self, observation: Observation, ahead: float) -> Floats:
         """Return float64[..., 2], unit vector from the front axle to the route's point about `ahead` [m] away."""

@@ -23,8 +23,9 @@ for _name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
 import numpy as np  # noqa: E402
 import tyro  # noqa: E402
 
+from agents import Actor, make_policy  # noqa: E402
 from train.books import simulator_of  # noqa: E402
-from train.evaluation.rollout import config_of, make_actor  # noqa: E402
+from train.evaluation.rollout import config_of  # noqa: E402
 from train.reporting.report import Table, make_progress  # noqa: E402
 from warehouse_env.config import EnvConfig  # noqa: E402
 from warehouse_env.files import complete_file  # noqa: E402
@@ -79,7 +80,7 @@ class Drive:
 def drive(env: EnvConfig, seed: int, path: Path, title: str) -> None:
     """Drive all decisions, or those that are left, and save the world and its rows in a file."""
     drive: Drive = pickle.loads(path.read_bytes()) if path.exists() else Drive(env, seed)
-    act, each = make_actor(POLICY, env), max(1, env.max_steps // PARTS)
+    act, each = Actor(make_policy(POLICY, env), env), max(1, env.max_steps // PARTS)
     begin, since = time.process_time(), drive.done
     with make_progress() as progress:
         bar = progress.add_task(title, total=env.max_steps, completed=drive.done)

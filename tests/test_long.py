@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from agents import Actor, make_policy
 from tests import long
 
 
@@ -15,7 +16,7 @@ def test_two_drives_one_of_them_pickled_half_way_come_to_the_same(tmp_path: Path
     env = long.config(8, 2, 60)
     long.drive(env, 1, tmp_path / "whole", "whole")
     whole, half = pickle.loads((tmp_path / "whole").read_bytes()), long.Drive(env, 1)
-    act = long.make_actor(long.POLICY, env)
+    act = Actor(make_policy(long.POLICY, env), env)
     for k in range(60):
         half = pickle.loads(pickle.dumps(half)) if k == 30 else half
         half.step(act)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 
 import numpy as np
 import pytest
@@ -56,21 +57,17 @@ def test_a_robot_may_see_less_and_what_is_left_stays_the_same(without: tuple[str
             one.step(np.full((1, 12), one.cruise_action))
 
 
-@pytest.mark.parametrize(
-    ("policy", "needs"),
-    [
-        ("follow", set()), ("greedy", set()), ("brake", {"neighbours"}), ("rules", {"rays", "neighbours"}),
-        ("orca", {"neighbours", "route_points"}), ("apf", {"rays", "neighbours", "route_points"}),
-    ],
-)  # fmt: skip
-def test_a_rule_names_the_slice_that_it_needs(policy: str, needs: set[str]) -> None:
-    for name in SEEN:
+def test_a_rule_names_the_slice_that_it_needs() -> None:
+    needs = {
+        "follow": (), "greedy": (), "brake": ("neighbours",), "rules": ("rays", "neighbours"),
+        "orca": ("neighbours", "route_points"), "apf": ("rays", "neighbours", "route_points"),
+    }  # fmt: skip
+    for policy, name in itertools.product(needs, SEEN):
         config = EnvConfig(sensor=SensorSpec(**{name: 0}))
-        if name in needs:
-            with pytest.raises(ConfigError, match="give it the slice"):
+        if name in needs[policy]:
+            with pytest.raises(ConfigError, match=f"give it the slice '{SEEN[name]}'"):
                 make_policy(policy, config)
         else:
-            action = make_policy(policy, config).act(np.zeros((1, 8, observation_layout(config).size), np.float32), RNG)
-            assert action.shape == (1, 8)
+            make_policy(policy, config).act(np.zeros((1, 8, observation_layout(config).size), np.float32), RNG)
     with pytest.raises(ConfigError, match="predictions=True must be False without neighbours or route_points"):
         SensorSpec(neighbours=0, predictions=True)

@@ -1,4 +1,4 @@
-"""Policy folders: what is written is read back, damage is one sentence, and the NumPy pass is torch's."""
+"""Policy folders: what is written is read back, and damage is one sentence."""
 
 from __future__ import annotations
 
@@ -9,13 +9,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-import torch
 from safetensors.numpy import load_file, save_file
 
 from agents import Actor, LearnedPolicy, Network, PolicyRecord, make_policy, policy_config, save_policy
 from agents.networks import ActorCritic, tensors_of
 from agents.policy import Preferring, draw_discrete
-from agents.weights_folder import read_record
 from warehouse_env.config import EnvConfig, SensorSpec
 from warehouse_env.errors import WeightsError
 from warehouse_env.observation import observation_layout
@@ -29,7 +27,6 @@ def observations(count: int = 5) -> np.ndarray[Any, np.dtype[np.float32]]:
 
 
 def _size() -> int:
-
     return observation_layout(EnvConfig()).size
 
 
@@ -133,22 +130,6 @@ def test_a_damaged_config_is_refused(folder: Path, changes: dict[str, Any], sent
     with pytest.raises(WeightsError, match=sentence) as error:
         make_policy(folder, EnvConfig())
     assert str(folder / "config.json") in str(error.value)
-
-
-@pytest.mark.parametrize(
-    "changes",
-    [{"activation": "relu"}, {"hidden": (), "critic_hidden": (5,)}, {"activation": "silu", "hidden": (7, 5, 6)}],
-)
-def test_other_networks_are_saved_and_are_torchs(changes: dict[str, Any], tmp_path: Path) -> None:
-    network = Network(_size(), 20, True, **{"hidden": (9,), **changes})
-    torch.manual_seed(0)
-    net = ActorCritic(network, np.zeros(20, np.float32))
-    folder = save_policy(tmp_path, PolicyRecord("mine", network, EnvConfig()), tensors_of(net))
-    assert read_record(folder).network == network
-    seen = observations()
-    with torch.no_grad():
-        expected = net.output(torch.from_numpy(seen)).numpy()
-    assert LearnedPolicy(folder, EnvConfig()).output(seen) == pytest.approx(expected, rel=1e-4, abs=1e-4)
 
 
 def test_a_folder_of_before_says_no_activation(folder: Path) -> None:

@@ -33,12 +33,3 @@ def test_half_of_the_change_is_the_own_one(observe: Observe) -> None:
     observation[..., observation_layout(config).slices["neighbours"].start + 4] = -2.0 / config.robot.max_speed
     velocity = Reciprocal(config, Reciprocity(radius=0.5, horizon=2.0)).velocity(observation)[0, 0]
     assert velocity == pytest.approx([1 - 0.25**2, -0.25 * np.sqrt(1 - 0.25**2)], abs=1e-5)
-
-
-def test_rows_do_not_see_each_other(observe: Observe) -> None:
-    pytest.importorskip("pyrvo")
-    config = EnvConfig()
-    rows = np.random.default_rng(2).uniform(-1, 1, (2, 8, observation_layout(config).size)).astype(np.float32)
-    policy = Reciprocal(config)
-    together, alone = policy.velocity(rows), [policy.velocity(rows[b : b + 1, n : n + 1]) for b, n in np.ndindex(2, 8)]
-    assert np.array_equal(together.reshape(-1, 2), np.concatenate(alone).reshape(-1, 2))

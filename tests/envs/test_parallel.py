@@ -188,5 +188,3 @@ def test_the_action_of_a_robot_that_has_left_is_not_read(tiny: EnvConfig) -> Non
 def test_unknown_options_are_named(tiny: EnvConfig) -> None:
     with pytest.raises(ConfigError, match="num_agents"):
         parallel_env(tiny, num_agent=3)
-    with pytest.raises(ConfigError, match="rgb_array"):
-        parallel_env(tiny, render_mode="rgb_aray")

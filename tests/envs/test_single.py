@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import subprocess
 import sys
-from collections.abc import Callable
 
 import gymnasium
 import numpy as np
@@ -14,13 +13,9 @@ from gymnasium.utils.env_checker import check_env as gymnasium_check
 from stable_baselines3.common.env_checker import check_env as sb3_check
 
 import warehouse_env
+from tests.envs.test_parallel import strict
 from warehouse_env import EnvConfig, Simulator, single_env
 from warehouse_env.errors import ActionError
-
-
-def strict(test: Callable[..., None]) -> Callable[..., None]:
-    """Any warning fails the test, but that observations have no bound (metres off the route have none)."""
-    return pytest.mark.filterwarnings("ignore:.*infinity")(pytest.mark.filterwarnings("error")(test))
 
 
 @strict

@@ -190,11 +190,6 @@ def make_actors(name: str, config: EnvConfig, worlds: int) -> list[Actor]:
     return [Actor(policy, config) for policy in policies]
 
 
-def make_actor(name: str, config: EnvConfig) -> Actor:
-    """Return the actor of one world."""
-    return make_actors(name, config, 1)[0]
-
-
 def identity(experiment: Experiment) -> Row:
     """Return the fields that all rows of an experiment share and that identify them in a file."""
     config = experiment.config

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from agents import POLICIES
-from train.evaluation.rollout import POLICY_STREAM, config_of, make_actor
+from agents import POLICIES, Actor, make_policy
+from train.evaluation.rollout import POLICY_STREAM, config_of
 from train.kinds import Kinds
 from train.live.commands import Make
 from warehouse_env.config import EnvConfig
@@ -79,7 +79,7 @@ class World:
         base = EnvConfig(num_agents=setting.robots, planner=setting.planner, layout=setting.floor)
         config = config_of(setting.policy, base, setting.given)
         simulator = Simulator(config, grid=self.floors.load(setting.floor))
-        act = make_actor(setting.policy, config)
+        act = Actor(make_policy(setting.policy, config), config)
         simulator.reset([setting.seed])
         self.setting, self.simulator, self._act = setting, simulator, act
         self._rng = np.random.default_rng([setting.seed, POLICY_STREAM])
