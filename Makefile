@@ -28,50 +28,50 @@ COMPILING := setuptools numba gymnasium pettingzoo pyyaml safetensors platformdi
 .DELETE_ON_ERROR:
 .PHONY: help setup demo test night kills hostile long bounds docs gallery chart clients cuda gpu lint format bench clean missing
 
-help: ## list what make can do (the default)
+help: ## list the targets (the default)
 	@awk -F ':.*## ' '/^[a-z]+:.*## /{printf "  make %-7s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
-setup: $(STAMP) ## set up the environment in .venv with all kernels compiled, and nothing else
+setup: $(STAMP) ## set up .venv and compile all kernels
 	@echo "Ready: $$($(RUN)/python --version) in $(VENV)"
 
-demo: $(STAMP) ## compare the shipped policies: 16 robots, a table, pictures and a video in results/demo
+demo: $(STAMP) ## compare the shipped policies with 16 robots: table, pictures and video in results/demo
 	$(RUN)/warehouse demo --overwrite --out $(DEMO)
 
 test: $(STAMP) ## run the tests
 	$(RUN)/python -m pytest $(TESTS)
 
-night: $(STAMP) ## run the long tests that `test` leaves out: kills, long episodes, browsers, clusters, wheels, plain Python
+night: $(STAMP) ## run the long tests: kills, long episodes, browsers, clusters, wheels, plain Python
 	$(RUN)/python -m pytest $(TESTS) -m nightly
 
-kills: $(STAMP) ## kill commands KILLS times at random moments, go on, and compare what they come to
+kills: $(STAMP) ## kill commands KILLS times at random moments, resume them, and compare the results
 	$(RUN)/python -m tests.kills --kills $(KILLS)
 
-hostile: $(STAMP) ## try HOSTILE times as many hostile inputs as `test` does on all readers and constructors
+hostile: $(STAMP) ## feed all readers and constructors HOSTILE times as many hostile inputs as `test` does
 	HOSTILE=$(HOSTILE) $(RUN)/python -m pytest $(TESTS) tests/test_hostile.py
 
-long: $(STAMP) ## drive one world with everything on for DECISIONS decisions, twice; goes on where it stopped
+long: $(STAMP) ## drive one world with all features for DECISIONS decisions, twice; resumes where it stopped
 	$(RUN)/python -m tests.long --decisions $(DECISIONS) --keep $(NIGHT)/long
 
-bounds: $(STAMP) ## drive EPISODES random episodes, and hostile inputs, with all indices of all kernels checked
+bounds: $(STAMP) ## drive EPISODES random episodes and hostile inputs with bounds checks in all kernels
 	NUMBA_BOUNDSCHECK=1 NUMBA_CACHE_DIR=$(NIGHT)/bounds EPISODES=$(EPISODES) $(RUN)/python -m pytest \
 	  tests/test_bounds.py tests/test_hostile.py -k "episode or environments or actions"
 
-docs: $(STAMP) ## build the documentation in build/docs; a warning is an error
+docs: $(STAMP) ## build the documentation in build/docs, with warnings as errors
 	$(RUN)/python -m sphinx --quiet --fail-on-warning --keep-going --fresh-env docs build/docs
 	@echo "wrote the documentation to build/docs; begin with build/docs/index.html"
 
-gallery: $(STAMP) ## make the moving pictures of docs/gallery.md anew; needs a Chromium
+gallery: $(STAMP) ## remake the animations of docs/gallery.md; needs Chromium
 	$(RUN)/python docs/extensions/gallery.py
 
-chart: $(STAMP) ## draw docs/throughput.svg anew, from docs/measured/throughput.jsonl
+chart: $(STAMP) ## redraw docs/throughput.svg from docs/measured/throughput.jsonl
 	$(RUN)/python docs/extensions/throughput.py
 
-clients: ## use SuperSuit, TorchRL, BenchMARL, RLlib, Gymnasium and SB3 for real, briefly, in .venv-clients
+clients: ## try SuperSuit, TorchRL, BenchMARL, RLlib, Gymnasium and SB3 briefly in .venv-clients
 	@$(MAKE) --no-print-directory test VENV=$(VENV)-clients EXTRAS=$(EXTRAS),clients \
 	  CONSTRAINTS=constraints-clients.txt \
 	  TESTS="tests/clients -m 'nightly or not nightly' --verbosity 1 --durations 0 --durations-min 1"
 
-cuda: $(STAMP) ## compile the kernels for a GPU; where there is one, also compare its bits with the CPU's
+cuda: $(STAMP) ## compile the kernels for a GPU; on a machine with one, compare its bits with the CPU's
 	@$(INSTALL) --no-build-isolation --editable ".[$(EXTRAS),cuda]"
 	$(RUN)/python -m pytest tests/simulation/device -m "nightly or not nightly" --verbosity 1 --durations 0 \
 	  --durations-min 1
@@ -82,19 +82,19 @@ gpu: cuda ## check, measure and train on a GPU for ten minutes, into results/gpu
 	  --out results/gpu --name policy --json results/gpu/progress.jsonl
 	$(RUN)/warehouse evaluate --policy results/gpu/policy brake --robots 16 --episodes 8 --out results/gpu
 
-lint: $(STAMP) ## ruff and strict mypy
+lint: $(STAMP) ## run ruff and strict mypy
 	$(RUN)/ruff check
 	$(RUN)/ruff format --check
 	$(RUN)/mypy
 
-format: $(STAMP) ## put imports and layout in order
+format: $(STAMP) ## format the code and sort imports
 	$(RUN)/ruff check --fix
 	$(RUN)/ruff format
 
-bench: $(STAMP) ## measure the speeds that docs/measured/speed.md gives
+bench: $(STAMP) ## measure the speeds in docs/measured/speed.md
 	$(RUN)/warehouse bench --json $(BENCH)
 
-clean: ## remove the environment, caches and build products; results stay
+clean: ## remove the environment, caches and build products; keep results
 	rm -rf .venv .venv-clients .ci-venv build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find warehouse_env agents train tests docs -name __pycache__ -type d -prune -exec rm -rf {} +
 

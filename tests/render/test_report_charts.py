@@ -45,7 +45,7 @@ def test_drawings_are_the_same_every_time() -> None:
 def test_throughput() -> None:
     loads = [FloorLoad(8, 800.0, 700.0, 900.0, False), FloorLoad(16, 900.0, math.nan, math.nan, True)]
     drawn = read(throughput(loads, 100.0, loads[0], (6.0, 5.0, math.inf), "label"))
-    assert {"drives", "jams", "most goals, 8 robots", "a further one brings half, from 6"} <= set(drawn)
+    assert {"drives", "jams", "most goals, 8 robots", "a further one adds half, from 6"} <= set(drawn)
     assert "a further one" not in " ".join(read(throughput(loads, 100.0, loads[0], None, "label")))
 
 

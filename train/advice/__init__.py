@@ -1,1 +1,1 @@
-"""Advice on a floor: how many robots it bears, where they wait, and what a change of it would bring."""
+"""Advice on a floor: how many robots it supports, where they wait, and what a change of the floor gains."""

@@ -35,7 +35,7 @@ def advice_page(advice: Advice, hall: Sequence[PagePart] = (), files: Sequence[L
         *([_to_take_away(advice, files)] if files else []),
         PagePart("What was run", facts=_facts(advice)),
     ]
-    title = f"How many robots does {grid.name} bear, and what holds them up?"
+    title = f"How many robots does {grid.name} support, and what delays them?"
     high, wide = (number(side * grid.cell_size) for side in grid.shape)
     subtitle = f"{wide} x {high} m, {len(grid.picks)} pick faces, {len(grid.stations)} stations"
     return Page(title, subtitle, answer(advice), parts)
@@ -152,7 +152,7 @@ def _of_changes(advice: Advice) -> PagePart:
     """Return what changes gain, or why none was driven."""
     why = "" if advice.effects else "None was driven: there was no time, or nothing can be changed."
     tables = [changes_table(advice)] if advice.effects else []
-    return PagePart("What a change would bring", why, _changes(advice), tables=tables)
+    return PagePart("What a change gains", why, _changes(advice), tables=tables)
 
 
 def _changes(advice: Advice) -> list[Shown]:

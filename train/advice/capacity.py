@@ -1,4 +1,4 @@
-"""How many robots a floor bears: the best policy and number of robots, the knee, the jam, and the fewest for a target.
+"""How many robots a floor supports: the best policy and number, the knee, the jam, and the fewest for a target.
 
 Each choice is measured again on seeds that had no part in it.
 """
@@ -32,9 +32,9 @@ _UP, _POLICY, _LOAD, _CONFIRM, _CURVE = 0.3, 0.4, 0.5, 0.58, 0.65  # of the time
 
 
 class Capacity(NamedTuple):
-    """How many robots a floor bears."""
+    """How many robots a floor supports."""
 
-    team: Team  # the best policy, and the fewest robots not told apart from the best
+    team: Team  # the best policy, and the fewest robots not significantly worse than the best
     goals: LoadPoint  # their throughput on new seeds
     alone: Interval  # goals per hour of one robot
     loads: list[LoadPoint]  # of the policy, in the episodes of the choice
@@ -69,7 +69,7 @@ def capacity(study: TrialRuns) -> Capacity:
 def _sweep(
     study: TrialRuns, policy: str, numbers: Sequence[int], episodes: int, share: float, until_jam: bool = False
 ) -> bool:
-    """Drive these numbers of robots in turn, until throughput falls, or a jam; return whether there was time."""
+    """Drive these numbers of robots until throughput falls or a jam occurs; return whether there was time."""
     seeds = study.plan.seeds(Use.CHOOSE, study.plan.at_most(episodes))
     for number in numbers:
         team = Team(policy, number)
@@ -96,7 +96,7 @@ def _choose_policy(study: TrialRuns, robots: int, stopped: list[str]) -> tuple[T
 
 
 def _choose_load(study: TrialRuns, team: Team, stopped: list[str]) -> Team:
-    """Race numbers around the best so far; return the fewest robots not told apart from the best."""
+    """Race numbers around the best so far; return the fewest robots not significantly worse than the best."""
     centre = team.robots
     tried = set[int]()
     while True:

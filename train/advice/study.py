@@ -126,7 +126,7 @@ class TrialRuns:
 def race(
     arms: Iterable[Arm], play: Callable[[Sequence[Arm], int], Sequence[float]], rounds: int, goes_on: GoesOn[Arm]
 ) -> dict[Arm, list[float]]:
-    """Play up to `rounds`, as long as it goes on; return the arms not told apart from the best, with their values.
+    """Play up to `rounds` while it goes on; return the arms not significantly worse than the best, with their values.
 
     play: from the remaining arms and the number of the round to a value of each. An arm is dropped if the 95% interval
     of its difference from the best in the same rounds lies below 0. Each round tests again, so this is a rule of thumb:

@@ -115,7 +115,13 @@ def advance(orders, axle, heading, centre, body, look):
                 break
             orders.done[cell] += 1
             orders.first[i] += 1
-    for i in range(heading.size):
+    _grant(orders, look)
+
+
+@kernel
+def _grant(orders, look):
+    """Grant each robot the next visits that may be entered, at most `look` ahead of its axle."""
+    for i in range(orders.end.size):
         most = min(orders.end[i], orders.at[i] + look + 1)
         while orders.granted[i] + 1 < most:
             last = _end_of_turn(orders, i, orders.granted[i] + 1)

@@ -1,4 +1,4 @@
-"""`warehouse advise`: how many robots a floor bears, where they wait, and which change helps, as a page."""
+"""`warehouse advise`: how many robots a floor supports, where they wait, and which change helps, as a page."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ SECONDS, ORDERED = 300.0, 1800.0  # [s] of an episode, and of one with orders, t
 
 @dataclass(frozen=True)
 class Advise(Fleet, Work, WorkerOptions):
-    """Find how many robots a floor bears, where they wait, and which change of the floor would help.
+    """Find how many robots a floor supports, where they wait, and which change of the floor would help.
 
     The command drives more and more robots between pick faces and stations, then numbers around the best, under the
     policy that is best there. It measures the choice again on new seeds. Then it opens aisles at the worst bottlenecks

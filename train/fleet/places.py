@@ -12,7 +12,7 @@ from train.fleet.received import GONE, HeardVehicle
 from warehouse_env.maps.grid_map import GridMap
 
 SILENCE = 30.0  # [s] after which a vehicle should have said something
-_FASTEST, _STILL = 10.0, 1.0  # [m/s] and [m] beyond which a vehicle was not driven: carried, or localized anew
+_FASTEST, _STILL = 10.0, 1.0  # [m/s] and [m] beyond which a vehicle was not driven: carried, or relocalized
 
 
 class Track(NamedTuple):

@@ -88,7 +88,7 @@ class WorldDrive:
         self._set_off()
 
     def _set_off(self) -> None:
-        """Start the pace anew."""
+        """Restart the pace."""
         self._since, self._since_steps = time.perf_counter(), self.world.steps
         self._measured, self._measured_steps = self._since, self._since_steps
         self._reached = 0.0

@@ -75,7 +75,7 @@ class World:
         self.begin(setting)
 
     def begin(self, setting: WorldSetting) -> None:
-        """Start anew; nothing is changed if that raises."""
+        """Start a new world; if that raises, nothing changes."""
         base = EnvConfig(num_agents=setting.robots, planner=setting.planner, layout=setting.floor)
         config = config_of(setting.policy, base, setting.given)
         simulator = Simulator(config, grid=self.floors.load(setting.floor))
@@ -122,7 +122,7 @@ class World:
         return moment_of(self.simulator, 0, self._stations)
 
     def make(self, asked: Make) -> None:
-        """Start anew with another setting; WarehouseError, and the world stays, if that is refused."""
+        """Start a new world with another setting; if that is refused, raise WarehouseError and keep this one."""
         if asked.policy is not None and asked.policy not in {*POLICIES, self.setting.policy}:
             raise unknown_name("policy", asked.policy, POLICIES)  # pages cannot name folders
         given = {name: value for name, value in dataclasses.asdict(asked).items() if value is not None}

@@ -129,7 +129,7 @@ def throughput(
 ) -> str:  # fmt: skip
     """Draw the goals per hour of a whole floor over its robots; alone: those of a single robot.
 
-    most: the answer, drawn large. knee: number of robots at which another one brings half of `alone`, with its
+    most: the answer, drawn large. knee: number of robots from which another one adds half of `alone`, with its
     interval. what: the name of what is counted, if not goals.
     """
     with style():
@@ -146,7 +146,7 @@ def throughput(
         if knee is not None:
             at, low, high = knee
             ax.axvspan(low, min(high, robots[-1]), color=hexed(GREY), alpha=0.18, lw=0)
-            ax.axvline(at, color=INK, lw=1.2, label=f"a further one brings half, from {at:.0f}")
+            ax.axvline(at, color=INK, lw=1.2, label=f"a further one adds half, from {at:.0f}")
         shapes = [("o", GREEN, f"most {what}, {most.robots} robots"), ("o", BLUE, "drives"), ("X", CONTACT, "jams")]
         for marker, colour, text in shapes if any(load.jammed for load in loads) else shapes[:2]:
             ax.plot([], [], marker, color=hexed(colour), label=text)

@@ -167,7 +167,7 @@ def test_the_command_drives_answers_and_writes_a_page(
     assert {row["robots"] for row in rows if row["floor"] == "as it is"} >= {1, 2, 4}
     assert "1 goals an hour" in printed
     assert "<b>hall reaches " in page
-    assert "<h2>What a change would bring</h2>" in page
+    assert "<h2>What a change gains</h2>" in page
     changed = [row for row in rows if row["floor"] != "as it is"]
     assert len(changed) in (2, 4)  # two episodes of one change of each kind that is possible, without a race
     pairs = {(row["seed"], row["robots"]) for row in rows if row["floor"] == "as it is"}

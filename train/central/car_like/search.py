@@ -72,7 +72,7 @@ def _expand(task, node, bound, size, used, traffic, floor, tree):
 
 @inline
 def _append(route, count, piece):
-    """Add a piece to a route, or lengthen its last one where that goes on so; return the number of pieces."""
+    """Add a piece to a route, or lengthen its last one if it continues it; return the number of pieces."""
     if count > 0 and route[count - 1, RATE] == piece.rate and route[count - 1, BEND] == piece.bend:
         route[count - 1, END] = piece.end
         return count
