@@ -11,7 +11,7 @@ from collections.abc import Callable
 from functools import cache, partial
 from pathlib import Path
 
-from train.tables.papers import settings, six_agvs
+from train.tables.papers import avoidance, settings, six_agvs
 from train.tables.planners import pairs_on_floors
 from train.tables.study import Experiment, TableSetting, TableStudy
 from warehouse_env.checked import from_plain
@@ -27,6 +27,7 @@ SETTINGS: dict[str, Callable[[], tuple[TableSetting, ...]]] = {
     "walker_floors": settings.walker_floors,
     "six_agvs": six_agvs.settings,
     "paper002_floors": settings.paper002_floors,
+    "moving_obstacle": avoidance.settings,
     "traps_and_clutter": settings.traps_and_clutter,
     "more_clutter": settings.more_clutter,
     "floors_of_references": settings.floors_of_references,
@@ -38,6 +39,9 @@ EXPERIMENTS: dict[str, Experiment] = {
     "coordinator": partial(six_agvs.on_grid, aside=True, new_route=True),
     "no step aside": partial(six_agvs.on_grid, aside=False, new_route=True),
     "no new route": partial(six_agvs.on_grid, aside=True, new_route=False),
+    "bodies": six_agvs.by_bodies,
+    "bodies, each alone": partial(six_agvs.by_bodies, alone=True),
+    **{name: partial(avoidance.avoid, answer=answer) for name, answer in avoidance.ANSWERS.items()},
 }
 
 

@@ -102,6 +102,7 @@ MEASURES: dict[str, TableMeasure] = {
     "clearance": TableMeasure("clearance [cells]", _each("clearance"), "more", digits=3),
     "last": TableMeasure("last arrival [s]", _each("last")),
     "contacts": TableMeasure("contacts", _each("contacts"), digits=3),
+    "apart": TableMeasure("least distance to it [cells]", _each("apart"), "more", digits=3),
     "optimum": TableMeasure("optimum", _each("optimal_length"), "neither", digits=6),
     "min_turns": TableMeasure("fewest turns", _each("min_turns"), "neither", digits=3),
 }

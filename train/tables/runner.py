@@ -28,7 +28,7 @@ from train.tables.verdicts import RULE, judge, verdict_counts
 from warehouse_env.errors import unknown_name
 
 PLANNING = ("warehouse_env/maps", "warehouse_env/planning")  # the code that makes a plan
-DRIVING = (*PLANNING, "train/tables")  # the code that makes an experiment's row
+DRIVING = ("warehouse_env", "agents", "train/evaluation", "train/tables")  # the code that makes an experiment's row
 INTERVALS = (
     "Means with 95% intervals: Student's t over runs where a setting is one map, over maps where it has several; "
     "Wilson's score for shares on one map. n: runs of each system, times maps. Lengths in cells; times are medians of "

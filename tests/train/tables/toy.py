@@ -50,5 +50,5 @@ def row(setting: str, system: str, length: float | None, run: int = 0, number: i
         "study": "toy", "setting": setting, "system": system, "number": number, "run": run, "success": found,
         "length": length, "optimal_length": 10.0, "gap": length / 10 - 1 if length is not None else None,
         "turns": 3 if found else None, "min_turns": 2, "converged_at": 5 if found else None,
-        "cpu_ms": 2.0, "line_length": length, "last": length, "contacts": 0, **more,
+        "cpu_ms": 2.0, "line_length": length, "last": length, "contacts": 0, "apart": 1.0, **more,
     }  # fmt: skip

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
@@ -43,11 +43,16 @@ def nearest(a: Cell, to_a: Cell, b: Cell, to_b: Cell) -> float:
     return math.hypot(row + part * d_row, column + part * d_column)
 
 
+def gaps(own: Path, other: Path, steps: int) -> Iterator[float]:
+    """Yield the least distance [cells] of two robots in each step."""
+    mine, theirs = (path + path[-1:] * (steps + 1 - len(path)) for path in (own, other))
+    for k in range(steps):
+        yield nearest(mine[k], mine[k + 1], theirs[k], theirs[k + 1])
+
+
 def meet(own: Path, other: Path) -> bool:
     """Tell whether two robots clash on their paths."""
-    long = max(len(own), len(other))
-    steps = [itertools.pairwise(path + path[-1:] * (long - len(path))) for path in (own, other)]
-    return any(nearest(*mine, *theirs) < TOUCH for mine, theirs in zip(*steps, strict=True))
+    return any(gap < TOUCH for gap in gaps(own, other, max(len(own), len(other)) - 1))
 
 
 def duration(cells: Sequence[Cell]) -> float:
