@@ -50,11 +50,11 @@ class Ppo(Trainer):
     """The trainer: one `update` is one rollout and some epochs over its rows."""
 
     def __init__(self, config: PPOConfig) -> None:
-        self.config, self._split, self.rollout = config, Split(), config.rollout
+        self.config, self.split, self.rollout = config, Split(), config.rollout
         set_threads(config.threads)
         mixes = config.worlds(config.rows)
         self.env = mixes[0][0]
-        with self._split.measure("simulator_s"):
+        with self.split.measure("simulator_s"):
             self._simulators = [TrainingSimulator(*one, config.jam_seconds, config.shared) for one in mixes]
             self._tally = TrainingTally(self._simulators)
             worlds = WarehouseVecEnv(self._simulators)
@@ -62,15 +62,10 @@ class Ppo(Trainer):
         self.rows = worlds.num_envs
         self.network = network_of(self.env, config.hidden)
         self._step_size = config.learning_rate
-        self._worlds = MeasuredVecEnv(worlds, config.reward_scale, self._split, self._tally)
+        self._worlds = MeasuredVecEnv(worlds, config.reward_scale, self.split, self._tally)
         self.model = self._make_model()
         self.optimizer = self.model.policy.optimizer
         _, self._callback = self.model._setup_learn(1)
-
-    @property
-    def split(self) -> Split:
-        """Where the time went so far."""
-        return self._split
 
     def _make_model(self) -> PPO:
         config, widths, samples = self.config, list(self.config.hidden), self.config.rollout * self.rows
@@ -95,11 +90,11 @@ class Ppo(Trainer):
         self._step_size, model.ent_coef = self.config.step_size(spent), self.config.entropy(spent)
         for simulator in self._simulators:
             simulator.reward_weights = weights
-        simulated = self._split.seconds["simulator_s"]
-        with self._split.measure("policy_s"):
+        simulated = self.split.seconds["simulator_s"]
+        with self.split.measure("policy_s"):
             model.collect_rollouts(self._worlds, self._callback, model.rollout_buffer, model.n_steps)
-        self._split.seconds["policy_s"] -= self._split.seconds["simulator_s"] - simulated
-        with self._split.measure("update_s"):
+        self.split.seconds["policy_s"] -= self.split.seconds["simulator_s"] - simulated
+        with self.split.measure("update_s"):
             model.train()
         values = model.logger.name_to_value
         names = {"policy_gradient_loss": "actor_loss", "value_loss": "critic_loss", "clip_fraction": "clip_fraction"}

@@ -22,7 +22,7 @@ from agents.networks import first_actor_critic, tensors_of
 from train.learning import checkpoint
 from train.learning.config import ThreadedConfig
 from train.learning.experience import Rollout, RolloutWorker
-from train.learning.trainer import Split, Tensors, Trainer, network_of, rng_of, set_threads, shuffled
+from train.learning.trainer import Tensors, Trainer, network_of, rng_of, set_threads, shuffled
 from train.learning.worlds import Counts, TrainingSimulator, TrainingWorlds
 
 T = TypeVar("T")
@@ -58,16 +58,12 @@ class ThreadedTrainer(Trainer):
         self._sizes = [parameter.numel() for parameter in self.net.parameters()]
         self._groups = [self.net.actor_parameters(), list(self.net.critic.parameters())]
         self.optimizer = torch.optim.Adam([{"params": group} for group in self._groups], eps=1e-5)
-        self._own = Split()
-
-    @property
-    def split(self) -> Split:
-        """Where the time went: the workers' mean for the rollouts, which they play side by side."""
-        return self._own.with_mean_of([worker.split for worker in self._workers])
+        self.split = self._workers[0].split  # the other threads' are much like it
 
     def _each(self, work: Callable[..., T], *arguments: Iterable[Any]) -> list[T]:
-        """Return what a function returns for each thread's arguments, called side by side."""
-        return list(self._pool.map(work, *arguments))
+        """Return what a function returns for each worker's arguments, called side by side; a single one's is here."""
+        run = self._pool.map if len(self._workers) > 1 else map
+        return list(run(work, *arguments))
 
     def update(self, number: int, spent: float) -> dict[str, float]:
         """Collect one rollout and take the passes of gradient steps over it (see `Trainer.update`)."""
@@ -76,7 +72,7 @@ class ThreadedTrainer(Trainer):
         weights = config.reward(spent)
         seeds = [[config.seed, k, number] for k in range(len(self._workers))]
         rollouts = self._each(lambda one, seed: one.collect(self.net, weights, seed), self._workers, seeds)
-        with self._own.measure("update_s"):
+        with self.split.measure("update_s"):
             step_size = config.step_size(spent)
             for group, factor in zip(self.optimizer.param_groups, (1.0, config.critic_factor), strict=True):
                 group["lr"] = factor * step_size

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -42,13 +42,6 @@ class Split:
         finally:
             self.seconds[part] += time.perf_counter() - begun
 
-    def with_mean_of(self, others: Sequence[Split]) -> Split:
-        """Return these seconds plus the mean of others that ran side by side."""
-        joined = Split()
-        for part in PARTS:
-            joined.seconds[part] = self.seconds[part] + sum(one.seconds[part] for one in others) / len(others)
-        return joined
-
 
 def set_threads(threads: int) -> None:
     """Use this many threads in torch and in the simulator, as far as the machine allows, from the calling thread."""
@@ -64,11 +57,7 @@ class Trainer(ABC):
     rows: int  # robots stepped at a time
     rollout: int  # decisions of each between two updates
     optimizer: torch.optim.Optimizer
-
-    @property
-    @abstractmethod
-    def split(self) -> Split:
-        """Where the time went so far."""
+    split: Split  # where the time went so far
 
     @abstractmethod
     def update(self, number: int, spent: float) -> dict[str, float]:

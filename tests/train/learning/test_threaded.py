@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
@@ -9,13 +10,17 @@ from typing import Any, TypeVar
 
 import numpy as np
 import pytest
+import torch
 from safetensors.numpy import load_file
 
 from agents.weights_folder import read_record
 from train import reinforce, threaded_ppo
 from train.held_out import held_out
 from train.learning.config import ReinforceConfig, ThreadedConfig, ThreadedPPOConfig
+from train.learning.device_worlds import DeviceWorlds, TrainingDevice
 from train.learning.threaded import ThreadedTrainer
+from train.learning.worlds import TrainingSimulator, TrainingWorlds
+from warehouse_env.config import RewardWeights
 
 T = TypeVar("T")
 SMALL: dict[str, Any] = {
@@ -63,3 +68,28 @@ def test_whole_mixes_are_dealt_out_where_they_go_round() -> None:
     ]
     halves = replace(config, robots=(8,), layouts=("open",)).shares()
     assert [[(env.num_agents, worlds) for env, worlds in share] for share in halves] == [[(8, 24)], [(8, 24)]]
+
+
+def test_a_device_trains_in_the_worlds_of_the_cpu() -> None:
+    """The same observations, rewards and counts until a world ends; a jam ends it one step later."""
+    env = ReinforceConfig(planner="astar_turns", traffic="none:shield=true", episode_seconds=60.0).env("narrow", 8)
+    here = TrainingWorlds([TrainingSimulator(env, 3, 8.0, 0.3)], [5])
+    there = DeviceWorlds([TrainingDevice(env, 3, 8.0, 0.3, "cpu")], [5])
+    actions = torch.full((24,), int(here.simulators[0].cruise_action))
+    mine: Sequence[object] = ()
+    actions[8:] = 5  # two worlds stand
+    for worlds in (here, there):
+        worlds.set_reward(RewardWeights(progress=2.0, collision=-7.0))
+    while not mine:
+        assert torch.equal(here.observation, there.observation)
+        mine = here.step(actions)
+        assert not there.step(actions)
+        assert there.reward.tolist() == pytest.approx(here.reward.tolist(), abs=1e-6)
+    assert here.simulators[0].ends == [True, True]
+    counted, its = (worlds.tally.take().figures(0.2) for worlds in (here, there))
+    assert its == pytest.approx(counted | {"worlds_ended": 0.0, "worlds_jammed": 0.0}, rel=1e-5)
+    [(rows, final)] = there.step(actions)
+    assert there.simulators[0].ends == [True, True]
+    assert rows.tolist() == list(range(8, 24))
+    assert there.simulators[0].steps.tolist() == [here.simulators[0].steps[0] + 1, 0, 0]
+    assert not torch.equal(there.observation[rows], final)
