@@ -16,6 +16,7 @@ from train.benchmarks.timing import speeds
 from train.reporting.rows import Row
 from warehouse_env.config import EnvConfig
 from warehouse_env.threads import MOST_THREADS, set_num_threads
+from warehouse_env.traffic_spec import read_traffic
 
 _PLANNER = "astar"  # fast to plan
 _POOL = 32  # random actions, drawn before the clock starts and then cycled
@@ -24,7 +25,10 @@ _TURNS = 3  # chunks of the step and its reference per second of the budget
 _TRAINING_TURNS = 5
 _WARM_UP = 3  # updates of a training before the clock starts, which load kernels
 _START_SEEDS = 16  # large batches repeat these starts: planning 30,000 routes is not what is measured
-_ON_CARD = ((65536, 16, False), (65536, 16, True), (16384, 64, False), (4096, 16, False))  # worlds, robots, shield
+_ON_CARD = (  # worlds, robots, traffic
+    (65536, 16, "none"), (65536, 16, "shield:routes=false"), (65536, 16, "rules:routes=false"),
+    (16384, 64, "none"), (4096, 16, "none"),
+)  # fmt: skip
 _SQUARE_PER_ROBOTS = {32: 46, 256: 130, 1024: 260}  # robots -> side of the floor [cells], at one density
 
 
@@ -110,11 +114,10 @@ def cuda(budget: Budget) -> Iterator[Row]:
     import torch
 
     from warehouse_env.simulation.device.simulator import DeviceSimulator
-    from warehouse_env.traffic_spec import TrafficSpec
 
     rng = np.random.default_rng(budget.seed)
-    for worlds, robots, shield in _ON_CARD:
-        config = EnvConfig(num_agents=robots, max_steps=sys.maxsize, traffic=TrafficSpec(shield=shield))
+    for worlds, robots, traffic in _ON_CARD:
+        config = EnvConfig(num_agents=robots, max_steps=sys.maxsize, traffic=read_traffic(traffic))
         sim = DeviceSimulator(config, worlds, device="cuda")
         sim.reset([budget.seed + k % _START_SEEDS for k in range(worlds)])
         commands = np.full((_POOL, worlds, robots), sim.host.cruise_action)
@@ -122,7 +125,7 @@ def cuda(budget: Budget) -> Iterator[Row]:
         commands[random] = rng.integers(0, len(sim.host.actions.table), int(random.sum()))
         pool = torch.from_numpy(commands).to(sim.device)
         row = _speed(lambda k, sim=sim, pool=pool: sim.step(pool[k % _POOL]), worlds, robots, 1, budget.seconds)  # type: ignore[misc]
-        yield {**row, "shield": shield, "card": torch.cuda.get_device_name(sim.device)}
+        yield {**row, "traffic": traffic, "card": torch.cuda.get_device_name(sim.device)}
 
 
 def peers(budget: Budget) -> Iterator[Row]:

@@ -163,6 +163,7 @@ _PREDICTIONS = SensorSpec(predictions=True)
 CARD_SETS: dict[str, EnvConfig] = {  # each has kernels of its own on a GPU; other sets are compiled at their first step
     "all options off": _BARE,
     "shield": _BARE.replace(traffic=_SHIELD),
+    "right of way": _BARE.replace(traffic=TrafficSpec(shield=True, right_of_way=True)),
     "predictions": _BARE.replace(sensor=_PREDICTIONS),
     "shield and predictions": _BARE.replace(traffic=_SHIELD, sensor=_PREDICTIONS),
     "raw actions": _BARE.replace(action_type="raw"),

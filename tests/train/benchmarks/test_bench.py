@@ -75,11 +75,11 @@ def test_a_gpu_that_is_not_there_is_missed_in_one_sentence(capsys: pytest.Captur
 
 
 def test_worlds_on_a_device_are_measured(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(parts, "_ON_CARD", ((2, 4, False),))
+    monkeypatch.setattr(parts, "_ON_CARD", ((2, 4, "rules:routes=false"),))
     monkeypatch.setattr(torch.cuda, "get_device_name", lambda device: "a card")
     monkeypatch.setattr(simulator, "memory_of", lambda device: memory.Memory())
     (row,) = parts.cuda(TINY)
-    assert (row["envs"], row["agents"], row["shield"], row["card"]) == (2, 4, False, "a card")
+    assert (row["envs"], row["agents"], row["traffic"], row["card"]) == (2, 4, "rules:routes=false", "a card")
     assert 0 < row["low"] <= row["agent_steps_per_s"] <= row["high"]
 
 

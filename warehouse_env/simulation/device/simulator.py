@@ -44,7 +44,7 @@ def check_device(config: EnvConfig) -> None:
     if missing:
         raise ConfigError(
             f"a device does not simulate {', '.join(missing)} yet: leave that out (for instance "
-            "traffic=TrafficSpec(shield=True); in commands, --traffic none:shield=true), or use the CPU"
+            "traffic=TrafficSpec(shield=True); in commands, --traffic rules:routes=false), or use the CPU"
         )
 
 
