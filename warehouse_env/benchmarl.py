@@ -18,12 +18,12 @@ from omegaconf import DictConfig
 from torchrl.data import Composite
 from torchrl.envs import EnvBase
 
-from warehouse_env.config import EnvConfig
+from warehouse_env.config import LEARNING, EnvConfig
 from warehouse_env.errors import WarehouseError
 from warehouse_env.maps.layouts import LAYOUTS
 from warehouse_env.torchrl import GROUP, WarehouseEnv, torchrl_env
 
-DEFAULTS = EnvConfig(num_agents=16, action_repeat=2, max_steps=300)  # of a task; its options are EnvConfig's fields
+DEFAULTS = LEARNING.replace(num_agents=16, max_steps=300)  # of a task; its options are EnvConfig's fields
 
 
 class WarehouseTaskClass(TaskClass):  # type: ignore[misc]

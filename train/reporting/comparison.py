@@ -51,7 +51,6 @@ class ComparedRun(NamedTuple):
     """An evaluation read from a file."""
 
     name: str
-    path: Path
     rows: list[Row]
 
 
@@ -109,7 +108,7 @@ def read_runs(paths: Sequence[Path]) -> list[ComparedRun]:
     names = [name if counts[name] == 1 else str(path) for name, path in zip(names, paths, strict=True)]
     if len(set(names)) < len(names):
         raise WarehouseError(f"{Counter(names).most_common(1)[0][0]} is named twice; a run is compared with another")
-    return [ComparedRun(name, file, _rows(file)) for name, file in zip(names, files, strict=True)]
+    return [ComparedRun(name, _rows(file)) for name, file in zip(names, files, strict=True)]
 
 
 def _rows(file: Path) -> list[Row]:

@@ -26,7 +26,7 @@ AFTER = [row("ppo", seed, goals, hits) for seed, goals, hits in ((2, 131, 1.5), 
 
 
 def lines_of(before: list[dict[str, Any]], after: list[dict[str, Any]]) -> dict[str, Line]:
-    lines = compare([ComparedRun("before", Path("b"), before), ComparedRun("after", Path("a"), after)])
+    lines = compare([ComparedRun("before", before), ComparedRun("after", after)])
     return {line.measure.name: line for line in lines}
 
 
@@ -75,7 +75,7 @@ def test_differing_settings_are_listed() -> None:
         "planner": ("astar", "pf_aco"), "traffic": ("none", "routes"), "reward.contact": ("-2.0", "-0.5"),
         "version": ("2", "1"),
     }  # fmt: skip
-    runs = [ComparedRun(name, Path(name), rows) for name, rows in (("before", old), ("after", new))]
+    runs = [ComparedRun(name, rows) for name, rows in (("before", old), ("after", new))]
     assert (
         "after / before differ in planner astar / pf_aco; reward.contact -2.0 / -0.5; traffic none / routes;"
         in comparison_table(compare(runs)).note
@@ -84,7 +84,7 @@ def test_differing_settings_are_listed() -> None:
 
 def test_in_one_run_policies_are_compared_with_the_first() -> None:
     rows = [*BEFORE, *({**one, "policy": "greedy"} for one in AFTER)]
-    lines = compare([ComparedRun("one", Path("o"), rows)])
+    lines = compare([ComparedRun("one", rows)])
     assert {(line.ours.policy, line.other.policy) for line in lines} == {("greedy", "ppo")}
     assert comparison_table(lines).cells[0][3:6:2] == ("greedy", "ppo")
 
@@ -111,7 +111,7 @@ def test_a_seed_twice_is_refused_and_so_is_a_single_run(tmp_path: Path) -> None:
     with pytest.raises(WarehouseError, match="is named twice"):
         read_runs([tmp_path / "twice.jsonl", tmp_path / "twice.jsonl"])
     with pytest.raises(WarehouseError, match="name a second run"):
-        compare([ComparedRun("before", Path("b"), BEFORE)])
+        compare([ComparedRun("before", BEFORE)])
 
 
 def test_the_command_writes_table_and_rows(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
