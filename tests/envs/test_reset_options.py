@@ -35,8 +35,9 @@ def begin(adapter: str, options: Any) -> tuple[Simulator, Any]:
     if adapter == "tensors":
         env = tensor_env(2, CONFIG, device="cpu")
         env.reset(seed=3, options=options)
-        env.simulator.download([0, 1])
-        return env.simulator.host, None
+        simulator = Simulator(CONFIG, 2)
+        simulator.robots[:] = env.simulator.download([0, 1])
+        return simulator, None
     pytest.importorskip("torchrl")
     from warehouse_env.torchrl import torchrl_env
 

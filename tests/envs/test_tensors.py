@@ -13,6 +13,7 @@ import warehouse_env
 from train.cli import main
 from warehouse_env import ConfigError, EnvConfig, Simulator
 from warehouse_env.simulation.record.recording import Episode, Recorder
+from warehouse_env.simulation.state import global_view
 
 CONFIG = EnvConfig(num_agents=6, planner="astar_turns", max_steps=20)
 
@@ -33,9 +34,9 @@ def test_an_episode_ends_with_its_last_observation_and_metrics_and_the_next_begi
     assert infos["_final_obs"].all()
     assert not torch.equal(infos["final_obs"], observation)  # the worlds have begun anew
     assert not torch.equal(observation, first)  # and elsewhere
-    env.simulator.download([0, 1, 2])
-    for world in range(3):
-        assert env.state()[world].tolist() == env.simulator.host.global_state(world).tolist()
+    side = max(env.simulator.host.grid.shape) * env.simulator.host.grid.cell_size
+    for world, robots in enumerate(env.simulator.download([0, 1, 2])):
+        assert env.state()[world].tolist() == global_view(robots, side, env.simulator.config).tolist()
         assert (env.state(per_row=True)[6 * world : 6 * world + 6] == env.state()[world]).all()
 
 

@@ -66,11 +66,12 @@ class CardPart(_Part):
     titled = "compiling for GPUs of compute capability {capability}, once for this version: {name}"
 
     def run(self, tick: Tick) -> Result:
-        """Compile what a step launches."""
+        """Compile what a reset and a step launch."""
         from warehouse_env.simulation.device.simulator import DeviceSimulator
 
         begin = time.perf_counter()
         simulator = DeviceSimulator(CARD_SETS[self.name], device=f"compiler:{self.capability}")
+        simulator.reset(self.seed)
         simulator.step(no_actions(simulator))
         part = f"compute capability {self.capability}: {self.name}"
         return Result([{"what": "compile", "part": part, "seconds": time.perf_counter() - begin}])

@@ -136,6 +136,11 @@ class RouteTable:
             if self.count > MOST:
                 self._clear()
 
+    def since(self, count: int) -> tuple[Lines, NDArray[np.int64], int]:
+        """Return the arrays, the slots of the routes after the first `count`, and the number of way-points."""
+        with self._lock:
+            return self.lines, self.slots[count : self.count].copy(), self.used
+
     def fill(self, keys: NDArray[np.int64], track: Callable[[Sequence[int]], Iterable[int]] = iter) -> None:
         """Make the routes of some keys on all allowed threads; PlanError where there is none. 0 is no key.
 

@@ -286,16 +286,20 @@ class Simulator(Portable):
         self._observe(list(worlds))
 
     def _reset_world(self, world: int, entropy: list[int] | None, assignment: Assignment | None = None) -> None:
+        self.draws.begin(world, entropy)
+        self.begin_world(world, entropy, assignment)
+
+    def begin_world(self, world: int, entropy: list[int] | None, assignment: Assignment | None = None) -> None:
+        """Begin a world's episode by the key of its draws, without observing it.
+
+        entropy: of its shift's generator and its people's; None: these go on.
+        """
         robots = self._planned[world]
-        robots[...] = np.zeros((), dtype=state.ROBOT)
+        robots[...] = state.fresh_robot()
         self._stamps[world] = self._commands[:, world] = self.steps[world] = 0
         self.arrivals = [arrival for arrival in self.arrivals if arrival.world != world]
         self.truncated[world] = self.terminated[world] = False
-        robots["task"]["alive"] = 1
-        robots["events"]["gap"] = robots["totals"]["min_gap"] = state.GAP_HORIZON
-        robots["shield"]["vetoed_by"] = robots["traffic"]["yields_to"] = state.NOBODY
         self.people.leave(world)
-        self.draws.begin(world, entropy)
         self.dispatcher.begin(world, entropy, assignment, self._floor)
         self.messages.begin(world)
         self.people.begin(world, entropy, robots)

@@ -90,6 +90,16 @@ ROBOT = _record(
 )  # fmt: skip
 OWNER = {name: owner for owner, (record, *_) in ROBOT.fields.items() for name in record.names}  # type: ignore
 
+
+def fresh_robot() -> NDArray[np.void]:
+    """Return ROBOT[1], a robot at the beginning of an episode that stands nowhere yet."""
+    robot = np.zeros(1, dtype=ROBOT)
+    robot["task"]["alive"] = 1
+    robot["events"]["gap"] = robot["totals"]["min_gap"] = GAP_HORIZON
+    robot["shield"]["vetoed_by"] = robot["traffic"]["yields_to"] = NOBODY
+    return robot
+
+
 PERSON = np.dtype(
     [
         ("x", F), ("y", F), ("cos", F), ("sin", F),  # [m], and which way it walks

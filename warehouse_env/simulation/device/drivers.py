@@ -8,16 +8,20 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import numpy as np
 from numba.extending import register_jitable
 
 from warehouse_env.simulation import step
 from warehouse_env.simulation.driver.scratch import Cells, Nodes, Queue, SearchScratch
 from warehouse_env.simulation.physics import deviation
+from warehouse_env.simulation.physics.floor import Floor
 from warehouse_env.simulation.senses import messages, preferences
-from warehouse_env.simulation.traffic import deadlock_recovery, decision, off_route, recovery
+from warehouse_env.simulation.tasks import giving
+from warehouse_env.simulation.tasks.giving import TaskArrays
+from warehouse_env.simulation.traffic import deadlock_recovery, decision, recovery
 from warehouse_env.simulation.traffic.recovery import SearchSetup
-from warehouse_env.simulation.worlds import Scratch, Setup, Worlds
+from warehouse_env.simulation.worlds import Scratch, Setup, Vehicles, Worlds
+
+NOTHING, ALL, WANTED = range(3)  # what a step does; WANTED: only give routes that robots still want
 
 
 class Batch(NamedTuple):
@@ -28,8 +32,7 @@ class Batch(NamedTuple):
     scratch: Scratch  # [T, ...], a set for each thread of `advance` and `observe`
     search: SearchSetup
     searches: SearchScratch  # [T', ...], a set for each thread of `search`
-    far: np.float32  # [m] from which a robot is off its route (traffic/off_route.py)
-    calls: Any  # bool[B, N], the robots that need a route from the host
+    go: Any  # int64[1]: NOTHING if the actions are invalid, ALL, or WANTED
 
 
 class Likes(NamedTuple):
@@ -52,6 +55,21 @@ class Noise(NamedTuple):
     robots: Any  # ROBOT[B, N]
     walk: deviation.Walk
     errors: Any  # float32[B, repeat, N, ERRORS]
+    bodies: Any  # BODY[B, N]
+    waiting: Any  # int32[B], whether a world has just begun
+    go: Any  # see Batch
+
+
+class Work(NamedTuple):
+    """What `give` and `place` read and write."""
+
+    steps: Any  # int64[B], since the resets
+    tasks: TaskArrays
+    status: Any  # int32[B], see giving.place
+    orders: Any  # (int32[T, E], int32[T, K]), scratch of `place`
+    vehicles: Vehicles
+    floor: Floor
+    go: Any  # see Batch
 
 
 @register_jitable
@@ -98,28 +116,28 @@ def rank(thread, threads, likes):
 @register_jitable
 def lose(thread, threads, noise):
     """Draw which robots are silent in the next env step."""
-    begin, end = part_of(thread, threads, noise.steps.shape[0])
+    begin, end = part_of(thread, threads, noise.steps.shape[0] * noise.go[0])
     messages.draw_silent(begin, end, noise.keys, noise.steps, noise.losses, noise.robots)
 
 
 @register_jitable
 def err(thread, threads, noise):
     """Draw the errors of the next env step."""
-    begin, end = part_of(thread, threads, noise.steps.shape[0])
+    begin, end = part_of(thread, threads, noise.steps.shape[0] * noise.go[0])
     deviation.draw_errors(begin, end, noise.keys, noise.steps, noise.walk, noise.errors)
 
 
 @register_jitable
 def decide(thread, threads, batch):
     """Grant the right of way."""
-    begin, end = part_of(thread, threads, batch.worlds.steps.shape[0])
+    begin, end = part_of(thread, threads, batch.worlds.steps.shape[0] * batch.go[0])
     decision.assign_right_of_way(begin, end, batch.worlds, batch.setup, scratch_of(batch.scratch, thread))
 
 
 @register_jitable
 def resolve(thread, threads, batch):
     """Search manoeuvres out of wait cycles, and around robots that stand for good."""
-    begin, end = part_of(thread, threads, batch.worlds.steps.shape[0])
+    begin, end = part_of(thread, threads, batch.worlds.steps.shape[0] * batch.go[0])
     scratch = search_scratch_of(batch.searches, thread)
     deadlock_recovery.resolve_deadlocks(begin, end, batch.worlds, batch.search, scratch)
 
@@ -127,26 +145,44 @@ def resolve(thread, threads, batch):
 @register_jitable
 def advance(thread, threads, batch):
     """Move the worlds on by one env step."""
-    begin, end = part_of(thread, threads, batch.worlds.steps.shape[0])
+    begin, end = part_of(thread, threads, batch.worlds.steps.shape[0] * batch.go[0])
     step.run(begin, end, step.ADVANCE, batch.worlds, batch.setup, scratch_of(batch.scratch, thread))
 
 
 @register_jitable
 def search(thread, threads, batch):
-    """Search manoeuvres for the robots that seek one, and list the robots that need a route from the host."""
-    begin, end = part_of(thread, threads, batch.worlds.steps.shape[0])
-    stopping, worlds, calls = batch.setup.features.stopping, batch.worlds, batch.calls
-    recovery.seek(begin, end, worlds, batch.search, search_scratch_of(batch.searches, thread), stopping)
-    off_route.find_off_route(worlds.robots[begin:end], worlds.routes[begin:end], batch.far, calls[begin:end])
+    """Search manoeuvres for the robots that seek one."""
+    begin, end = part_of(thread, threads, batch.worlds.steps.shape[0] * batch.go[0])
+    scratch, stopping = search_scratch_of(batch.searches, thread), batch.setup.features.stopping
+    recovery.seek(begin, end, batch.worlds, batch.search, scratch, stopping)
+
+
+@register_jitable
+def give(thread, threads, work):
+    """Give the robots that arrived, or are off their routes, goals and routes."""
+    begin, end = part_of(thread, threads, work.steps.shape[0] if work.go[0] != NOTHING else 0)
+    giving.give(begin, end, work.go[0] == ALL, work.steps, work.tasks)
+
+
+@register_jitable
+def place(thread, threads, work):
+    """Place the robots of worlds that begin, with their goals and routes."""
+    begin, end = part_of(thread, threads, work.steps.shape[0])
+    body, (order, rest) = (work.vehicles.shared[0], work.vehicles.kinds, work.floor), work.orders
+    giving.place(begin, end, work.status, (order[thread], rest[thread]), body, work.tasks)
+
+
+@register_jitable
+def begin_errors(thread, threads, noise):
+    """Begin the bodies of worlds that begin."""
+    begin, end = part_of(thread, threads, noise.steps.shape[0])
     for b in range(begin, end):
-        for i in range(calls.shape[1]):
-            calls[b, i] = calls[b, i] or worlds.robots[b, i]["events"]["arrived"] != 0
+        if noise.waiting[b] != 0:
+            deviation.begin_errors(b, noise.keys, noise.walk, noise.bodies, noise.robots[b])
 
 
 @register_jitable
 def observe(thread, threads, batch):
-    """Write observations and rewards of all worlds."""
+    """Write observations and rewards of the worlds that wait for it."""
     begin, end = part_of(thread, threads, batch.worlds.steps.shape[0])
-    scratch = scratch_of(batch.scratch, thread)
-    step.run(begin, end, step.OBSERVE, batch.worlds, batch.setup, scratch)
-    step.run(begin, end, step.OBSERVE_WAITING, batch.worlds, batch.setup, scratch)
+    step.run(begin, end, step.OBSERVE_WAITING, batch.worlds, batch.setup, scratch_of(batch.scratch, thread))

@@ -43,8 +43,14 @@ class Memory:
     device = torch.device("cpu")
 
     def allocate(self, shape: Sequence[int], dtype: np.dtype[Any]) -> tuple[torch.Tensor, Any]:
-        """Return zeros as a tensor, and the same memory as kernels see it. A record is uint8[..., its bytes]."""
-        flat = torch.zeros(max(int(np.prod(shape)) * dtype.itemsize, 1), dtype=torch.uint8, device=self.device)
+        """Return zeros as a tensor, and the same memory as kernels see it; ConfigError if there is too little.
+
+        A tensor of records is uint8[..., their bytes], and one of uint64 is int64, which torch copies everywhere.
+        """
+        try:
+            flat = torch.zeros(max(math.prod(shape) * dtype.itemsize, 1), dtype=torch.uint8, device=self.device)
+        except RuntimeError as failed:
+            raise ConfigError(f"{self.device} has too little memory for so many worlds; use fewer: {failed}") from None
         return _typed(flat, shape, dtype), self._view(flat, shape, dtype)
 
     def _view(self, flat: torch.Tensor, shape: Sequence[int], dtype: np.dtype[Any]) -> Any:
@@ -160,7 +166,11 @@ def tensor_of(array: NDArray[Any]) -> torch.Tensor:
         whole = whole.view(np.int64)
     if whole.dtype.fields:
         whole = whole.view(np.uint8).reshape(*array.shape, array.dtype.itemsize)
-    return torch.from_numpy(whole.copy())
+    return torch.from_numpy(whole.view(_known(whole.dtype)).copy())
+
+
+def _known(dtype: np.dtype[Any]) -> np.dtype[Any]:
+    return np.dtype(np.int64) if dtype == np.uint64 else dtype
 
 
 def field_on_device(records: torch.Tensor, name: str) -> torch.Tensor:

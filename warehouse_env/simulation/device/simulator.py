@@ -1,7 +1,6 @@
-"""DeviceSimulator: B worlds whose step runs on a GPU, with the bits of the Simulator.
+"""DeviceSimulator: B worlds whose step and resets run on a GPU, with the bits of the Simulator.
 
-Motion, contact, manoeuvres, observations and rewards are computed on the device. The host keeps a Simulator of the same
-worlds. It places robots at a reset, and gives those that arrive their next goal and route: only their records travel.
+The host keeps a Simulator of one world, for its setup, and makes the routes that no robot has asked for before.
 """
 
 from __future__ import annotations
@@ -15,17 +14,24 @@ from numpy.typing import NDArray
 
 from warehouse_env.config import EnvConfig, RewardWeights
 from warehouse_env.errors import ActionError, ConfigError
+from warehouse_env.routes.route_table import RouteTable
 from warehouse_env.simulation import state
 from warehouse_env.simulation.device import drivers
 from warehouse_env.simulation.device.actions import TensorDecoder
-from warehouse_env.simulation.device.memory import mapped, memory_of, tensor_of
+from warehouse_env.simulation.device.lines import LinesOnDevice, shown
+from warehouse_env.simulation.device.memory import field_on_device, mapped, memory_of, tensor_of
+from warehouse_env.simulation.draws import Draws
 from warehouse_env.simulation.driver.scratch import make_search_scratch
+from warehouse_env.simulation.given import check_count, seeds_of
+from warehouse_env.simulation.record.metrics import episode_rows
 from warehouse_env.simulation.simulator import Simulator
-from warehouse_env.simulation.tasks.assignment import Assignment
+from warehouse_env.simulation.tasks import giving
+from warehouse_env.simulation.tasks.assignment import Assignment, check_assignments
+from warehouse_env.simulation.tasks.dispatch import no_room, width_of
+from warehouse_env.simulation.tasks.goals import GoalState
 from warehouse_env.simulation.tasks.tasks import Arrival
-from warehouse_env.simulation.traffic import off_route
 from warehouse_env.simulation.traffic.path_ahead import POSES
-from warehouse_env.simulation.worlds import Worlds, make_scratch
+from warehouse_env.simulation.worlds import Setup, Worlds, make_scratch
 
 SEARCHES = 4096  # threads that search manoeuvres at once: each has 1 MB of scratch
 
@@ -63,21 +69,14 @@ class DeviceSimulator:
         """
         check_device(config)
         self._memory = memory_of(device)
-        self.host = Simulator(config, num_worlds, **parts)
-        self.config, self.num_worlds, self.num_agents = config, num_worlds, config.num_agents
-        self.device, self.arrivals = self._memory.device, list[Arrival]()
-        self._tensors: dict[str, torch.Tensor] = {}
+        self.host = Simulator(config, 1, **parts)
+        self.num_worlds = check_count("num_worlds", num_worlds)
+        self.config, self.num_agents, self.device = config, config.num_agents, self._memory.device
+        self.steps, self.truncated = np.zeros(num_worlds, np.int64), np.zeros(num_worlds, np.bool_)
+        self._draws, self._cut_off = Draws(num_worlds), np.full(num_worlds, np.nan)
+        self._tensors, self._views = dict[str, torch.Tensor](), dict[str, Any]()
+        self._lines = LinesOnDevice(self._memory)
         self._allocate()
-
-    @property
-    def steps(self) -> NDArray[np.int64]:
-        """Env steps since each world's reset."""
-        return self.host.steps
-
-    @property
-    def truncated(self) -> NDArray[np.bool_]:
-        """Whether each world has reached max_steps."""
-        return self.host.truncated
 
     @property
     def terminated(self) -> torch.Tensor:
@@ -110,163 +109,222 @@ class DeviceSimulator:
         self._weights.copy_(tensor_of(self.host.setup.equipment.weights))
 
     def _arrays(self) -> dict[str, NDArray[Any] | None]:
-        """Return the arrays of the host that the device has, too, by name."""
+        """Return the arrays of the host's world that the device has for each world, by name."""
         host = self.host
         drawn = {"keys": host.draws.keys, "left": host.messages.losses.left, "drift": host.deviation.walk.drift}
-        return host.worlds._asdict() | drawn
+        booked = {"wanted": host.dispatcher.wanted, "booked": host.dispatcher.booked}
+        return host.worlds._asdict() | drawn | host.dispatcher.goals._asdict() | booked
 
     def _allocate(self) -> None:
-        host, memory = self.host, self._memory
-        views = dict[str, Any]()
+        host, memory, count = self.host, self._memory, self.num_worlds
         for name, array in self._arrays().items():
-            views[name] = None
+            self._views[name] = None
             if array is not None:
-                self._tensors[name], views[name] = memory.allocate(array.shape, array.dtype)
-        self._decides = self.config.traffic_spec.right_of_way
-        scratch = make_scratch(host.setup, self.num_agents, self._decides)
-        searches = make_search_scratch(self.num_agents, poses=POSES if self._decides else 1)
-        self._calls, calls = memory.allocate((self.num_worlds, self.num_agents), np.dtype(np.bool_))
+                axis, shape = int(name == "commands"), list(array.shape)
+                shape[axis] *= count
+                self._tensors[name], self._views[name] = memory.allocate(shape, array.dtype)
         self._weights, weights = memory.allocate(host.setup.equipment.weights.shape, host.setup.equipment.weights.dtype)
-        self.reward_weights = host.reward_weights
+        self._go, self._views["go"] = memory.allocate((1,), np.dtype(np.int64))
+        self._status, self._views["status"] = memory.allocate((count,), np.dtype(np.int32))
+        self.reward_weights, self._fresh = host.reward_weights, tensor_of(state.fresh_robot()).to(self.device)
         setup = mapped(host.setup, memory.constant)
         setup = setup._replace(equipment=setup.equipment._replace(weights=weights))
-        self._threads, self._searches = memory.threads(self.num_worlds), memory.threads(min(self.num_worlds, SEARCHES))
-        keys, left, drift = (views.pop(name) for name in ("keys", "left", "drift"))
-        worlds, self._errs, self._loses = Worlds(**views), host.setup.features.erring is not None, host.messages.loses
-        walk = host.deviation.walk._replace(drift=drift, bounds=memory.constant(host.deviation.walk.bounds))
-        losses = host.messages.losses._replace(left=left)
-        self._noise = drivers.Noise(keys, worlds.steps, losses, worlds.robots, walk, worlds.errors)
+        self._threads, self._few = memory.threads(count), memory.threads(min(count, SEARCHES))
+        self._decides, self._loses = self.config.traffic_spec.right_of_way, host.messages.loses
+        self._errs = setup.features.erring is not None
+        scratch = make_scratch(host.setup, self.num_agents, self._decides)
+        searches = make_search_scratch(self.num_agents, poses=POSES if self._decides else 1)
         self._batch = drivers.Batch(
-            worlds, setup, mapped(scratch, lambda array: memory.scratch(self._threads, array)),
+            Worlds(**{name: self._views[name] for name in Worlds._fields}), setup,
+            mapped(scratch, lambda array: memory.scratch(self._threads, array)),
             mapped(host.search_setup, memory.constant),
-            mapped(searches, lambda array: memory.scratch(self._searches, array)),
-            host.dispatcher.far, calls,
+            mapped(searches, lambda array: memory.scratch(self._few, array)), self._views["go"],
         )  # fmt: skip
+        self._noise, self._work = self._make_noise(), self._make_work(setup)
         self.observation, self.reward = self._tensors["observation"], self._tensors["reward"]
-        self.reward_terms = self._tensors["terms"]
-        self._decoder = TensorDecoder(self.config, host.actions, memory)
+        self.reward_terms, self._decoder = self._tensors["terms"], TensorDecoder(self.config, host.actions, memory)
+
+    def _make_noise(self) -> drivers.Noise:
+        host, views = self.host, self._views
+        bounds = self._memory.constant(host.deviation.walk.bounds)
+        return drivers.Noise(
+            views["keys"], views["steps"], host.messages.losses._replace(left=views["left"]), views["robots"],
+            host.deviation.walk._replace(drift=views["drift"], bounds=bounds), views["errors"], views["actual"],
+            views["waiting"], views["go"],
+        )  # fmt: skip
+
+    def _make_work(self, setup: Setup) -> drivers.Work:
+        views, memory, dispatcher = self._views, self._memory, self.host.dispatcher
+        tasks = dispatcher.arrays(self._lines.update(dispatcher.route_table))._replace(
+            goals=GoalState(*(views[name] for name in GoalState._fields)),
+            **{name: views[name] for name in ("robots", "routes", "keys", "wanted", "booked")},
+        )
+        floor = mapped(tasks.floor, memory.constant)
+        orders = mapped(dispatcher.orders, lambda array: memory.scratch(self._few, array))
+        return drivers.Work(
+            views["steps"], tasks._replace(floor=floor), views["status"], orders, setup.planned, setup.floor,
+            views["go"],
+        )  # fmt: skip
 
     def reset(self, seed: int | Sequence[int] | None = None) -> torch.Tensor:
         """Start all worlds anew, as `Simulator.reset` does, and return the observation."""
-        self.host.reset(seed)
-        self._upload(range(self.num_worlds))
-        return self.observation
+        return self._reset(seed, [None] * self.num_worlds)
 
     def reset_to(self, assignments: Sequence[Assignment], seed: int | Sequence[int] | None = None) -> torch.Tensor:
-        """Start all worlds anew, as `Simulator.reset_to` does, and return the observation."""
-        self.host.reset_to(assignments, seed)
-        self._upload(range(self.num_worlds))
+        """Start all worlds anew as `Simulator.reset_to` does; the goals must be cells."""
+        check_assignments(assignments, self.num_worlds, self.num_agents, self.host.grid)
+        if any(one.goal.dtype.kind == "f" for one in assignments):
+            raise ConfigError("goals on a device must be cells, two whole numbers each; points and poses need the CPU")
+        return self._reset(seed, assignments)
+
+    def _reset(self, seed: object, assignments: Sequence[Assignment | None]) -> torch.Tensor:
+        for world, entropy in enumerate(seeds_of(seed, self.num_worlds)):
+            self._draws.begin(world, entropy)
+        self._begin(list(range(self.num_worlds)), assignments)
         return self.observation
 
     def reset_worlds(self, worlds: list[int], seeds: Sequence[int] | None = None) -> None:
         """Start some worlds anew, with a seed each as `Simulator.reset_world` takes it, or with their next episodes."""
-        if seeds is None:
-            self.host.reset_worlds(worlds)
-        else:
-            for world, seed in zip(worlds, seeds, strict=True):
-                self.host.reset_world(world, seed)
-        self._upload(worlds)
+        for world, entropy in zip(worlds, seeds_of(seeds, len(worlds)), strict=True):
+            self._draws.begin(world, entropy)
+        self._begin(worlds, [None] * len(worlds))
 
-    def _upload(self, worlds: range | list[int]) -> None:
-        """Copy some worlds to the device, observations included."""
-        self._fit_routes()
-        rows = list(worlds)
-        on_device = torch.as_tensor(rows, dtype=torch.int64, device=self.device)
-        for name, array in self._arrays().items():
-            if array is not None and array.size:
-                axis = 1 if name == "commands" else 0
-                part = tensor_of(np.take(array, rows, axis=axis)).to(self.device)
-                self._tensors[name].index_copy_(axis, on_device, part)
+    def _begin(self, worlds: list[int], assignments: Sequence[Assignment | None]) -> None:
+        """Begin episodes by the keys of the draws."""
+        if not worlds:
+            return
+        tensors, rows = self._tensors, torch.as_tensor(worlds, dtype=torch.int64, device=self.device)
+        self.steps[worlds], self.truncated[worlds] = 0, False
+        tensors["keys"][rows] = tensor_of(self._draws.keys[worlds]).to(self.device)
+        for name in ("stamps", "steps", "truncated", "terminated", "left"):
+            tensors[name][rows] = 0
+        tensors["commands"][:, rows] = 0
+        tensors["robots"][rows] = self._fresh
+        if any(assignments) or not self.host.dispatcher.by_table:
+            self._place_on_host(worlds, assignments)
+        else:
+            self._place(rows)
+        tensors["waiting"][rows] = 1
+        if self._errs:
+            self._memory.launch(drivers.begin_errors, self._threads, self._noise)
+        self._memory.launch(drivers.observe, self._threads, self._batch)
+
+    def _place(self, rows: torch.Tensor) -> None:
+        """Place the robots of worlds by the kernel, which the host supplies with routes."""
+        table = self.host.dispatcher.route_table
+        table.trim()
+        self._take_routes(table)
+        self._status[rows] = giving.TO_PLACE
+        wants = True
+        while wants:
+            self._memory.launch(drivers.place, self._few, self._work)
+            worst = int(self._status.min())
+            if worst < 0:
+                raise no_room(self.num_agents, -1 - worst, self.host.grid)
+            wants = self._make_routes()
+
+    def _make_routes(self) -> bool:
+        """Make the routes that robots want; return whether there are any."""
+        wanted = self._tensors["wanted"]
+        keys = wanted[wanted != 0].cpu().numpy()
+        if len(keys):
+            table = self.host.dispatcher.route_table
+            table.fill(keys, shown)
+            self._take_routes(table)
+        return len(keys) > 0
+
+    def _take_routes(self, table: RouteTable) -> None:
+        """Bring the device's table of routes up to date, and make room for its longest."""
+        self._fit_routes(width_of(table.longest))
+        lines = self._lines.update(table)
+        if lines is not self._work.tasks.lines:
+            self._work = self._work._replace(tasks=self._work.tasks._replace(lines=lines))
+
+    def _fit_routes(self, width: int) -> None:
+        held = self._tensors["routes"]
+        if width > held.shape[2]:
+            shape = (*held.shape[:2], width, 2)
+            self._tensors["routes"], routes = self._memory.allocate(shape, np.dtype(np.float32))
+            self._tensors["routes"][:, :, : held.shape[2]] = held
+            self._batch = self._batch._replace(worlds=self._batch.worlds._replace(routes=routes))
+            self._work = self._work._replace(tasks=self._work.tasks._replace(routes=routes))
+
+    def _place_on_host(self, worlds: list[int], assignments: Sequence[Assignment | None]) -> None:
+        """Place the robots of worlds by the host's own world, one after another."""
+        host = self.host
+        for world, assignment in zip(worlds, assignments, strict=True):
+            host.draws.keys[0] = self._draws.keys[world]
+            host.begin_world(0, None, assignment)
+            self._fit_routes(host.routes.shape[2])
+            arrays = {"robots": host.worlds.robots, **host.dispatcher.goals._asdict()}
+            for name, array in arrays.items():
+                self._tensors[name][world] = tensor_of(array[0]).to(self.device)
+            self._tensors["routes"][world, :, : host.routes.shape[2]] = tensor_of(host.routes[0]).to(self.device)
+            self._cut_off[world] = host.dispatcher.tasks[0].cut_off()
 
     def step(self, actions: torch.Tensor) -> torch.Tensor:
         """Advance all worlds by one env step and return the observation.
 
         actions: as `Simulator.step` takes them, on the device. ActionError as there.
         """
-        if not bool(self._decoder.decode(actions, self._tensors, self._batch.worlds)):  # before anything moves
-            raise ActionError("actions must be finite, and discrete ones in 0..K-1; some are not")
+        self._go.copy_(self._decoder.decode(actions, self._tensors, self._batch.worlds))  # else nothing moves
         if self._loses:
             self._memory.launch(drivers.lose, self._threads, self._noise)
         if self._errs:
             self._memory.launch(drivers.err, self._threads, self._noise)
         if self._decides:
-            self._launch(drivers.decide, self._threads)
-            self._launch(drivers.resolve, self._searches)
-        self._launch(drivers.advance, self._threads)
-        self._launch(drivers.search, self._searches)
-        calls = torch.nonzero(self._calls.view(-1)).view(-1)
-        self.host.steps += 1
-        self.host.truncated[:] = self.host.steps >= self.config.max_steps
-        self.arrivals = self._answer(calls) if len(calls) else []
-        self._launch(drivers.observe, self._threads)
+            self._memory.launch(drivers.decide, self._threads, self._batch)
+            self._memory.launch(drivers.resolve, self._few, self._batch)
+        self._memory.launch(drivers.advance, self._threads, self._batch)
+        self._memory.launch(drivers.search, self._few, self._batch)
+        self._memory.launch(drivers.give, self._threads, self._work)
+        # here the host waits for the device, once in a step in which it makes no route
+        valid, wanted = torch.stack((self._go[0], self._tensors["wanted"].count_nonzero())).tolist()
+        if not valid:
+            raise ActionError("actions must be finite, and discrete ones in 0..K-1; some are not")
+        if wanted:
+            self.host.dispatcher.route_table.trim()
+            self._go.fill_(drivers.WANTED)
+            while self._make_routes():
+                self._memory.launch(drivers.give, self._threads, self._work)
+        self.steps += 1
+        self.truncated[:] = self.steps >= self.config.max_steps
+        self._tensors["waiting"].fill_(1)
+        self._memory.launch(drivers.observe, self._threads, self._batch)
         return self.observation
 
-    def _launch(self, driver: Callable[..., None], threads: int) -> None:
-        self._memory.launch(driver, threads, self._batch)
-
-    def _answer(self, calls: torch.Tensor) -> list[Arrival]:
-        """Give the robots that arrived, or are off their routes, what the Simulator would give them."""
-        host, count = self.host, self.num_agents
-        robots = self._tensors["robots"].view(-1, state.ROBOT.itemsize)
-        worlds, numbers = np.divmod(calls.cpu().numpy(), count)
-        records = robots[calls].cpu().numpy().view(state.ROBOT)[:, 0]
-        planned = host.worlds.robots
-        planned[worlds, numbers] = records
-        who = list(zip(worlds.tolist(), numbers.tolist(), strict=True))
-        arrived = [one for one, record in zip(who, records, strict=True) if record["events"]["arrived"]]
-        arrivals = host.dispatcher.arrive(host.steps, arrived)
-        host.dispatcher.return_to_route(host.steps, self._off_route(worlds, numbers))
-        self._fit_routes()
-        robots[calls] = tensor_of(planned[worlds, numbers]).to(self.device)
-        routes = self._tensors["routes"].view(-1, *self._tensors["routes"].shape[2:])
-        routes[calls] = tensor_of(host.routes[worlds, numbers]).to(self.device)
-        return arrivals
-
-    def _off_route(self, worlds: NDArray[np.int64], numbers: NDArray[np.int64]) -> list[tuple[int, int]]:
-        """Return which of some robots, as the host has them, are off their routes."""
-        off = np.zeros((1, len(worlds)), np.bool_)
-        robots, routes = self.host.worlds.robots[worlds, numbers][None], self.host.routes[worlds, numbers][None]
-        off_route.find_off_route(robots, routes, self.host.dispatcher.far, off)
-        return [(int(worlds[k]), int(numbers[k])) for k in np.flatnonzero(off)]
-
-    def _fit_routes(self) -> None:
-        """Take a longer array of routes on the device once the host has one."""
-        held, wanted = self._tensors["routes"], self.host.routes.shape
-        if held.shape[2] != wanted[2]:
-            tensor, view = self._memory.allocate(wanted, self.host.routes.dtype)
-            tensor[:, :, : held.shape[2]] = held
-            self._tensors["routes"] = tensor
-            self._batch = self._batch._replace(worlds=self._batch.worlds._replace(routes=view))
+    @property
+    def arrivals(self) -> list[Arrival]:
+        """The tasks finished in the last step, copied from the device when asked for."""
+        where = torch.nonzero(field_on_device(self._tensors["robots"], "arrived"))
+        booked = self._tensors["booked"][where[:, 0], where[:, 1]].tolist()
+        return [Arrival(*robot, *lengths) for robot, lengths in zip(where.tolist(), booked, strict=True)]
 
     def save_state(self) -> dict[str, torch.Tensor]:
         """Return a copy of all that the worlds need to continue to the same bits, on the device."""
-        goals = {name: tensor_of(array).to(self.device) for name, array in self._goals().items()}
-        return {name: tensor.clone() for name, tensor in self._tensors.items()} | goals
+        own = {"begun": self._draws.begun, "cut_off": self._cut_off}
+        state_of_host = {name: tensor_of(array).to(self.device) for name, array in own.items()}
+        return {name: tensor.clone() for name, tensor in self._tensors.items()} | state_of_host
 
     def load_state(self, saved: dict[str, torch.Tensor]) -> None:
         """Continue from the state that a simulator of the same config and number of worlds has saved."""
-        for name, array in (self._goals() | {"steps": self.host.steps, "truncated": self.host.truncated}).items():
+        keys = self._draws.keys.view(np.int64)
+        own = {"begun": self._draws.begun, "cut_off": self._cut_off, "keys": keys}
+        for name, array in (own | {"steps": self.steps, "truncated": self.truncated}).items():
             array[...] = saved[name].cpu().numpy()
-        routes = saved["routes"]
-        if routes.shape[2] > self.host.routes.shape[2]:
-            self.host.dispatcher.routes = np.zeros(routes.shape, np.float32)
-        self._fit_routes()
-        self.host.routes[:, :, : routes.shape[2]] = routes.cpu().numpy()
+        width = saved["routes"].shape[2]
+        self._fit_routes(width)
         for name, tensor in self._tensors.items():
-            (tensor[:, :, : routes.shape[2]] if name == "routes" else tensor).copy_(saved[name])
-
-    def _goals(self) -> dict[str, NDArray[Any]]:
-        """Return the arrays of the host by which goals are drawn, by name."""
-        draws = self.host.draws
-        return self.host.dispatcher.goals._asdict() | {"keys": draws.keys.view(np.int64), "begun": draws.begun}
+            (tensor[:, :, :width] if name == "routes" else tensor).copy_(saved[name])
 
     def download(self, worlds: list[int]) -> NDArray[Any]:
-        """Copy the robots of some worlds to the host and return them, ROBOT[W, N]."""
-        rows = self.robots[torch.as_tensor(worlds, device=self.device)]
-        self.host.robots[worlds] = rows.cpu().numpy().view(state.ROBOT)[..., 0]
-        return self.host.robots[worlds]
+        """Return a copy of the robots of some worlds, ROBOT[W, N]."""
+        copied: NDArray[Any] = self.robots[torch.as_tensor(worlds, device=self.device)].cpu().numpy()
+        return copied.view(state.ROBOT)[..., 0]
 
     def metrics(self, worlds: list[int]) -> list[dict[str, float]]:
         """Return the numbers of some worlds' episodes so far (Simulator.episode_metrics)."""
-        self.download(worlds)
-        return [self.host.episode_metrics(world) for world in worlds]
+        config = self.config
+        seconds = (self.steps[worlds] * config.action_repeat * config.time_step).astype(np.float64)
+        rows = episode_rows(self.download(worlds), seconds, config)
+        return [row | {"cut_off": float(cut_off)} for row, cut_off in zip(rows, self._cut_off[worlds], strict=True)]

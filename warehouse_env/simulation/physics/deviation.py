@@ -111,17 +111,11 @@ class Deviation:
 
     def begin(self, world: int, robots: NDArray[Any]) -> None:
         """Begin a world's episode: its robots ROBOT[N] are where they believe to be, and their bodies a little off."""
-        drift = self.walk.drift[world]
-        _draw_drift(self._keys[world], drift)
-        self.bodies[world] = np.zeros((), dtype=BODY)
-        error = (_DRIFT * drift * self.walk.bounds).astype(F)
-        for name, column in (("error_x", POSE_X), ("error_y", POSE_Y), ("error_heading", POSE_HEADING)):
-            self.bodies[name][world] = error[:, column]
-        self.stand(world, robots)
+        begin_errors(world, self._keys, self.walk, self.bodies, robots)
 
     def stand(self, world: int, robots: NDArray[Any]) -> None:
         """Place the bodies of a world as their robots ROBOT[N] were put."""
-        _place(self.bodies[world], robots)
+        place_bodies(self.bodies[world], robots)
 
     def draw(self, steps: NDArray[np.int64]) -> None:
         """Draw the errors of the next env step; steps [B]: since the resets."""
@@ -134,11 +128,20 @@ class Deviation:
 
 
 @kernel
-def _draw_drift(key, drift):
-    """Draw where the errors of a world's robots begin to drift, from -1 to 1, into float64[N, ERRORS]."""
-    for i, error in np.ndindex(drift.shape):
-        word, _, _, _ = words(key, DRIFT, i, 0, error)
-        drift[i, error] = 2.0 * fraction(word) - 1.0
+def begin_errors(world, keys, walk, bodies, robots):
+    """Begin an episode of bodies BODY[B, N] with errors drawn anew, by the world's robots ROBOT[N].
+
+    keys: of the Draws; walk: a Walk.
+    """
+    for i in range(robots.shape[0]):
+        error, drift = bodies[world, i], walk.drift[world, i]
+        for number in range(ERRORS):
+            word, _, _, _ = words(keys[world], DRIFT, i, 0, number)
+            drift[number] = 2.0 * fraction(word) - 1.0
+        error["error_x"] = np.float32(_DRIFT * drift[POSE_X] * walk.bounds[POSE_X])
+        error["error_y"] = np.float32(_DRIFT * drift[POSE_Y] * walk.bounds[POSE_Y])
+        error["error_heading"] = np.float32(_DRIFT * drift[POSE_HEADING] * walk.bounds[POSE_HEADING])
+    place_bodies(bodies[world], robots)
 
 
 @kernel
@@ -160,7 +163,8 @@ def draw_errors(begin, end, keys, steps, walk, errors):
 
 
 @kernel
-def _place(bodies, robots):
+def place_bodies(bodies, robots):
+    """Place bodies BODY[N] as their robots ROBOT[N] were put."""
     for i in range(bodies.shape[0]):
         r, body = robots[i], bodies[i]
         motion = r["motion"]

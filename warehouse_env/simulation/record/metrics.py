@@ -27,18 +27,24 @@ def episode_row(
     `longest_without_goal_s`: longest time on the way to one goal. `late_goals_per_robot_hour`: in the second half of
     `max_steps`; `reroutes`: routes replanned on the way. Figures that need a goal or an arrival are nan without one.
     """
-    kilometres = float(robots["totals"]["distance"].sum()) / 1000.0
-    columns = _columns(robots[None], np.array([seconds]), config)
+    return episode_rows(robots[None], np.array([seconds]), config)[0] | people_row(persons)
+
+
+def episode_rows(robots: NDArray[Any], seconds: NDArray[np.float64], config: EnvConfig) -> list[dict[str, float]]:
+    """Return the metrics of worlds ROBOT[K, N], `seconds` [K] after their resets, without people (`episode_row`)."""
+    totals, columns = robots["totals"], _columns(robots, seconds, config)
     for pairs in ("collisions_robot", "near_misses"):
         columns[pairs] /= 2.0
-    row = {"seconds": seconds, "robot_km": kilometres} | {name: float(value[0]) for name, value in columns.items()}
-    contacts = sum(row[f"collisions_{other}"] for other in ("robot", "shelf", "person"))
-    one_shot, arrived = config.tasks == "one_shot", robots["totals"]["goals"] > 0
-    times = np.where(arrived, robots["totals"]["finish_time"], seconds)
-    row["collisions_per_km"] = contacts / kilometres if kilometres > 0 else math.nan
-    row["makespan_s"] = float(times.max()) if one_shot and arrived.all() else math.nan
-    row["sum_of_costs_s"] = float(times.sum()) if one_shot else math.nan
-    return row | people_row(persons)
+    contacts = np.sum([columns[f"collisions_{other}"] for other in ("robot", "shelf", "person")], axis=0)
+    kilometres = totals["distance"].sum(axis=1) / 1000.0
+    columns = {"seconds": seconds, "robot_km": kilometres} | columns
+    columns["collisions_per_km"] = _ratio(contacts, kilometres)
+    arrived = totals["goals"] > 0
+    times = np.where(arrived, totals["finish_time"], seconds[:, None].astype(np.float32))
+    one_shot = config.tasks == "one_shot"
+    columns["makespan_s"] = np.where(arrived.all(axis=1) & one_shot, times.max(axis=1), math.nan)
+    columns["sum_of_costs_s"] = np.where(one_shot, times.sum(axis=1), math.nan)
+    return _rows(columns)
 
 
 def people_row(persons: NDArray[Any] | None) -> dict[str, float]:
@@ -66,6 +72,10 @@ def robot_rows(robots: NDArray[Any], seconds: NDArray[np.float64], config: EnvCo
     """
     columns = {"seconds": seconds, "distance_m": robots["totals"]["distance"]}
     columns |= _columns(robots[:, None], seconds, config)
+    return _rows(columns)
+
+
+def _rows(columns: Columns) -> list[dict[str, float]]:
     rows = zip(*(column.tolist() for column in columns.values()), strict=True)
     return [dict(zip(columns, row, strict=True)) for row in rows]
 

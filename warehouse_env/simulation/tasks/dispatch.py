@@ -91,10 +91,11 @@ class Dispatcher(Portable):
         self._told: dict[tuple[int, int], Goal] = {}  # points and poses that an assignment gives, up to the arrival
         self._rules = giving.rules_of(config, self._join(0), self.far)
         lifelong, alike = config.tasks == "lifelong", config.arrival != "pose" or not config.fleet
-        self._by_table = lifelong and alike and self.live is None  # else Python places the robots
+        self.by_table = lifelong and alike and self.live is None  # else Python places the robots
         endpoints, each = endpoints_of(book.grid), (len(robots), config.num_agents)
-        self._wanted, self._status = np.zeros(each, np.int64), np.zeros(len(robots), np.int32)
-        self._orders = tuple(np.empty(len(cells), np.int32) for cells in (endpoints.cells, endpoints.elsewhere))
+        self.wanted, self.booked = np.zeros(each, np.int64), np.zeros((*each, 2))  # see giving.TaskArrays
+        self._status = np.zeros(len(robots), np.int32)
+        self.orders = tuple(np.empty(len(cells), np.int32) for cells in (endpoints.cells, endpoints.elsewhere))
         self._bind()
 
     def _bind(self) -> None:
@@ -116,7 +117,7 @@ class Dispatcher(Portable):
             self.shifts.begin(world, entropy, self._draws.keys[world])
         if assignment is not None:
             self._assign(world, assignment, floor)
-        elif self._by_table:
+        elif self.by_table:
             self._place_by_table(world, floor)
         else:
             self._place_all(world, floor, idle=self._config.orders is not None)
@@ -152,7 +153,7 @@ class Dispatcher(Portable):
 
     def arrays(self, lines: Lines) -> giving.TaskArrays:
         """Return what the kernels read and write that give goals and routes."""
-        own = self.robots, self.routes, self._draws.keys, self.goals, self._wanted, np.empty((0, 0, 2))
+        own = self.robots, self.routes, self._draws.keys, self.goals, self.wanted, self.booked
         return giving.TaskArrays(*own, lines, giving.floor_of(self.book.grid), self._rules)
 
     def _place_by_table(self, world: int, floor: Floor) -> None:
@@ -163,11 +164,11 @@ class Dispatcher(Portable):
         while status[world] == giving.TO_PLACE:
             self._make_room(table.longest)
             params, kinds = self._limits
-            arguments = world, world + 1, status, self._orders, (params[0], kinds, floor), self.arrays(table.lines)
+            arguments = world, world + 1, status, self.orders, (params[0], kinds, floor), self.arrays(table.lines)
             if self._place_code is None:
                 self._place_code = compiled_for(giving.place, *arguments)
             self._place_code(*arguments)
-            table.fill(self._wanted[world])
+            table.fill(self.wanted[world])
         if status[world] < 0:
             raise no_room(self.robots.shape[1], -1 - int(status[world]), self.book.grid)
 

@@ -198,31 +198,21 @@ def _supply(at, arrays):
 
 
 @kernel
-def give(begin, end, steps, arrays):
-    """Give the robots of some worlds that arrived their next goals, and these and those off their routes new routes.
+def give(begin, end, first, steps, arrays):
+    """Give goals and routes to the robots of some worlds that arrived, and routes to those off theirs.
 
-    steps: int64[B], since the resets.
+    first: else only the routes that are still wanted; steps: int64[B], since the resets.
     """
     robots, wanted = arrays.robots, arrays.wanted
     for b in range(begin, end):
         for i in range(robots.shape[1]):
             r, at = robots[b, i], (b, i)
-            wanted[at] = 0
-            if r["events"]["arrived"] != 0:
+            if first and r["events"]["arrived"] != 0:
                 _arrive(at, whole(steps[b]), arrays)
-            elif is_off_route(r, arrays.routes[at], arrays.rules.far):
+            elif first and is_off_route(r, arrays.routes[at], arrays.rules.far):
                 wanted[at] = -_way(r, _here(r, arrays.floor), arrays.floor)
             if wanted[at] != 0:
                 _supply(at, arrays)
-
-
-@kernel
-def supply(begin, end, arrays):
-    """Give the robots of some worlds the routes that they still want, as far as the table has them now."""
-    for b in range(begin, end):
-        for i in range(arrays.robots.shape[1]):
-            if arrays.wanted[b, i] != 0:
-                _supply((b, i), arrays)
 
 
 @part
