@@ -73,7 +73,8 @@ clients: ## try SuperSuit, TorchRL, BenchMARL, RLlib, Gymnasium and SB3 briefly 
 
 cuda: $(STAMP) ## compile the kernels for a GPU; on a machine with one, compare its bits with the CPU's
 	@$(INSTALL) --no-build-isolation --editable ".[$(EXTRAS),cuda]"
-	$(RUN)/python -m pytest tests/simulation/device -m "nightly or not nightly" --verbosity 1 --durations 0 \
+	$(RUN)/warehouse compile --cuda
+	$(RUN)/python -m pytest tests/simulation/device -n 4 --dist load -m "nightly or not nightly" -rsP --durations 0 \
 	  --durations-min 1
 
 gpu: cuda ## check, measure and train on a GPU for ten minutes, into results/gpu

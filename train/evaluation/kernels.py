@@ -19,7 +19,7 @@ from train.evaluation.jobs import Job, Result, Runner, Tick
 from train.evaluation.processes import Processes
 from train.evaluation.rollout import make_experiment, run
 from train.reporting.rows import Row, RowFile
-from warehouse_env import EnvConfig, SensorSpec, Simulator, TrafficSpec, parallel_env
+from warehouse_env import EnvConfig, SensorSpec, Simulator, TrafficSpec, UncertaintySpec, parallel_env
 from warehouse_env.compiled import is_kept
 from warehouse_env.maps.layouts import make_layout
 from warehouse_env.planning import make_planner
@@ -159,13 +159,14 @@ PARTS: dict[str, Callable[[int], None]] = {
     "the audit": _audit,
 }
 
-_SHIELD = TrafficSpec(shield=True)
+_RULES = TrafficSpec(shield=True, right_of_way=True)  # whose kernels without right of way are those of the shield
 _PREDICTIONS = SensorSpec(predictions=True)
+_ERRORS = UncertaintySpec(pose_error=0.01, heading_error=0.01, actuation_error=0.01, loss=0.1)
 CARD_SETS: dict[str, EnvConfig] = {  # each has kernels of its own on a GPU; other sets are compiled at their first step
     "all options off": _BARE,
-    "shield": _BARE.replace(traffic=_SHIELD),
-    "right of way": _BARE.replace(traffic=TrafficSpec(shield=True, right_of_way=True)),
     "predictions": _BARE.replace(sensor=_PREDICTIONS),
-    "shield and predictions": _BARE.replace(traffic=_SHIELD, sensor=_PREDICTIONS),
     "raw actions": _BARE.replace(action_type="raw"),
+    "right of way, shield": _BARE.replace(traffic=_RULES),
+    "right of way, shield, predictions": _BARE.replace(traffic=_RULES, sensor=_PREDICTIONS),
+    "errors and lost messages": _BARE.replace(traffic=TrafficSpec(shield=True), uncertainty=_ERRORS),
 }

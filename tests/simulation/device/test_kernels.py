@@ -149,7 +149,7 @@ def test_kernels_that_were_compiled_ahead_are_found(tmp_path: Path, monkeypatch:
     for given in kernels.CARD_SETS.values():
         sim = DeviceSimulator(given.replace(num_agents=9), 5, device="compiler:8.9")
         assert sim.step(kernels.no_actions(sim)).shape[:2] == (5, 9)
-    sim = DeviceSimulator(kernels.CARD_SETS["shield"], device="compiler:9.0")
+    sim = DeviceSimulator(kernels.CARD_SETS["predictions"], device="compiler:9.0")
     with pytest.raises(TypeError, match="NoneType"):  # another architecture: compiles
         sim.step(kernels.no_actions(sim))
 
