@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.learned import LearnedPolicy, config_for
-from agents.path_following import Brake, Follow, Greedy
+from agents.path_following import Brake, Follow
 from agents.policy import Actor, Policy, Recurrent
 from agents.potential_field import PotentialField
 from agents.reciprocal import Reciprocal
@@ -50,7 +50,7 @@ class PolicyEntry:
 POLICIES: dict[str, PolicyEntry] = {
     "follow": PolicyEntry("follows its route and ignores other robots", rule=Follow),
     "brake": PolicyEntry("follows its route and stops for a robot ahead", rule=Brake),
-    "greedy": PolicyEntry("follows its route by right of way alone", rule=Greedy, needs={"traffic": "rules"}),
+    "greedy": PolicyEntry("follows its route by right of way alone", rule=Follow, needs={"traffic": "rules"}),
     "apf": PolicyEntry("potential field: attracted by its route, repelled by obstacles", rule=PotentialField),
     "orca": PolicyEntry("reciprocal velocity obstacles of discs, by the library pyrvo", rule=Reciprocal),
     "rules": PolicyEntry("paper 001's coordinator: waits by priority, steps aside, backs", rule=Rules),

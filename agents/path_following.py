@@ -25,10 +25,6 @@ class Follow:
         return self._command.at_speed(observation, np.full(observation.shape[:-1], self._command.cruise_speed))
 
 
-class Greedy(Follow):
-    """Drive along the route at the cruise speed; the right of way does the rest."""
-
-
 class Brake:
     """Drive along the route at the cruise speed, but stop while another robot is in the way ahead."""
 

@@ -75,20 +75,20 @@ class Actor:
         (Plackett-Luce), and the first is drawn as `act` does.
         """
         if not self._ranks:
-            given: Action = self._remember(self._policy.act, observation, rng)
-            return given
+            return self._remember(self._policy.act, observation, rng)
         liked = self.preferences(observation)
         return liked + gumbel(liked.shape, rng) if self._policy.drawn else liked
 
     def preferences(self, observation: Observation) -> NDArray[np.float32]:
         """Return the preferences of a `Preferring` policy, as they are."""
-        liked: NDArray[np.float32] = self._remember(self._policy.preferences, observation)
-        return liked
+        return self._remember(self._policy.preferences, observation)
 
-    def _remember(self, choose: Callable[..., Any], *given: Any) -> Any:
+    def _remember(self, choose: Callable[..., Any], *given: Any) -> NDArray[Any]:
+        chosen: NDArray[Any]
         if self.memory is None:
-            return choose(*given)
-        chosen, self.memory = choose(*given, self.memory)
+            chosen = choose(*given)
+        else:
+            chosen, self.memory = choose(*given, self.memory)
         return chosen
 
 

@@ -335,7 +335,19 @@ def arrays(draw: st.DrawFn) -> Any:
         return drawn.astype(draw(st.sampled_from(["f4", "f8", "i8", "u1", "c8", "?", ">i8", ">f4", "f2"])))
 
 
-ACTS = ("parallel", "single", "vector", "step", "put", "reset", "reset_world", "seed", "reset_to", "recorder")
+ACTS = (
+    "parallel",
+    "single",
+    "vector",
+    "step",
+    "put",
+    "reset",
+    "reset_world",
+    "seed",
+    "reset_to",
+    "recorder",
+    "options",
+)
 
 
 @pytest.mark.parametrize("act", ACTS)
@@ -360,6 +372,10 @@ def test_actions_seeds_and_poses(action_type: str, act: str, what: Any) -> None:
             simulator.reset_to([Assignment(what, what)] * 2 if isinstance(what, np.ndarray) else what)
         elif act == "recorder":
             Recorder(simulator, what)
+        elif act == "options":
+            parallel.reset(options=what if isinstance(what, dict) else {"starts": what, "goals": what})
+            vector.set_options(what)
+            vector.reset()
         else:
             {"reset": simulator.reset, "reset_world": functools.partial(simulator.reset_world, 0), "seed": vector.seed}[
                 act

@@ -11,6 +11,7 @@ from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.vec_env import VecMonitor
 
 from warehouse_env import EnvConfig, Simulator, WarehouseVecEnv, parallel_env, vec_env
+from warehouse_env.config import RobotSpec
 from warehouse_env.errors import ActionError, ConfigError
 
 
@@ -92,9 +93,10 @@ def test_a_robot_that_parks_ends_once(tiny: EnvConfig, wrapped: bool) -> None:
 
 def test_routes_are_planned_once_for_equal_maps(tiny: EnvConfig) -> None:
     configs = [tiny, tiny.replace(num_agents=2), tiny.replace(layout="narrow"), tiny.replace(planner="dijkstra")]
+    configs.append(tiny.replace(robot=RobotSpec(width=0.8)))
     books = [block.simulator.route_book for block in vec_env(configs=configs).blocks]
     assert books[0] is books[1]
-    assert len({id(book) for book in books}) == 3
+    assert len({id(book) for book in books}) == 4
 
 
 def test_attributes_and_methods(tiny: EnvConfig) -> None:

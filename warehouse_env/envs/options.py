@@ -91,7 +91,7 @@ def assignments_of(options: object, robots: Sequence[int], one: bool = False) ->
 
 
 def share_routes(simulators: Sequence[Simulator]) -> None:
-    """Let the last simulator use an earlier one's routes if map, planner and lanes are the same."""
+    """Let the last simulator use an earlier one's routes if floor, planner, lanes and widest body are the same."""
     last = simulators[-1]
     for other in simulators[:-1]:
         if _route_key(other) == _route_key(last):
@@ -101,4 +101,5 @@ def share_routes(simulators: Sequence[Simulator]) -> None:
 
 def _route_key(simulator: Simulator) -> tuple[object, ...]:
     """Return what a route depends on besides its ends."""
-    return simulator.grid.key, simulator.route_book.planner.key, simulator.config.keep_right
+    grid, config = simulator.grid, simulator.config
+    return grid.key, simulator.route_book.planner.key, config.keep_right, config.widest_body.wider

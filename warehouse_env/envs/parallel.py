@@ -22,7 +22,6 @@ from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning.plan import Planner
 from warehouse_env.portable import Portable
 
-_PROBE = {"options": 1}  # of PettingZoo's own API test
 Observations = dict[str, NDArray[np.float32]]
 Infos = dict[str, dict[str, Any]]
 
@@ -95,8 +94,8 @@ class WarehouseParallelEnv(Portable, ParallelEnv):  # type: ignore[misc]  # pett
         options: "starts" [N, 3], poses (x [m], y [m], heading [rad]), and "goals": cells, points or poses, see
         `Assignment`; without them both are drawn. ConfigError or MapError for what cannot be honoured.
         """
-        options = None if options == _PROBE else options
-        reset(self.simulator, seed, options, one=True)
+        probed = isinstance(options, dict) and options.keys() == {"options"}  # by PettingZoo's own API test
+        reset(self.simulator, seed, None if probed else options, one=True)
         if seed is not None:
             self.np_random = np.random.default_rng(seed)
         self.agents = list(self.possible_agents)
