@@ -77,7 +77,7 @@ cuda: $(STAMP) ## compile the kernels for a GPU; on a machine with one, compare 
 	$(RUN)/python -m pytest tests/simulation/device -n 4 --dist load -m "nightly or not nightly" -rsP --durations 0 \
 	  --durations-min 1
 
-gpu: cuda ## check, measure and train on a GPU for ten minutes, into results/gpu
+gpu: cuda ## check, measure and train on a GPU, MINUTES minutes of it training, into results/gpu
 	$(RUN)/warehouse bench --only cuda --seconds 2 --json results/gpu/bench.jsonl
 	$(RUN)/warehouse train threaded_ppo --recipe device --device cuda --minutes $(MINUTES) --checkpoint-seconds 120 \
 	  --out results/gpu --name policy --json results/gpu/progress.jsonl
