@@ -116,7 +116,7 @@ def test_the_last_line_says_what_was_written_and_where(
         ("tables --runs 2", ["unknown tables command '--runs'", "papers"]),
         ("layouts --png picture.png", ["--draw"]),
         ("layouts --draw open --png a.b", ["a.b must end in", ".png"]),
-        ("bench --seconds -1", ["--seconds -1"]),
+        ("bench --seconds -1", ["seconds=-1.0"]),
         ("demo --video-seconds -1", ["--video-seconds"]),
         ("curves nowhere", ["nowhere is no run of training: it has no config.json"]),
         ("train reinforce --robots 0", ["robots=(0,)"]),

@@ -6,7 +6,6 @@ import importlib
 import statistics
 import sys
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,9 +18,11 @@ from warehouse_env.threads import MOST_THREADS, set_num_threads
 from warehouse_env.traffic_spec import read_traffic
 
 _PLANNER = "astar"  # fast to plan
+_SEED = 0  # of worlds and random actions
+_THREADS = (1, 2)  # of batches of worlds
 _POOL = 32  # random actions, drawn before the clock starts and then cycled
-_TRAINED = 5  # seconds of each training per second of the budget
-_TURNS = 3  # chunks of the step and its reference per second of the budget
+_TRAINED = 5  # seconds of each training per second of its budget
+_TURNS = 3  # chunks of the step and its reference per second of its budget
 _TRAINING_TURNS = 5
 _WARM_UP = 3  # updates of a training before the clock starts, which load kernels
 _START_SEEDS = 16  # large batches repeat these starts: planning 30,000 routes is not what is measured
@@ -32,19 +33,9 @@ _ON_CARD = (  # worlds, robots, traffic
 _SQUARE_PER_ROBOTS = {32: 46, 256: 130, 1024: 260}  # robots -> side of the floor [cells], at one density
 
 
-@dataclass(frozen=True)
-class Budget:
-    """How long and how large to measure."""
-
-    seconds: float  # for each row
-    device: str  # of the peers
-    threads: tuple[int, ...]
-    seed: int
-
-
-def _draws(space: Any, seed: int, *shape: int) -> NDArray[np.int64]:
+def _draws(space: Any, *shape: int) -> NDArray[np.int64]:
     """Return int64[_POOL, *shape], random actions of a discrete space."""
-    return np.random.default_rng(seed).integers(0, space.n, (_POOL, *shape))
+    return np.random.default_rng(_SEED).integers(0, space.n, (_POOL, *shape))
 
 
 def _speed(call: Callable[[int], object], envs: int, agents: int, threads: int, seconds: float) -> Row:
@@ -53,7 +44,7 @@ def _speed(call: Callable[[int], object], envs: int, agents: int, threads: int, 
     return {"envs": envs, "agents": agents, "threads": threads, **row}
 
 
-def simulator(budget: Budget) -> Iterator[Row]:
+def simulator(seconds: float) -> Iterator[Row]:
     """Step batches of worlds on paper46 with each number of threads, and single worlds of one density with one."""
     from warehouse_env.maps.layouts import make_layout
     from warehouse_env.simulation.simulator import Simulator
@@ -63,81 +54,81 @@ def simulator(budget: Budget) -> Iterator[Row]:
         side = _SQUARE_PER_ROBOTS[robots] if worlds == 1 else 0
         grid = make_layout("blocks", rows=side, columns=side) if worlds == 1 else None
         sim = Simulator(config.replace(max_steps=sys.maxsize), worlds, grid=grid)
-        sim.reset([budget.seed + k % _START_SEEDS for k in range(worlds)])
-        pool = _draws(sim.action_space, budget.seed, worlds, robots)
-        for threads in budget.threads if worlds > 1 else (1,):
+        sim.reset([_SEED + k % _START_SEEDS for k in range(worlds)])
+        pool = _draws(sim.action_space, worlds, robots)
+        for threads in _THREADS if worlds > 1 else (1,):
             if threads > MOST_THREADS:
                 continue
             set_num_threads(threads)
             yield _speed(
                 lambda k, sim=sim, pool=pool: sim.step(pool[k % _POOL]),  # type: ignore[misc]
-                worlds, robots, threads, budget.seconds,
+                worlds, robots, threads, seconds,
             )  # fmt: skip
     set_num_threads(MOST_THREADS)
 
 
-def reference(budget: Budget) -> Iterator[Row]:
+def reference(seconds: float) -> Iterator[Row]:
     """Compare the step with fixed work in C, in turns."""
     from train.benchmarks.reference import reference as hold
 
     set_num_threads(1)
-    yield from hold(max(5, round(_TURNS * budget.seconds)), budget.seed)
+    yield from hold(max(5, round(_TURNS * seconds)), _SEED)
     set_num_threads(MOST_THREADS)
 
 
-def pettingzoo(budget: Budget) -> Iterator[Row]:
+def pettingzoo(seconds: float) -> Iterator[Row]:
     """Step one parallel PettingZoo environment with 8 robots."""
     from warehouse_env import parallel_env
 
     set_num_threads(1)
     env = parallel_env(num_agents=8, planner=_PLANNER, max_steps=sys.maxsize)
-    env.reset(seed=budget.seed)
-    draws = _draws(env.action_space(env.agents[0]), budget.seed, 8)
+    env.reset(seed=_SEED)
+    draws = _draws(env.action_space(env.agents[0]), 8)
     pool = [dict(zip(env.agents, draw, strict=True)) for draw in draws]
-    yield _speed(lambda k: env.step(pool[k % _POOL]), 1, 8, 1, budget.seconds)
+    yield _speed(lambda k: env.step(pool[k % _POOL]), 1, 8, 1, seconds)
 
 
-def vec_env(budget: Budget) -> Iterator[Row]:
+def vec_env(seconds: float) -> Iterator[Row]:
     """Step the VecEnv of stable-baselines3 with 64 worlds of 16 robots."""
     from warehouse_env import vec_env as make
 
     set_num_threads(1)
     env = make(64, num_agents=16, planner=_PLANNER, max_steps=sys.maxsize)
-    env.seed(budget.seed)
+    env.seed(_SEED)
     env.reset()
-    pool = _draws(env.action_space, budget.seed, 64 * 16)
-    yield _speed(lambda k: env.step(pool[k % _POOL]), 64, 16, 1, budget.seconds)
+    pool = _draws(env.action_space, 64 * 16)
+    yield _speed(lambda k: env.step(pool[k % _POOL]), 64, 16, 1, seconds)
 
 
-def cuda(budget: Budget) -> Iterator[Row]:
+def cuda(seconds: float) -> Iterator[Row]:
     """Step worlds on a GPU at full speed along their routes with a fifth of random commands, observed each step."""
     import torch
 
     from warehouse_env.simulation.device.simulator import DeviceSimulator
 
-    rng = np.random.default_rng(budget.seed)
+    rng = np.random.default_rng(_SEED)
     for worlds, robots, traffic in _ON_CARD:
         config = EnvConfig(num_agents=robots, max_steps=sys.maxsize, traffic=read_traffic(traffic))
         sim = DeviceSimulator(config, worlds, device="cuda")
-        sim.reset([budget.seed + k % _START_SEEDS for k in range(worlds)])
+        sim.reset([_SEED + k % _START_SEEDS for k in range(worlds)])
         commands = np.full((_POOL, worlds, robots), sim.host.cruise_action)
         random = rng.random(commands.shape) < 0.2
         commands[random] = rng.integers(0, len(sim.host.actions.table), int(random.sum()))
         pool = torch.from_numpy(commands).to(sim.device)
-        row = _speed(lambda k, sim=sim, pool=pool: sim.step(pool[k % _POOL]), worlds, robots, 1, budget.seconds)  # type: ignore[misc]
+        row = _speed(lambda k, sim=sim, pool=pool: sim.step(pool[k % _POOL]), worlds, robots, 1, seconds)  # type: ignore[misc]
         yield {**row, "traffic": traffic, "card": torch.cuda.get_device_name(sim.device)}
 
 
-def peers(budget: Budget) -> Iterator[Row]:
+def peers(seconds: float) -> Iterator[Row]:
     """Step this simulator, VMAS, JaxNav and CAMAR in turns, on one core or on a GPU."""
     from train.benchmarks.peers import peers as measured
 
     set_num_threads(1)
-    yield from measured(budget.seconds, budget.device)
+    yield from measured(seconds)
     set_num_threads(MOST_THREADS)
 
 
-def training(budget: Budget) -> Iterator[Row]:
+def training(seconds: float) -> Iterator[Row]:
     """Run the trainers by their recipe `bare` in turns: agent-steps/s of the whole loop, and shares of its time."""
     from train.learning import config as configs
     from train.learning.recipes import by_recipe
@@ -150,10 +141,10 @@ def training(budget: Budget) -> Iterator[Row]:
     }
     measured = []
     for (module, name), kind in kinds.items():
-        config: configs.TrainingConfig = by_recipe(kind, "bare", seed=budget.seed)
+        config: configs.TrainingConfig = by_recipe(kind, "bare", seed=_SEED)
         trainer = getattr(importlib.import_module(module), name)(config)
         update = profile(trainer, 1, _WARM_UP)["seconds"]
-        updates = max(1, round(_TRAINED * budget.seconds / _TRAINING_TURNS / update))
+        updates = max(1, round(_TRAINED * seconds / _TRAINING_TURNS / update))
         measured.append((trainer, updates, list[dict[str, float]]()))
     for _ in range(_TRAINING_TURNS):
         for trainer, updates, turns in measured:
@@ -170,6 +161,6 @@ def training(budget: Budget) -> Iterator[Row]:
         }  # fmt: skip
 
 
-PARTS: dict[str, Callable[[Budget], Iterator[Row]]] = {
+PARTS: dict[str, Callable[[float], Iterator[Row]]] = {
     part.__name__: part for part in (simulator, reference, pettingzoo, vec_env, cuda, training, peers)
 }

@@ -13,10 +13,13 @@ from collections.abc import Iterator
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
+import torch
+
 from train.benchmarks.timing import Call, speeds
 from train.reporting.rows import Row
 from warehouse_env.config import EnvConfig, SensorSpec
 from warehouse_env.errors import WarehouseError
+from warehouse_env.simulation.device.simulator import DeviceSimulator
 from warehouse_env.simulation.simulator import Simulator
 
 SIZES = (1, 64, 1024)  # worlds
@@ -27,25 +30,16 @@ JAX_STEPS = 128  # most steps of one world in a compiled loop
 
 
 def _ours(worlds: int, device: str) -> Call:
-    """Step the default environment."""
-    import torch
-
     config = EnvConfig(num_agents=ROBOTS, max_steps=10**9, sensor=SensorSpec(rays=RAYS))
+    sim: Any = Simulator(config, worlds) if device == "cpu" else DeviceSimulator(config, worlds, device=device)
+    sim.reset(0)
     choices = len(config.speed_levels) * len(config.lateral_offsets)
     pool: Any = torch.randint(choices, (POOL, worlds, ROBOTS), device=device)
-    if device == "cpu":
-        sim: Any = Simulator(config, worlds)
-        pool = pool.numpy()
-    else:
-        from warehouse_env.simulation.device.simulator import DeviceSimulator
-
-        sim = DeviceSimulator(config, worlds, device=device)
-    sim.reset(0)
+    pool = pool.numpy() if device == "cpu" else pool
     return lambda k: sim.step(pool[k % POOL]), worlds * ROBOTS
 
 
 def _vmas(worlds: int, device: str) -> Call:
-    import torch
     from vmas import make_env
 
     torch.set_num_threads(1)
@@ -96,10 +90,10 @@ def _compiled(reset: Any, step: Any, draw: Any, worlds: int) -> Call:
 PEERS = {"warehouse-env": _ours, "vmas": _vmas, "jaxmarl": _jaxnav, "camar": _camar}  # by package
 
 
-def peers(seconds: float, device: str) -> Iterator[Row]:
+def peers(seconds: float) -> Iterator[Row]:
     """Yield a row for each size and installed package; WarehouseError if no peer is installed.
 
-    seconds: of a row. device: "cpu", where one core works and processor time counts, or "cuda", by wall time.
+    seconds: of a row. Processor time of one core counts, or wall time on a GPU where there is one.
     """
     made = {}
     for package, make in PEERS.items():
@@ -107,6 +101,7 @@ def peers(seconds: float, device: str) -> Iterator[Row]:
             made[f"{package} {version(package)}"] = make
     if len(made) < 2:
         raise WarehouseError("no peer is installed: pip install vmas jaxmarl camar, or one of them")
+    device = "cuda" if torch.cuda.is_available() else "cpu"
     os.environ.setdefault("JAX_PLATFORMS", device)
     if device == "cpu" and hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})  # for the threads of all libraries
@@ -119,7 +114,5 @@ def peers(seconds: float, device: str) -> Iterator[Row]:
 
 def _card_s() -> float:
     """Return the time once the GPU has done what it was given [s]."""
-    import torch
-
     torch.cuda.synchronize()
     return time.perf_counter()

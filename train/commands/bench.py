@@ -7,16 +7,13 @@ import platform
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import Literal, get_args
 
 from train.reporting.report import Table, make_progress
 from train.reporting.rows import Row, RowFile, read_rows, select
 from warehouse_env import __version__
 from warehouse_env.checked import Checked
 from warehouse_env.errors import ConfigError
-
-if TYPE_CHECKING:
-    from train.benchmarks.parts import Budget
 
 What = Literal["simulator", "reference", "pettingzoo", "vec_env", "cuda", "training", "peers"]
 
@@ -29,14 +26,8 @@ class Bench(Checked):
 
     only: tuple[What, ...] = ()
     """What to measure (if left out, all but cuda, which needs a GPU, and peers, which needs VMAS, JaxMARL or CAMAR)."""
-    threads: tuple[int, ...] = (1, 2)
-    """Numbers of threads for batches of worlds."""
     seconds: float = 3.0
     """Time for each measurement, after its warm-up [s]."""
-    seed: int = 0
-    """Seed of the worlds and of the random actions."""
-    device: Literal["cpu", "cuda"] = "cpu"
-    """Where the peers run."""
     json: Path | None = None
     """Write the rows to this file as JSON lines."""
     append: bool = False
@@ -48,6 +39,10 @@ class Bench(Checked):
     write_release: bool = False
     """Keep the ratios of the step to the fixed work as those of the release."""
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._between(0.001, 3600.0, "seconds")
+
     def run(self) -> None:
         """Measure and print; a row is written as soon as it is measured."""
         from train.benchmarks.parts import PARTS
@@ -56,10 +51,11 @@ class Bench(Checked):
         if self.rows is not None:
             print("\n".join(table.markdown() for table in tables(read_rows(self.rows))))
             return
-        budget = self._budget()
+        if (self.check or self.write_release) and self.only and "reference" not in self.only:
+            raise ConfigError("--check and --write-release need the part `reference`: name it in --only as well")
         chosen = [what for what in get_args(What) if what in self.only or (not self.only and what not in _ASKED)]
         file = RowFile(self.json, keep=self.append)
-        rows = measure(chosen, PARTS, budget, file)
+        rows = measure(chosen, PARTS, self.seconds, file)
         for table in tables(rows):
             table.print()
         print(file.written())
@@ -69,22 +65,9 @@ class Bench(Checked):
             write_release(rows)
             print(f"wrote the release's ratios to {RELEASE}")
 
-    def _budget(self) -> Budget:
-        """Return how long and how large to measure; ConfigError where that cannot be done."""
-        from train.benchmarks.parts import Budget
-
-        if not 0 < self.seconds < 3600 or self.seed < 0 or min(self.threads, default=0) < 1:
-            raise ConfigError(
-                f"--seconds {self.seconds} must lie between 0 and 3600, --seed {self.seed} be at least 0, "
-                f"and --threads {' '.join(map(str, self.threads))} at least 1"
-            )
-        if (self.check or self.write_release) and self.only and "reference" not in self.only:
-            raise ConfigError("--check and --write-release need the part `reference`: name it in --only as well")
-        return Budget(self.seconds, self.device, self.threads, self.seed)
-
 
 def measure(
-    chosen: Sequence[str], parts: Mapping[str, Callable[[Budget], Iterator[Row]]], budget: Budget, file: RowFile
+    chosen: Sequence[str], parts: Mapping[str, Callable[[float], Iterator[Row]]], seconds: float, file: RowFile
 ) -> list[Row]:
     """Run the chosen parts under a progress bar; return all rows, each also added to `file` at once."""
     from train.benchmarks.reference import origin
@@ -96,7 +79,7 @@ def measure(
             bar = progress.add_task("", total=len(chosen))
             for what in chosen:
                 progress.update(bar, description=what)
-                for measured in parts[what](budget):
+                for measured in parts[what](seconds):
                     rows.append({"what": what, **measured, **machine, "version": __version__})
                     file.add(rows[-1:])
                     progress.update(bar, description=f"{what}: {len(rows)} rows")
