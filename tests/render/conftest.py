@@ -31,7 +31,7 @@ def make_scene(grid: GridMap) -> Callable[..., Scene]:
         count = len(poses)
         scene = Scene(
             grid=grid,
-            robot=RobotSpec(),
+            bodies=(RobotSpec(),) * count,
             pose=np.array(poses, dtype=np.float32).reshape(-1, 3),
             goal=np.tile(np.array([[9, 13]]), (count, 1)),
             routes=[np.zeros((0, 2), dtype=np.float32)] * count,

@@ -106,36 +106,6 @@ RESTLESS = 10.0  # half-cells of random detour for a robot in one cell for over 
 PATIENCE = 4.0  # [s] without a new cell before planning restarts from the poses of the bodies
 
 
-class GridPIBT:
-    """PIBT for one world with changing goals: the plan alone, without bodies."""
-
-    def __init__(self, grid: GridMap, robots: int, rng: np.random.Generator) -> None:
-        self._blocked = np.ascontiguousarray(grid.occupied)
-        self.rng = rng
-        self._costs = np.zeros((robots, 4, grid.occupied.size), np.int32)
-        self._kept: dict[int, NDArray[np.int32]] = {}
-        self._goal = np.full(robots, -1, np.int64)
-        self._waited = np.zeros(robots, np.int64)  # steps since the last goal: the priority
-
-    def aim(self, goals: Ints) -> None:
-        """Take the robots' goal cells int64[N]."""
-        for i in np.flatnonzero(goals != self._goal).tolist():
-            goal = int(goals[i])
-            if goal not in self._kept:
-                self._kept[goal] = cost_to_go(self._blocked, goal)
-            self._costs[i], self._goal[i], self._waited[i] = self._kept[goal], goal, 0
-
-    def step(
-        self, cell: Ints, heading: Ints, held: NDArray[np.bool_], tail: Ints, restless: NDArray[np.bool_]
-    ) -> tuple[Ints, Ints]:
-        """Return the next cells and moves int64[N] (see pibt_step)."""
-        self._waited += 1
-        order = np.argsort(-self._waited, kind="stable")
-        noise = self.rng.uniform(0.0, np.where(restless, RESTLESS, 0.4)[:, None], (len(cell), 5))
-        chosen, moves = pibt_step(cell, heading, self._costs, order, held, tail, noise, self._blocked)
-        return chosen, moves
-
-
 class _World:
     """Plan, orders and lines of one world."""
 
@@ -144,7 +114,11 @@ class _World:
         self.world, self.grid = world, grid
         rows, columns = np.indices(grid.shape)
         self.centre = grid.centre(np.stack([rows.ravel(), columns.ravel()], axis=-1))
-        self.plan = GridPIBT(grid, simulator.num_agents, rng)
+        self.rng, self.blocked = rng, np.ascontiguousarray(grid.occupied)
+        self.costs = np.zeros((simulator.num_agents, 4, grid.occupied.size), np.int32)
+        self.costs_to: dict[int, NDArray[np.int32]] = {}  # goal -> cost_to_go
+        self.goal = np.full(simulator.num_agents, -1)
+        self.waited = np.zeros(simulator.num_agents, np.int64)  # steps of the plan since the last goal: the priority
         pose = simulator.state.pose[world].astype(np.float64)
         heading = np.round(pose[:, 2] / (0.5 * np.pi)).astype(np.int64) % 4
         self.orders = CentralOrders.of(_flat(grid.nearest_cell(pose[:, :2]), grid), heading, grid.occupied.size)
@@ -159,7 +133,7 @@ class _World:
         config, robot, orders = simulator.config, simulator.config.robot, self.orders
         period = config.time_step * config.action_repeat
         state, world = simulator.state, self.world
-        self.plan.aim(_flat(state.goal[world].astype(np.int64), self.grid))
+        self._aim(_flat(state.goal[world].astype(np.int64), self.grid))
         before = orders.at.copy()
         pose = state.pose[world].astype(np.float64)
         body = np.array([0.5 * robot.length, 0.5 * robot.width, robot.rear_reach - 0.5 * robot.length])
@@ -169,13 +143,21 @@ class _World:
         wanted = np.array([self._speed(simulator, i, period) for i in range(simulator.num_agents)])
         return self._back_off(wanted, state.speed[world], simulator.events.touching[world] != 0, period)
 
+    def _aim(self, goals: Ints) -> None:
+        """Take the robots' goal cells int64[N]."""
+        for i in np.flatnonzero(goals != self.goal).tolist():
+            goal = int(goals[i])
+            if goal not in self.costs_to:
+                self.costs_to[goal] = cost_to_go(self.blocked, goal)
+            self.costs[i], self.goal[i], self.waited[i] = self.costs_to[goal], goal, 0
+
     def _back_off(
         self, wanted: Floats, speed: NDArray[np.float32], touching: NDArray[np.bool_], period: float
     ) -> Floats:
         """Return the wanted speeds, reversed for a while for bodies that stand against an obstacle."""
         standing = (np.abs(speed) < 0.05) & (touching | (np.abs(wanted) > 0.2))
         self.barred = np.where((self.barred < 0) | standing, self.barred + period, 0.0)
-        begins = (self.barred > BARRED) & (self.plan.rng.random(len(speed)) < 0.3)  # not both of a pair at once
+        begins = (self.barred > BARRED) & (self.rng.random(len(speed)) < 0.3)  # not both of a pair at once
         self.barred[begins] = -BACKING
         self.seen[begins] = -1
         return np.where(self.barred < 0, np.where(wanted < 0, BACK_SPEED, -BACK_SPEED), wanted)
@@ -196,7 +178,10 @@ class _World:
             cell, heading = orders.cell[rows, last], orders.move[rows, last] % BACKWARDS
             resting = (pending == 0) & (orders.first < orders.at)
             tail = np.where(resting, orders.cell[rows, (orders.at - 1) % LENGTH], -1)
-            chosen, moves = self.plan.step(cell, heading, held, tail, restless)
+            self.waited += 1
+            order = np.argsort(-self.waited, kind="stable")
+            noise = self.rng.uniform(0.0, np.where(restless, RESTLESS, 0.4)[:, None], (len(cell), 5))
+            chosen, moves = pibt_step(cell, heading, self.costs, order, held, tail, noise, self.blocked)
             append(orders, chosen, moves, chosen != cell)
 
     def _speed(self, simulator: Simulator, i: int, period: float) -> float:

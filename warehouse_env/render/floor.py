@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +32,27 @@ def scale_for(grid: GridMap, longest: int = 1600, most: float = 16.0) -> float:
     return min(most, longest / (max(grid.shape) * grid.cell_size))
 
 
+class _Pixels(NamedTuple):
+    """In which cell each row and column of pixels lies, and where."""
+
+    row: NDArray[np.int64]  # [H]
+    column: NDArray[np.int64]  # [W]
+    across: Image  # [1, W], from the cell's centre line [cells]
+    down: Image  # [H, 1]
+    cell: float  # [px]
+
+    def of(self, cells: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Return bool[H, W], each pixel's value among those of the cells."""
+        return cells[self.row][:, self.column]
+
+    def rounded(self, half: float, corner: float) -> NDArray[np.float32]:
+        """Cover in [0, 1] of each pixel by its cell's rounded square of half-side `half` [cells], with a soft edge."""
+        x, y = self.across - (half - corner), self.down - (half - corner)
+        outside = np.hypot(x.clip(0), y.clip(0)) + np.minimum(np.maximum(x, y), 0) - corner
+        cover: NDArray[np.float32] = np.clip(0.5 - outside * self.cell, 0, 1)
+        return cover
+
+
 @lru_cache(maxsize=8)
 def floor_image(grid: GridMap, pixels_per_metre: float) -> NDArray[np.uint8]:
     """Draw the floor without robots -> read-only uint8[H, W, 3], north at the top."""
@@ -40,8 +62,9 @@ def floor_image(grid: GridMap, pixels_per_metre: float) -> NDArray[np.uint8]:
     v = ((np.arange(max(1, round(rows * cell))) + 0.5) / cell).clip(0, rows - 1e-4)
     u = ((np.arange(max(1, round(columns * cell))) + 0.5) / cell).clip(0, columns - 1e-4)
     row, column = v.astype(np.int64), u.astype(np.int64)
-    across = np.abs(u - column - 0.5)[None, :].astype(np.float32)  # from the cell's centre line [cells]
+    across = np.abs(u - column - 0.5)[None, :].astype(np.float32)
     down = np.abs(v - row - 0.5)[:, None].astype(np.float32)
+    pixels = _Pixels(row, column, across, down, cell)
 
     image: Image = np.empty((len(v), len(u), 3), dtype=np.float32)
     image[:] = FLOOR
@@ -49,10 +72,10 @@ def floor_image(grid: GridMap, pixels_per_metre: float) -> NDArray[np.uint8]:
         image[np.flatnonzero(np.diff(row)) + 1] = _SEAM
         image[:, np.flatnonzero(np.diff(column)) + 1] = _SEAM
     _tint_heights(image, grid, row, column)
-    _paint_endpoints(image, grid, row, column, across, down, cell)
-    shelf, discs = grid.walls[row][:, column], _cover_by_discs(grid, v, u, 0.0)
+    _paint_endpoints(image, grid, pixels)
+    shelf, discs = pixels.of(grid.walls), _cover_by_discs(grid, v, u, 0.0)
     image *= 1 - 0.26 * _shadow(shelf | (discs > 0.5), pixels_per_metre)[..., None]
-    _paint_shelves(image, shelf, row, column, across, down, cell)
+    _paint_shelves(image, shelf, pixels)
     _blend(image, discs, _RACK_EDGE)
     _blend(image, _cover_by_discs(grid, v, u, _RIM), _BOX[0])
     result = image.round().clip(0, 255).astype(np.uint8)
@@ -81,14 +104,6 @@ def _blend(image: Image, cover: NDArray[np.float32], colour: tuple[int, int, int
     image += cover[..., None] * (np.asarray(colour, dtype=np.float32) - image)
 
 
-def _rounded(across: Image, down: Image, half: float, corner: float, cell: float) -> NDArray[np.float32]:
-    """Cover in [0, 1] of each pixel by its cell's rounded square of half-side `half` [cells], with a soft edge."""
-    x, y = across - (half - corner), down - (half - corner)
-    outside = np.hypot(x.clip(0), y.clip(0)) + np.minimum(np.maximum(x, y), 0) - corner
-    cover: NDArray[np.float32] = np.clip(0.5 - outside * cell, 0, 1)
-    return cover
-
-
 def _tint_heights(image: Image, grid: GridMap, row: NDArray[np.int64], column: NDArray[np.int64]) -> None:
     """Warm where the floor is raised, cool where sunken; flat floors stay plain."""
     free = grid.height[~grid.occupied]
@@ -100,30 +115,22 @@ def _tint_heights(image: Image, grid: GridMap, row: NDArray[np.int64], column: N
         _blend(image, (-share).clip(0), _SUNKEN)
 
 
-def _paint_endpoints(
-    image: Image,
-    grid: GridMap,
-    row: NDArray[np.int64],
-    column: NDArray[np.int64],
-    across: Image,
-    down: Image,
-    cell: float,
-) -> None:
+def _paint_endpoints(image: Image, grid: GridMap, pixels: _Pixels) -> None:
     """Stations as pale rounded pads, pick faces as small dots."""
-    station = _cells_mask(grid, grid.stations)[row][:, column]
+    station = pixels.of(_cells_mask(grid, grid.stations))
     if station.any():
-        _blend(image, _rounded(across, down, 0.43, 0.14, cell) * station, _STATION_EDGE)
-        _blend(image, _rounded(across, down, 0.43 - max(0.05, 0.7 / cell), 0.10, cell) * station, _STATION)
-    pick = _cells_mask(grid, grid.picks)[row][:, column]
-    if pick.any() and cell >= _DETAIL:
-        dot = np.clip(0.5 + (0.09 - np.hypot(across, down)) * cell, 0, 1)
+        _blend(image, pixels.rounded(0.43, 0.14) * station, _STATION_EDGE)
+        _blend(image, pixels.rounded(0.43 - max(0.05, 0.7 / pixels.cell), 0.10) * station, _STATION)
+    pick = pixels.of(_cells_mask(grid, grid.picks))
+    if pick.any() and pixels.cell >= _DETAIL:
+        dot = np.clip(0.5 + (0.09 - np.hypot(pixels.across, pixels.down)) * pixels.cell, 0, 1)
         _blend(image, (dot * pick).astype(np.float32), _PICK)
 
 
 def _cells_mask(grid: GridMap, cells: NDArray[np.int64] | None) -> NDArray[np.bool_]:
     mask = np.zeros(grid.shape, dtype=np.bool_)
-    if cells is not None and len(cells):
-        mask[cells[:, 0], cells[:, 1]] = True
+    if cells is not None:
+        mask[tuple(cells.T)] = True
     return mask
 
 
@@ -142,22 +149,13 @@ def _scatter(row: NDArray[np.int64], column: NDArray[np.int64]) -> NDArray[np.in
     return (mixed ^ mixed >> 7) * 2654435761 >> 16
 
 
-def _paint_shelves(
-    image: Image,
-    shelf: NDArray[np.bool_],
-    row: NDArray[np.int64],
-    column: NDArray[np.int64],
-    across: Image,
-    down: Image,
-    cell: float,
-) -> None:
+def _paint_shelves(image: Image, shelf: NDArray[np.bool_], pixels: _Pixels) -> None:
     """Racks from above: a frame, and a box in each cell, in varied tones."""
     image[shelf] = _RACK
-    if cell >= _DETAIL:
-        tone = _BOX[_scatter(row[:, None], column[None, :]) % len(_BOX)]
-        _blend(image, _rounded(across, down, 0.43, 0.08, cell) * shelf, tone)
-        lid = _rounded(across, down, 0.30, 0.05, cell) * shelf * np.float32(0.2)
-        _blend(image, lid, (255, 255, 255))
+    if pixels.cell >= _DETAIL:
+        tone = _BOX[_scatter(pixels.row[:, None], pixels.column[None, :]) % len(_BOX)]
+        _blend(image, pixels.rounded(0.43, 0.08) * shelf, tone)
+        _blend(image, pixels.rounded(0.30, 0.05) * shelf * np.float32(0.2), (255, 255, 255))
     else:
         image[shelf] = _BOX[0]
     inside = shelf.copy()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import math
+from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -43,7 +44,7 @@ class Scene(NamedTuple):
     """What a picture shows of one world with N robots."""
 
     grid: GridMap
-    robot: RobotSpec
+    bodies: Sequence[RobotSpec]  # [N]
     pose: NDArray[np.float32]  # [N, 3] front axle x [m], y [m], heading [rad]
     goal: NDArray[np.int64]  # [N, 2] cells
     routes: list[NDArray[np.float32]]  # N x [R, 2], way-points ahead [m]
@@ -57,11 +58,6 @@ class Scene(NamedTuple):
     goal_pose: NDArray[np.float32] | None = None  # [N, 3] poses at goals: front axle x, y [m], heading (nan: any)
     loaded: NDArray[np.bool_] | None = None  # [N], robots that carry something
     people: NDArray[np.float32] | None = None  # [M, 3], x [m], y [m], walking direction [rad]
-    fleet: tuple[RobotSpec, ...] = ()  # [N], if robots are of several kinds
-
-    def body(self, robot: int) -> RobotSpec:
-        """Return the body of robot number `robot`."""
-        return self.fleet[robot] if self.fleet else self.robot
 
 
 def scene_of(simulator: Any, world: int = 0) -> Scene:
@@ -79,7 +75,7 @@ def scene_of(simulator: Any, world: int = 0) -> Scene:
     parts += [counted(round(totals["goals"]), "goal"), counted(round(collisions), "collision")]
     return Scene(
         grid=simulator.grid,
-        robot=simulator.config.robot,
+        bodies=simulator.config.robots,
         pose=np.array(state.pose[world]),
         goal=np.array(state.goal[world], dtype=np.int64),
         routes=routes,
@@ -93,7 +89,6 @@ def scene_of(simulator: Any, world: int = 0) -> Scene:
         goal_pose=goal_poses(simulator, world),
         loaded=None if shifts is None else shifts[world].carries.copy(),
         people=places(simulator.people.persons[world]),
-        fleet=simulator.config.robots if simulator.config.fleet else (),
     )
 
 
@@ -185,7 +180,7 @@ def _draw_goals(pygame: Any, canvas: Any, scene: Scene, top: float, scale: float
 def _draw_robots(pygame: Any, canvas: Any, scene: Scene, top: float, scale: float) -> None:
     # Parked robots first and those in contact last, so that what matters lies on top.
     for i in np.lexsort((scene.touching, scene.alive)):
-        robot = scene.body(int(i))
+        robot = scene.bodies[i]
         reach = math.hypot(robot.length, robot.width) / 2 + 0.25  # with halo and shadow
         centre = body_centre(scene.pose[i], robot)
         tile = Tile(pygame, centre, reach, top, scale)
@@ -220,7 +215,7 @@ def _draw_waiting(pygame: Any, canvas: Any, scene: Scene, top: float, scale: flo
     inks = {i: ink for i in range(len(scene.pose)) if (ink := _waiting_colour(scene, i)) is not None}
     width = max(0.07, 1.6 / scale)  # [m], a pixel and a half at least
     for i in sorted(inks, key=lambda i: inks[i] == DEADLOCK):
-        begin, end = (np.array(body_centre(scene.pose[k], scene.body(k))) for k in (i, scene.waits_for[i]))  # type: ignore[index]
+        begin, end = (np.array(body_centre(scene.pose[k], scene.bodies[k])) for k in (i, scene.waits_for[i]))  # type: ignore[index]
         middle, reach = (begin + end) / 2, float(np.hypot(*(end - begin))) / 2 + 6 * width
         tile = Tile(pygame, (float(middle[0]), float(middle[1])), reach, top, scale)
         stuck = inks[i] == DEADLOCK
