@@ -1,4 +1,4 @@
-"""The examples of trainings run for a few updates on the CPU, and save what every command takes."""
+"""The examples of trainings run for a few updates on the CPU, and every command drives what they save."""
 
 from __future__ import annotations
 
@@ -9,8 +9,7 @@ from typing import Any
 
 import pytest
 
-from agents import make_policy, policy_config
-from warehouse_env import EnvConfig
+from train.cli import main
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -21,19 +20,23 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
         ("ppo_gpu", {"device": "cpu", "steps": 600}, "768 agent-steps"),
         ("cleanrl_ppo", {"steps": 1200}, "1,152 agent-steps"),
         ("mappo", {"steps": 1200}, "1,152 agent-steps"),
+        ("recurrent_ppo", {"steps": 600}, "512 agent-steps"),
     ],
 )
 def test_it_trains_and_saves_a_policy(
     name: str, options: dict[str, Any], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
+    monkeypatch: pytest.MonkeyPatch, registries: None,
 ) -> None:  # fmt: skip
+    monkeypatch.chdir(tmp_path)
     spec = importlib.util.spec_from_file_location(name, EXAMPLES / f"{name}.py")
     assert spec is not None
     assert spec.loader is not None
     example = importlib.util.module_from_spec(spec)
     monkeypatch.setitem(sys.modules, name, example)
     spec.loader.exec_module(example)
-    example.main(example.Options(worlds=2, robots=4, out=tmp_path / "mine", **options))
+    example.main(example.Options(worlds=2, robots=4, **options))
     assert said in capsys.readouterr().out
     assert len((EXAMPLES / f"{name}.py").read_text().splitlines()) < 150
-    assert make_policy(tmp_path / "mine", policy_config(tmp_path / "mine", EnvConfig(num_agents=4))) is not None
+    policy = f"{EXAMPLES / name}.py:Remembering" if name == "recurrent_ppo" else f"runs/{name}"
+    short = "--layout open --robots 2 --episodes 2 --seconds 2 --planner astar --traffic own:routes=false --no-pictures"
+    assert main(["evaluate", "--policy", policy, *short.split()]) == 0
