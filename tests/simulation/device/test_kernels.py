@@ -63,6 +63,8 @@ def test_worlds_of_all_sizes_share_kernels() -> None:
     kinds = [{one: numba.typeof(given) for one, given in launched(*size).items()} for size in ((1, 1), (3, 2), (1, 9))]
     assert kinds[0] == kinds[1] == kinds[2]
     assert {driver.__name__ for driver in kinds[0]} == set(DRIVERS)
+    for given in launched(1, 1).values():  # nothing stays on the host
+        assert {type(one) for one in shim.parameters_of(given) if not isinstance(one, np.generic)} <= {int}
 
 
 @pytest.mark.nightly
