@@ -59,6 +59,10 @@ class TrainingDevice(DeviceSimulator):
         self.ends = jammed[self.truncated].tolist()
         return observation
 
+    def lengths(self) -> Tensor:
+        """Return the [m] driven and planned, float64[2], of the tasks finished in the last step."""
+        return (self.fields["events"]["arrived"].unsqueeze(-1) * self._tensors["booked"]).sum((0, 1))
+
 
 class DeviceWorlds(TrainingWorlds):
     """The worlds of TrainingDevices. A world's generators go on from episode to episode."""

@@ -19,8 +19,8 @@ _BARE: dict[str, Any] = {
 _THREADED = {"robots": (16, 24, 32), "rows": 768, "hidden": (64, 64)}
 # Thousands of worlds on a GPU, within what a device simulates.
 _DEVICE = {
-    "layouts": ("paper46",), "robots": (16,), "rows": 65_536, "planner": "pf_aco", "collision_last": -30.0,
-    "traffic": "none:shield=true", "hidden": (64, 64), "rollout": 32, "minibatch": 65_536, "learning_rate": 1e-3,
+    "layouts": ("paper46",), "robots": (16,), "rows": 262_144, "planner": "pf_aco", "collision_last": -30.0,
+    "traffic": "none:shield=true", "hidden": (64, 64), "minibatch": 131_072, "learning_rate": 1e-3,
     "steps": 1_000_000_000,
 }  # fmt: skip
 # The shipped policy of this name: live routes only, and large contact penalties.

@@ -106,6 +106,10 @@ class TrainingSimulator(Simulator):
         self.stuck = int((self.robots["clocks"]["stalled_time"] > self.config.stuck_after).sum())
         return observation
 
+    def lengths(self) -> tuple[float, float]:
+        """Return the [m] driven and planned of the tasks finished in the last step."""
+        return sum(one.driven for one in self.arrivals), sum(one.planned for one in self.arrivals)
+
 
 @dataclass
 class Counts:
@@ -156,8 +160,9 @@ class TrainingTally:
             counts.collisions += events["hit_robot"].sum() / 2 + events["hit_shelf"].sum() + events["hit_person"].sum()
             counts.metres += events["driven"].sum()
             counts.reward += simulator.reward.sum()
-            counts.driven += sum(arrival.driven for arrival in simulator.arrivals)
-            counts.planned += sum(arrival.planned for arrival in simulator.arrivals)
+            driven, planned = simulator.lengths()
+            counts.driven += driven
+            counts.planned += planned
             counts.stuck += simulator.stuck
             self._ends.extend(simulator.ends)
 
