@@ -20,7 +20,6 @@ from train.commands.kinds import read_fleet
 from train.fleet.check import check_log
 from train.fleet.driven import load_episode
 from train.fleet.factsheet import factsheet_of
-from train.fleet.publisher import secure_context
 from train.fleet.received import hear_log
 from train.learning import checkpoint
 from train.learning.progress import read_run
@@ -215,6 +214,5 @@ READERS: dict[str, Reader] = {
     "solution.yaml": of_text(lambda path: repr(read_solution(path)), CLMAPF_SOLUTION),
     "log.jsonl": of_text(lambda path: check_log(path).messages, LOG, WarehouseError),
     "heard.jsonl": of_text(lambda path: hear_log(path).messages, LOG, WarehouseError),
-    "cafile.pem": Reader(secure_context, bytes, ConfigError),
     "digest": Reader(file_digest, lambda: b"any", WarehouseError),
 }  # fmt: skip

@@ -13,7 +13,7 @@ import pytest
 from tests.readers import LOG, READERS
 from tests.test_architecture import PACKAGES, ROOT, module_name
 
-UNKNOWN = ("h.png", "cafile.pem")  # of which no small good one is made here
+UNKNOWN = ("h.png",)  # of which no small good one is made here
 
 
 @pytest.fixture(autouse=True)

@@ -16,7 +16,7 @@ from train.fleet.check import check_log
 from train.fleet.driven import load_simulated
 from train.fleet.messages import LOG, Names, write_log
 from train.fleet.orders import Story, story_of
-from train.fleet.publisher import Broker, broker_of, package, publish, secure_context
+from train.fleet.publisher import Broker, broker_of, package, publish
 from train.fleet.received import hear_log
 from train.fleet.row import fleet_table, row_of
 from train.fleet.vehicle import messages_of, serial_of
@@ -62,12 +62,6 @@ class FleetCommand(Checked):
     often as vehicles report)."""
     interface: str = "uagv"
     """First part of the topics that are written."""
-    user: str | None = None
-    """With --mqtt, user at the broker; the password comes from WAREHOUSE_MQTT_PASSWORD."""
-    tls: bool = False
-    """With --mqtt, use TLS (port 8883 by default); --cafile implies it."""
-    cafile: Path | None = None
-    """With --mqtt, certificates of the authorities to trust, in PEM format (those of this machine)."""
     json: Path | None = None
     """File for a row about the result, as JSON lines."""
 
@@ -77,8 +71,6 @@ class FleetCommand(Checked):
         self._between(0.001, 3600.0, "every")
         plain = self.interface.isprintable() and 0 < len(self.interface) <= 100 and not set(self.interface) & set("/+#")
         self._require(plain, "interface", "a part of a topic: some characters, none of / + #")
-        named = self.user is None or (self.user.isprintable() and 0 < len(self.user) <= 1000)
-        self._require(named, "user", "a name of 1 to 1000 characters")
 
     def run(self) -> None:
         """Write, check or listen."""
@@ -88,7 +80,7 @@ class FleetCommand(Checked):
         for used, names, what in (
             (self.episode is not None, ("mqtt",), "an episode"),
             (self.listen is not None, ("layout", "beside"), "--listen"),
-            (self.mqtt is not None, ("speed", "user", "tls", "cafile"), "--mqtt HOST"),
+            (self.mqtt is not None, ("speed",), "--mqtt HOST"),
         ):
             given = [f"--{name}" for name in names if getattr(self, name)]
             if given and not used:
@@ -102,7 +94,9 @@ class FleetCommand(Checked):
 
     def _write(self, path: Path) -> None:
         """Write or publish an episode's messages."""
-        broker = None if self.mqtt is None else self._broker(self.mqtt)
+        broker = None if self.mqtt is None else broker_of(self.mqtt)
+        if broker is not None:
+            package()
         folder = FOLDER if self.out is None and broker is None else self.out
         if folder is not None:
             check_writable(folder / LOG)
@@ -176,8 +170,3 @@ class FleetCommand(Checked):
             f"{fleet.messages:,} messages of {counted(vehicles, 'vehicle')}, {seconds:.1f} s from {episode.begin}; "
             f"wrote the episode to {path}; to see it: warehouse replay {path} --html {path.with_suffix('.html')}"
         )
-
-    def _broker(self, text: str) -> Broker:
-        package()
-        secure = self.tls or self.cafile is not None
-        return broker_of(text, self.user, secure_context(self.cafile) if secure else None)

@@ -8,34 +8,26 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import importlib
-import os
 import re
-import ssl
 from collections.abc import Iterable
-from pathlib import Path
 from typing import Any, NamedTuple
 
 from train.fleet.messages import Message, Names, Sender
 from warehouse_env.errors import ConfigError, LostError, WarehouseError, shown
-from warehouse_env.files import path_of, read_bytes
 
-PORT, SECURE_PORT = 1883, 8883
-PASSWORD = "WAREHOUSE_MQTT_PASSWORD"
-"""Name of the environment variable that holds the password."""
+PORT = 1883
 TIMEOUT = 10.0  # [s] to wait for an answer of the broker
 KEEP_ALIVE = 15  # [s] without traffic before the client pings the broker
 _ADDRESS = re.compile(r"(\[[0-9A-Fa-f:.%]+\]|[^\s:/\[\]]+)(?::(\d{1,5}))?")
-_LARGEST_FILE = 4_000_000  # [bytes], of certificates
 _REFUSED = (134, 135)  # MQTT reason codes: bad user name or password, not authorized
+_BRIDGE = "publish to a local broker that bridges to it"
 
 
 class Broker(NamedTuple):
-    """Where a broker is, and how to connect to it."""
+    """Where a broker is that asks for neither TLS nor a password."""
 
     host: str
     port: int
-    user: str | None = None
-    context: ssl.SSLContext | None = None  # None: no TLS
     timeout: float = TIMEOUT
 
     @property
@@ -45,10 +37,7 @@ class Broker(NamedTuple):
 
     def client(self, **options: Any) -> Any:
         """Return a client to be entered; WarehouseError if aiomqtt is missing."""
-        return package().Client(
-            self.host, self.port, username=self.user, password=os.environ.get(PASSWORD), timeout=self.timeout,
-            keepalive=KEEP_ALIVE, tls_context=self.context, **options,
-        )  # fmt: skip
+        return package().Client(self.host, self.port, timeout=self.timeout, keepalive=KEEP_ALIVE, **options)
 
 
 def package() -> Any:
@@ -59,27 +48,13 @@ def package() -> Any:
         raise WarehouseError("MQTT needs the package 'aiomqtt'; pip install \"warehouse-env[fleet]\"") from None
 
 
-def broker_of(text: str, user: str | None = None, context: ssl.SSLContext | None = None) -> Broker:
+def broker_of(text: str) -> Broker:
     """Return the broker named by HOST or HOST:PORT; ConfigError if `text` is neither."""
     found = _ADDRESS.fullmatch(text)
-    port = int(found[2] or (PORT if context is None else SECURE_PORT)) if found else 0
+    port = int(found[2] or PORT) if found else 0
     if found is None or not 0 < port < 65536 or len(found[1]) > 253:
         raise ConfigError(f"{shown(text)} is no broker; name it as HOST or HOST:PORT")
-    return Broker(found[1].strip("[]"), port, user, context)
-
-
-def secure_context(authority: Path | None) -> ssl.SSLContext:
-    """Return the TLS settings that trust the certificates in a file (None: those of this machine); ConfigError."""
-    if authority is not None:
-        read_bytes(authority, "--cafile", _LARGEST_FILE, ConfigError)
-    try:
-        context = ssl.create_default_context(cafile=None if authority is None else path_of(authority))
-    except ssl.SSLError:
-        raise ConfigError(f"--cafile {authority} holds no certificate in PEM format") from None
-    if authority is not None:
-        # Python 3.13 is stricter than brokers and their other clients: certificates of small authorities fail it.
-        context.verify_flags &= ~ssl.VERIFY_X509_STRICT
-    return context
+    return Broker(found[1].strip("[]"), port)
 
 
 class Sent(NamedTuple):
@@ -169,19 +144,9 @@ def _reason(error: Exception) -> str:
 
 def _not_connected(broker: Broker, error: Exception) -> WarehouseError:
     """Return the error for a connection that could not be made: what is wrong, and what to do."""
-    name, cause = f"broker {broker.name}", error.__context__
+    name = f"broker {broker.name}"
     if getattr(getattr(error, "rc", None), "value", None) in _REFUSED:
-        who = "clients without a user" if broker.user is None else f"user {shown(broker.user)}"
-        return WarehouseError(f"{name} refuses {who}; check --user and the password in {PASSWORD}")
-    if isinstance(cause, ssl.SSLCertVerificationError):
-        return WarehouseError(
-            f"the certificate of {name} is not trusted ({cause.verify_message}); name its authority's file with "
-            "--cafile, and the broker as its certificate does"
-        )
-    if isinstance(cause, ssl.SSLError):
-        return WarehouseError(f"{name} does not answer in TLS at this port ({_reason(error)}); name its TLS port")
-    if isinstance(cause, TimeoutError):
-        return WarehouseError(
-            f"{name} does not answer: check host and port; a TLS port needs --tls or --cafile, any other port neither"
-        )
+        return WarehouseError(f"{name} refuses clients without a password; {_BRIDGE}")
+    if isinstance(error.__context__, TimeoutError):
+        return WarehouseError(f"{name} does not answer: check host and port; if the port needs TLS, {_BRIDGE}")
     return WarehouseError(f"{name} cannot be reached: {_reason(error)}")

@@ -1,15 +1,12 @@
-"""Brokers for tests: amqtt in a thread, one that answers a single packet, a subscriber; certificates."""
+"""Brokers for tests: amqtt in a thread, one that answers a single packet, a subscriber."""
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
-import shutil
 import socket
-import subprocess
 import threading
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -17,7 +14,6 @@ import pytest
 from train.fleet.publisher import Broker
 
 amqtt = pytest.importorskip("amqtt.broker")
-ANONYMOUS = {"amqtt.plugins.authentication.AnonymousAuthPlugin": {"allow_anonymous": True}}
 
 
 def free_port() -> int:
@@ -27,15 +23,15 @@ def free_port() -> int:
 
 
 @contextlib.contextmanager
-def running(listeners: dict[str, dict[str, Any]], plugins: dict[str, Any]) -> Iterator[Any]:
-    """Run amqtt with these listeners and plugins in a thread, at free ports."""
+def running(anonymous: bool) -> Iterator[Any]:
+    """Run amqtt in a thread, at a free port; anonymous: it admits clients without a user."""
     loop = asyncio.new_event_loop()
     thread = threading.Thread(target=loop.run_forever, daemon=True)
     thread.start()
 
     async def begin() -> Any:
-        places = {name: {"type": "tcp", "bind": "127.0.0.1:0", **options} for name, options in listeners.items()}
-        made = amqtt.Broker({"listeners": places, "plugins": plugins})
+        plugins = {"amqtt.plugins.authentication.AnonymousAuthPlugin": {"allow_anonymous": anonymous}}
+        made = amqtt.Broker({"listeners": {"default": {"type": "tcp", "bind": "127.0.0.1:0"}}, "plugins": plugins})
         await made.start()
         return made
 
@@ -46,9 +42,9 @@ def running(listeners: dict[str, dict[str, Any]], plugins: dict[str, Any]) -> It
     thread.join(10)
 
 
-def port_of(made: Any, name: str = "default") -> int:
-    """Return the port of a listener of amqtt."""
-    return int(made._servers[name].instance.sockets[0].getsockname()[1])
+def port_of(made: Any) -> int:
+    """Return amqtt's port."""
+    return int(made._servers["default"].instance.sockets[0].getsockname()[1])
 
 
 def answering(reply: bytes) -> int:
@@ -85,28 +81,3 @@ def hearing(broker: Broker, interface: str) -> Iterator[list[Any]]:
     assert ready.wait(10)
     yield heard
     thread.join(20)
-
-
-class Authority:
-    """A certificate authority for tests, made by openssl; its files are NAME.pem and NAME.key in a folder."""
-
-    def __init__(self, folder: Path, name: str) -> None:
-        if shutil.which("openssl") is None:
-            pytest.skip("openssl is not installed")
-        self._folder, self._name = folder, name
-        self._openssl("req", "-x509", *self._key(name), "-subj", f"/CN={name}", "-out", f"{name}.pem")
-
-    def sign(self, name: str, hosts: str, days: int = 2) -> None:
-        """Make a certificate and its key; hosts: as in "DNS:plant,IP:127.0.0.1"."""
-        (self._folder / "hosts.txt").write_text(f"subjectAltName={hosts}\n")
-        self._openssl("req", "-new", *self._key(name), "-subj", f"/CN={name}", "-out", "asked.csr")
-        self._openssl(
-            "x509", "-req", "-in", "asked.csr", "-CA", f"{self._name}.pem", "-CAkey", f"{self._name}.key",
-            "-CAcreateserial", "-days", str(days), "-extfile", "hosts.txt", "-out", f"{name}.pem",
-        )  # fmt: skip
-
-    def _key(self, name: str) -> list[str]:
-        return ["-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes", "-keyout", f"{name}.key"]
-
-    def _openssl(self, *words: str) -> None:
-        subprocess.run(["openssl", *words], cwd=self._folder, check=True, capture_output=True)
