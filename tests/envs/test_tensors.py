@@ -11,7 +11,7 @@ import torch
 
 import warehouse_env
 from train.cli import main
-from warehouse_env import ConfigError, EnvConfig, Simulator
+from warehouse_env import ConfigError, EnvConfig, Simulator, UncertaintySpec
 from warehouse_env.simulation.record.recording import Episode, Recorder
 from warehouse_env.simulation.state import global_view
 
@@ -40,8 +40,12 @@ def test_an_episode_ends_with_its_last_observation_and_metrics_and_the_next_begi
         assert (env.state(per_row=True)[6 * world : 6 * world + 6] == env.state()[world]).all()
 
 
-def test_recorded_worlds_equal_those_of_a_simulator_and_their_file_is_replayed_and_audited(tmp_path: Path) -> None:
-    env, host = warehouse_env.tensor_env(3, CONFIG, device="cpu"), Recorder(Simulator(CONFIG, 2), (7, 8))
+@pytest.mark.parametrize("uncertainty", [None, UncertaintySpec(pose_error=0.05, actuation_error=0.05)])
+def test_recorded_worlds_equal_a_simulators_and_are_replayed_and_audited(
+    uncertainty: UncertaintySpec | None, tmp_path: Path
+) -> None:
+    config = CONFIG.replace(uncertainty=uncertainty)
+    env, host = warehouse_env.tensor_env(3, config, device="cpu"), Recorder(Simulator(config, 2), (7, 8))
     env.reset(seed=4)
     actions = torch.randint(20, (25, 3, 6), generator=torch.Generator().manual_seed(1))
     env.step(actions[0].flatten())
