@@ -116,9 +116,11 @@ def test_every_command_is_understood(
         assert main(words) == 0
     else:
         name = next(name for name in COMMANDS if name.split() == words[: len(name.split())])
-        options = options_of(name)
-        words = ["cpu" if word == "cuda" else word for word in words]  # a device that is looked for, and is not here
-        parsed = tyro.cli(options, prog=f"warehouse {name}", args=words[len(name.split()) :])
+        options, words = options_of(name), words[len(name.split()) :]
+        if "--device" in words:  # one that is looked for, and need not be here
+            words[words.index("--device") + 1] = "cpu"
+        usual = {"default": options.defaults_for(words)} if hasattr(options, "defaults_for") else {}
+        parsed = tyro.cli(options, prog=f"warehouse {name}", args=words, **usual)
         assert isinstance(parsed, options)
 
 
