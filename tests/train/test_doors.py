@@ -15,7 +15,7 @@ from warehouse_env.errors import WarehouseError
 from warehouse_env.files import complete_file, write_text
 
 INPUTS = {
-    "beside", "check", "draw", "episode", "episodes", "files", "fleet", "folder", "listen",
+    "check", "draw", "episode", "episodes", "files", "fleet", "folder", "listen",
     "map", "maps", "orders", "rows", "runs", "scen", "solutions",
 }  # fmt: skip
 

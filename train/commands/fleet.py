@@ -55,8 +55,6 @@ class FleetCommand(Checked):
     layout: Annotated[str | None, BY_MAP] = None
     """With --listen, the floor: a name of `warehouse layouts`, a file NAME.map, NAME.yaml of map_server in the
     vehicles' frame, or FILE.py:FUNCTION."""
-    beside: Path | None = None
-    """With --listen, a recorded episode whose figures stand beside the fleet's."""
     every: float | None = None
     """Seconds between two visualization messages of a vehicle (each step); with --listen, the episode's time step (as
     often as vehicles report)."""
@@ -79,7 +77,7 @@ class FleetCommand(Checked):
             raise ConfigError("name an episode to write, --check LOG or --listen LOG: one of them")
         for used, names, what in (
             (self.episode is not None, ("mqtt",), "an episode"),
-            (self.listen is not None, ("layout", "beside"), "--listen"),
+            (self.listen is not None, ("layout",), "--listen"),
             (self.mqtt is not None, ("speed",), "--mqtt HOST"),
         ):
             given = [f"--{name}" for name in names if getattr(self, name)]
@@ -154,17 +152,15 @@ class FleetCommand(Checked):
         config, path = EnvConfig(self.layout, planner="astar"), (self.out or FOLDER) / EPISODE
         grid, rows = load_floor(config), RowFile(self.json)
         check_writable(path)
-        beside = None if self.beside is None else load_simulated(self.beside)
         with make_progress() as progress:
             bar = progress.add_task("messages", total=None)
             fleet = hear_log(log, lambda: progress.advance(bar))
             episode = episode_of(fleet, grid, config, self.every)
             episode.save(path)
-            shown = [(episode, log), *([] if beside is None else [(beside, self.beside)])]
-            bar = progress.add_task("figures", total=sum(len(one.pose) for one, _ in shown))
-            found = [row_of(one, str(name), lambda: progress.advance(bar)) for one, name in shown]
-        fleet_table(found, episode.notes).print()
-        rows.add(found)
+            bar = progress.add_task("figures", total=len(episode.pose))
+            row = row_of(episode, log, lambda: progress.advance(bar))
+        fleet_table(row).print()
+        rows.add([row])
         vehicles, seconds = len(episode.vehicles), (len(episode.pose) - 1) * episode.config.time_step
         print(
             f"{fleet.messages:,} messages of {counted(vehicles, 'vehicle')}, {seconds:.1f} s from {episode.begin}; "

@@ -1,15 +1,14 @@
-"""Rows of a real fleet's figures, like those of an evaluation, and their table beside a simulated episode."""
+"""The row of a real fleet's figures, like those of an evaluation, and its table."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 from train.fleet.driven import FleetEpisode
 from train.reporting.report import Table, number
 from train.reporting.rows import Row, plain
 from warehouse_env import __version__
-from warehouse_env.simulation.record.recording import Episode
 
 _COLUMNS = (
     ("seconds", "s"), ("robot_km", "km"), ("goals", "goals"), ("goals_per_robot_hour", "goals/robot-h"),
@@ -25,34 +24,25 @@ _NOTE = (
 )
 
 
-def row_of(episode: Episode, source: str, moved: Callable[[], object] = lambda: None) -> Row:
-    """Return the row of a real fleet, or of a recorded episode by running it again; moved: called after each moment.
-
-    Reroutes of a fleet are None, since no message tells them.
-    """
+def row_of(episode: FleetEpisode, source: object, moved: Callable[[], object] = lambda: None) -> Row:
+    """Return a fleet's row; moved: called after each moment. Reroutes are None, since no message tells them."""
     for last in episode.replay():
         moved()
-        simulator = last
+        shown = last
     config = episode.config
     row = {
-        "policy": episode.policy or "simulated", "layout": config.layout,
-        "robots": config.num_agents, "tasks": config.tasks, "planner": config.planner, "source": source,
-        "seed": episode.seeds[0], **simulator.episode_metrics(0), "config": config.to_dict(), "version": __version__,
+        "policy": "fleet", "layout": config.layout, "robots": config.num_agents, "tasks": config.tasks,
+        "planner": config.planner, "source": str(source), "seed": episode.seeds[0], **shown.episode_metrics(0),
+        "config": config.to_dict(), "version": __version__, "reroutes": math.nan, "notes": list(episode.notes),
+        "vehicles": list(episode.vehicles),
     }  # fmt: skip
-    if isinstance(episode, FleetEpisode):
-        notes, vehicles = list(episode.notes), list(episode.vehicles)
-        row |= {"policy": "fleet", "reroutes": math.nan, "notes": notes, "vehicles": vehicles}
     return dict(plain(row))
 
 
-def fleet_table(rows: Sequence[Row], notes: Sequence[str]) -> Table:
-    """Return the table: a line for the fleet, and one for each episode."""
-    cells = []
-    for row in rows:
-        values = [row.get(name) for name, _ in _COLUMNS]
-        scaled = [100 * value if name == "waiting_share" and value is not None else value
-                  for value, (name, _) in zip(values, _COLUMNS, strict=True)]  # fmt: skip
-        cells.append((row["policy"], str(row["robots"]), *("-" if v is None else number(v, 4) for v in scaled)))
-    header = ("who", "robots", *(heading for _, heading in _COLUMNS))
-    noted = "".join(f"\nNote: {note}." for note in notes)
-    return Table("Fleet", header, tuple(cells), _NOTE + noted)
+def fleet_table(row: Row) -> Table:
+    """Return the table of a fleet's figures, and notes on what they leave out."""
+    values = ((row.get(name), 100.0 if name == "waiting_share" else 1.0) for name, _ in _COLUMNS)
+    cells = tuple("-" if value is None else number(scale * value, 4) for value, scale in values)
+    noted = "".join(f"\nNote: {note}." for note in row["notes"])
+    header = ("robots", *(heading for _, heading in _COLUMNS))
+    return Table("Fleet", header, ((str(row["robots"]), *cells),), _NOTE + noted)
