@@ -35,11 +35,11 @@ def evaluation_pictures(rows: Sequence[Row], traces: Sequence[Trace], folder: Pa
         measures = {title: bars(group, name, names) for title, name in MEASURES.items()}
         report_charts.draw_over_robots({Path(str(layout)).stem: measures}, files[-1])
     for trace in traces:
-        one = trace.experiment
-        parts = (one.place, str(one.config.num_agents), one.policy)
+        one, config = trace.experiment, trace.experiment.config
+        parts = (config.layout, str(config.num_agents), one.policy)
         files.append(folder / f"trajectories_{'_'.join(map(file_name, parts))}.png")
         poses, seed = trace.poses, one.seeds[0]
-        title = f"{one.driver}: {counted(one.config.num_agents, 'robot')} on {Path(one.place).stem}, seed {seed}"
+        title = f"{one.driver}: {counted(config.num_agents, 'robot')} on {Path(config.layout).stem}, seed {seed}"
         assert trace.grid is not None
         charts.trajectories(trace.grid, list(poses[:, :, :2].swapaxes(0, 1)), trace.contacts, title, files[-1])
     return files

@@ -58,10 +58,10 @@ class PlaceNotes:
 
     def rows(self) -> list[Row]:
         """Return a note of JSON values for each episode, in the order of the seeds."""
-        one = self._experiment
+        one, config = self._experiment, self._experiment.config
         about = {
-            "policy": one.policy, "layout": one.place, "robots": one.config.num_agents, "tasks": one.config.tasks,
-            "planner": one.config.planner,
+            "policy": one.policy, "layout": config.layout, "robots": config.num_agents, "tasks": config.tasks,
+            "planner": config.planner,
         }  # fmt: skip
         return [
             dict(plain({

@@ -95,7 +95,7 @@ def _where(
     experiments: Sequence[Experiment], rows: Sequence[Row], notes: Sequence[Row], short: Mapping[str, str]
 ) -> PagePart:
     """Return the heat maps of each floor with the most robots there, a panel a policy."""
-    grids = {one.place: load_floor(one.config) for one in experiments}
+    grids = {one.config.layout: load_floor(one.config) for one in experiments}
     pictures = []
     for (layout,), own in grouped(rows, ("layout",)).items():
         robots = max(row["robots"] for row in own)

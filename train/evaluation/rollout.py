@@ -56,11 +56,6 @@ class Experiment:
         return [self.seed + k for k in self.episodes]
 
     @property
-    def place(self) -> str:
-        """Name of the layout, or the path of its file."""
-        return self.config.layout
-
-    @property
     def driver(self) -> str:
         """The short name of the policy with its traffic, as in "greedy (rules)"."""
         return f"{Path(self.policy).name} ({written_traffic(self.config.traffic_spec)})"
@@ -69,7 +64,7 @@ class Experiment:
     def title(self) -> str:
         """What the progress bar says."""
         spoiled = f" · {DISTURBANCES[self.disturbance].summary}" if self.disturbance else ""
-        return f"{self.place} · {counted(self.config.num_agents, 'robot')} · {self.policy}{spoiled}"
+        return f"{self.config.layout} · {counted(self.config.num_agents, 'robot')} · {self.policy}{spoiled}"
 
 
 def config_of(policy: str, base: EnvConfig, chosen: Mapping[str, Any]) -> EnvConfig:
@@ -193,14 +188,14 @@ def make_actors(name: str, config: EnvConfig, worlds: int) -> list[Actor]:
 def identity(experiment: Experiment) -> Row:
     """Return the fields that all rows of an experiment share and that identify them in a file."""
     config = experiment.config
-    shared = {"policy": experiment.policy, "layout": experiment.place, "robots": config.num_agents}
+    shared = {"policy": experiment.policy, "layout": config.layout, "robots": config.num_agents}
     if experiment.disturbance is not None:
         strengths = DISTURBANCES[experiment.disturbance].strengths
         shared |= {"disturbance": experiment.disturbance, "strengths": strengths}
     orders = (config.orders and config.orders.file) or ""
     made_of = versions(experiment.policy, config.planner, config.layout, orders)
-    if floor := floor_digest(experiment.place):
-        made_of[experiment.place] = floor
+    if floor := floor_digest(config.layout):
+        made_of[config.layout] = floor
     if made_of:
         shared["versions"] = made_of
     return dict(plain({**shared, "tasks": config.tasks, "planner": config.planner, "config": config.to_dict()}))

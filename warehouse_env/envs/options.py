@@ -11,6 +11,7 @@ from warehouse_env.config import EnvConfig, EnvOptions
 from warehouse_env.errors import ConfigError, shown, unknown_name
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning.plan import Planner
+from warehouse_env.routes.book import RouteBook
 from warehouse_env.simulation.given import check_count
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.tasks.assignment import Assignment
@@ -91,15 +92,8 @@ def assignments_of(options: object, robots: Sequence[int], one: bool = False) ->
 
 
 def share_routes(simulators: Sequence[Simulator]) -> None:
-    """Let the last simulator use an earlier one's routes if floor, planner, lanes and widest body are the same."""
-    last = simulators[-1]
-    for other in simulators[:-1]:
-        if _route_key(other) == _route_key(last):
-            last.route_book = other.route_book
-            return
-
-
-def _route_key(simulator: Simulator) -> tuple[object, ...]:
-    """Return what a route depends on besides its ends."""
-    grid, config = simulator.grid, simulator.config
-    return grid.key, simulator.route_book.planner.key, config.keep_right, config.widest_body.wider
+    """Let simulators use one source of routes where floor, planner, lanes and widest body are the same."""
+    books: dict[tuple[object, ...], RouteBook] = {}
+    for one in simulators:
+        key = one.grid.key, one.route_book.planner.key, one.config.keep_right, one.config.widest_body.wider
+        one.route_book = books.setdefault(key, one.route_book)

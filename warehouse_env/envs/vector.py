@@ -296,8 +296,9 @@ def vec_env(
     if not chosen or len(counts) != len(chosen):
         raise ConfigError(f"num_worlds={shown(num_worlds)} needs one number for each of the {len(chosen)} configs")
     counts = [check_count("num_worlds", count) for count in counts]
-    simulators: list[Simulator] = []
-    for one, count in zip(chosen, counts, strict=True):
-        simulators.append(build_simulator(one, changes, num_worlds=count, grid=grid, planner=planner))
-        share_routes(simulators)
+    simulators = [
+        build_simulator(one, changes, num_worlds=count, grid=grid, planner=planner)
+        for one, count in zip(chosen, counts, strict=True)
+    ]
+    share_routes(simulators)
     return WarehouseVecEnv(simulators, render_mode)

@@ -209,7 +209,7 @@ def test_rows_are_not_replaced_unasked(name: str, tmp_path: Path, capsys: pytest
 def test_a_floor_has_one_name(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     floor = str(EXAMPLE_MAP)
     layouts = Evaluate(layout=(floor, "open"), policy=("brake",)).experiments()
-    assert [one.place for one in layouts] == [floor, "open"]
+    assert [one.config.layout for one in layouts] == [floor, "open"]
     words = "--policy brake --episodes 1 --robots 2 --seconds 10 --planner astar --no-pictures --out"
     assert main(["evaluate", *words.split(), str(tmp_path), "--map", floor]) == 0
     assert [row["layout"] for row in read_rows(tmp_path / "rows.jsonl")] == [floor]

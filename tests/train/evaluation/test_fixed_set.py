@@ -41,7 +41,9 @@ def test_the_set_is_that_of_its_version() -> None:
 def test_shipped_policies_drove_the_whole_set() -> None:
     rows = read_rows(SHIPPED)
     wanted = {
-        (track, one.place, one.config.num_agents, seed) for track, one in experiments("follow") for seed in one.seeds
+        (track, one.config.layout, one.config.num_agents, seed)
+        for track, one in experiments("follow")
+        for seed in one.seeds
     }
     driven: dict[tuple[str, str], set[tuple[object, ...]]] = {}
     for row in rows:

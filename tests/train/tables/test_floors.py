@@ -51,7 +51,7 @@ def test_every_floor_has_the_same_seeds_for_the_rule_and_the_policies(tmp_path: 
     made = list(FloorsTable(out=tmp_path, policy=("ppo", "brake")).experiments(tmp_path))
     seeds: dict[tuple[str, int], set[tuple[int, ...]]] = {}
     for one in made:
-        seeds.setdefault((one.place, one.config.num_agents), set()).add(tuple(one.seeds))
+        seeds.setdefault((one.config.layout, one.config.num_agents), set()).add(tuple(one.seeds))
     assert all(len(group) == 1 for group in seeds.values())
     assert len({place for place, _ in seeds}) == 3 + len(DRAWN) + 2 + len(LARGE)
     crowds = {robots for place, robots in seeds if place.startswith("blocks")}
