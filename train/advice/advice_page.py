@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
 
 from agents import POLICIES
 from train.advice.answer import answer, effect_text, robots_text
@@ -15,7 +14,6 @@ from train.advice.trials import BLOCK
 from train.evaluation.pictures import file_name
 from train.reporting.page import Link, Page, PagePart, Shown, made_by
 from train.reporting.report import Table, difference, number, with_interval
-from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.halls import lif, route_graph
 from warehouse_env.maps.halls.saved import write_hall
 from warehouse_env.render import report_charts
@@ -41,23 +39,16 @@ def advice_page(advice: Advice, hall: Sequence[PagePart] = (), files: Sequence[L
     return Page(title, subtitle, answer(advice), parts)
 
 
-class Recommended(NamedTuple):
-    """A floor to take away."""
-
-    grid: GridMap
-    effect: Effect | None  # the change, None: the floor as it is
-
-
-def recommended(advice: Advice) -> Recommended:
-    """Return the floor with the one change that surely gains most; changes were not measured together."""
+def recommended(advice: Advice) -> Effect | None:
+    """Return the one change that surely gains most, if there is one; changes were not measured together."""
     gains = [effect for effect in advice.effects if effect.significant and effect.gain.mean > 0]
-    best = max(gains, key=lambda effect: effect.gain.mean, default=None)
-    return Recommended(advice.plan.grid if best is None else best.candidate.grid, best)
+    return max(gains, key=lambda effect: effect.gain.mean, default=None)
 
 
 def write_floor(advice: Advice, out: Path) -> list[Link]:
     """Write the recommended floor's files to OUT/floor; return links to them."""
-    grid, folder = recommended(advice).grid, out / FOLDER
+    effect, folder = recommended(advice), out / FOLDER
+    grid = advice.plan.grid if effect is None else effect.candidate.grid
     folder.mkdir(parents=True, exist_ok=True)
     stem = file_name(grid.name)
     floor, lanes, graph = (folder / f"{stem}{suffix}" for suffix in (".yaml", lif.SUFFIX, route_graph.SUFFIX))
@@ -77,7 +68,7 @@ def write_floor(advice: Advice, out: Path) -> list[Link]:
 
 def _to_take_away(advice: Advice, files: Sequence[Link]) -> PagePart:
     """Return the files of the recommended floor."""
-    effect, label = recommended(advice).effect, "The floor to take away"
+    effect, label = recommended(advice), "The floor to take away"
     if effect is None:
         return PagePart(label, "This is the floor as it is, since no change is known to gain anything.", links=files)
     drawing = heat_maps([_panel(effect, "", advice, heat=False)], "", label)
