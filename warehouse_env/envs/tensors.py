@@ -139,7 +139,7 @@ def tensor_env(
     """Return an environment of torch tensors, e.g. `tensor_env(4096, num_agents=16, device="cuda")`.
 
     device: as torch names it; "cpu" has the same bits and needs no GPU. ConfigError says what cannot be used: a device
-    simulates neither people nor orders, live routes or mixed fleets yet.
+    simulates neither people nor orders or live routes yet.
     """
     simulator = build(
         DeviceSimulator, config, changes, num_worlds=num_worlds, planner=planner, grid=grid, device=device

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import gymnasium
 import numpy as np
@@ -28,6 +27,16 @@ def _look_up(table, actions, commands):
     return True
 
 
+class CommandLimits(NamedTuple):
+    """Limits of the robots: numbers if all are alike, else float64[N]."""
+
+    slowest: Any  # [m/s]
+    fastest: Any  # [m/s]
+    hardest: Any  # [m/s^2]
+    quickest: Any  # [rad/s] of steering
+    cruise: Any  # [m/s], the fastest level
+
+
 class ActionDecoder:
     """Decode actions of a config.
 
@@ -44,11 +53,12 @@ class ActionDecoder:
         self._config = config
         self.space: gymnasium.Space[Any]
         levels, offsets = config.speed_levels, config.lateral_offsets
-        self._cruise, self._widest = max(levels), max(abs(o) for o in offsets)
+        self._widest = max(abs(o) for o in offsets)
         self._fleet = bool(config.fleet)
-        self._slowest, self._fastest, self._hardest, self._quickest = (
-            self._of_each(name) for name in ("min_speed", "max_speed", "max_acceleration", "max_steering_rate")
-        )
+        names = ("min_speed", "max_speed", "max_acceleration", "max_steering_rate")
+        slowest, fastest, hardest, quickest = map(self._of_each, names)
+        cruise = np.minimum(max(levels), fastest) if self._fleet else max(levels)
+        self.limits = CommandLimits(slowest, fastest, hardest, quickest, cruise)
         self.table = np.array([(v, o) for v in levels for o in offsets], dtype=np.float32)
         self.sides = np.array(sorted(set(offsets), key=lambda o: (abs(o), o)), dtype=np.float32)  # the right one first
         if config.action_type == "discrete":
@@ -101,10 +111,14 @@ class ActionDecoder:
                 self._scale(given, commands)
             if choices.size:
                 preferences.obey(commands, self.sides, choices)
-        if kind == "discrete" and self._fleet:
-            np.clip(commands[..., 0], self._slowest, self._fastest, out=commands[..., 0])
-            for speeds in (choices[..., preferences.SPEED], choices[..., preferences.GOING]):
-                np.clip(speeds, self._slowest[:, None], self._fastest[:, None], out=speeds)
+        self.cap(commands, choices, self.limits)
+
+    def cap(self, commands: Any, choices: Any, limits: CommandLimits) -> None:
+        """Cap the speeds of discrete actions at each robot's limits; takes arrays or tensors."""
+        if self._config.action_type == "discrete" and self._fleet:
+            commands[..., 0] = commands[..., 0].clip(limits.slowest, limits.fastest)
+            for column in (preferences.SPEED, preferences.GOING):
+                choices[..., column] = choices[..., column].clip(limits.slowest[:, None], limits.fastest[:, None])
 
     def shortened(self, actions: ArrayLike) -> NDArray[Any]:
         """Return a compact form that decodes alike: preferences become ranks uint16[B, N, A]."""
@@ -147,18 +161,17 @@ class ActionDecoder:
             )
         if not np.isfinite(given).all():
             raise ActionError(f"{kind} actions must be finite; some are nan or infinite")
-        self.write_scaled(np.clip(given, -1, 1), commands)
+        self.write_scaled(np.clip(given, -1, 1), commands, self.limits)
 
-    def write_scaled(self, given: Any, commands: Any, where: Callable[..., Any] = np.where) -> None:
+    def write_scaled(self, given: Any, commands: Any, limits: CommandLimits, where: Any = np.where) -> None:
         """Write the commands of continuous or raw actions in [-1, 1]: arrays [B, N, 2], or tensors with their `where`,
         which returns float64 as NumPy's does.
         """
         first, second = given[..., 0], given[..., 1]
         if self._config.action_type == "raw":
-            commands[..., 0] = first * self._hardest
-            commands[..., 1] = second * self._quickest
+            commands[..., 0] = first * limits.hardest
+            commands[..., 1] = second * limits.quickest
             return
-        cruise = np.minimum(self._cruise, self._fastest) if self._fleet else self._cruise
-        span = where(first >= 0, self._fastest - cruise, cruise - self._slowest)
-        commands[..., 0] = cruise + first * span
+        span = where(first >= 0, limits.fastest - limits.cruise, limits.cruise - limits.slowest)
+        commands[..., 0] = limits.cruise + first * span
         commands[..., 1] = second * self._widest

@@ -11,6 +11,7 @@ import pytest
 import torch
 
 from warehouse_env import ConfigError, EnvConfig, RewardWeights, SensorSpec, Simulator, TrafficSpec, UncertaintySpec
+from warehouse_env.config import FleetPart, RobotSpec
 from warehouse_env.errors import ActionError
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import make_layout
@@ -34,6 +35,7 @@ ON_CARD = pytest.mark.skipif(lacking() != "", reason=lacking())
 DEVICES = ["cpu", pytest.param("cuda", marks=ON_CARD)]
 WORLDS, ROBOTS = 5, 12
 SHIELD, RULES = TrafficSpec(shield=True), TrafficSpec(shield=True, right_of_way=True)
+SLOW = FleetPart(5, RobotSpec(length=0.7, wheelbase=0.4, max_speed=1.0))
 SETS: dict[str, dict[str, Any]] = {
     "nothing": {},
     "shield": {"traffic": SHIELD},
@@ -51,6 +53,8 @@ SETS: dict[str, dict[str, Any]] = {
     "right of way": {"traffic": RULES, "layout": "narrow"},
     "poses": {"arrival": "pose", "layout": "open"},
     "single lanes": {"layout": "single_lane"},
+    "mixed fleet": {"traffic": RULES, "fleet": (SLOW,)},
+    "mixed fleet, continuous": {"action_type": "continuous", "fleet": (SLOW,)},
 }
 
 

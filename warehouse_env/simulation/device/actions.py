@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import torch
 
@@ -9,14 +11,14 @@ from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ActionError
 from warehouse_env.simulation.actions import ActionDecoder
 from warehouse_env.simulation.device import drivers
-from warehouse_env.simulation.device.memory import Memory, tensor_of
+from warehouse_env.simulation.device.memory import Memory, mapped, tensor_of
 from warehouse_env.simulation.senses import preferences
 from warehouse_env.simulation.worlds import Worlds
 
 
-def _where(chosen: torch.Tensor, one: float, other: float) -> torch.Tensor:
-    both = torch.tensor([other, one], dtype=torch.float64, device=chosen.device)
-    return both[chosen.long()]
+def _where(chosen: torch.Tensor, one: Any, other: Any) -> torch.Tensor:
+    how: dict[str, Any] = {"dtype": torch.float64, "device": chosen.device}
+    return torch.where(chosen, torch.as_tensor(one, **how), torch.as_tensor(other, **how))
 
 
 class TensorDecoder:
@@ -26,6 +28,7 @@ class TensorDecoder:
         """Copy the tables of a decoder to the device."""
         self._kind, self._decoder, self._memory = config.action_type, decoder, memory
         self._table, self._sides = (tensor_of(array).to(memory.device) for array in (decoder.table, decoder.sides))
+        self._limits = mapped(decoder.limits, lambda array: tensor_of(array).to(memory.device))
         self._likes: tuple[torch.Tensor, drivers.Likes] | None = None  # made for the first preferences
 
     def decode(self, actions: torch.Tensor, tensors: dict[str, torch.Tensor], worlds: Worlds) -> torch.Tensor:
@@ -37,10 +40,12 @@ class TensorDecoder:
         if len(past) > 1:
             past[1:] = past[:-1].clone()
         if self._kind == "discrete" and actions.ndim == 3:
-            return self._rank(actions, past[0], worlds)
-        valid = self._look_up(actions, past[0]) if self._kind == "discrete" else self._scale(actions, past[0])
-        if choices.numel():
-            preferences.obey(past[0], self._sides, choices)
+            valid = self._rank(actions, past[0], worlds)
+        else:
+            valid = self._look_up(actions, past[0]) if self._kind == "discrete" else self._scale(actions, past[0])
+            if choices.numel():
+                preferences.obey(past[0], self._sides, choices)
+        self._decoder.cap(past[0], choices, self._limits)
         return valid
 
     def _rank(self, actions: torch.Tensor, commands: torch.Tensor, worlds: Worlds) -> torch.Tensor:
@@ -68,7 +73,7 @@ class TensorDecoder:
     def _scale(self, actions: torch.Tensor, commands: torch.Tensor) -> torch.Tensor:
         """Decode continuous or raw actions float[B, N, 2]."""
         _check(f"{self._kind} actions", actions, commands.shape, floating=True)
-        self._decoder.write_scaled(actions.clip(-1, 1), commands, _where)
+        self._decoder.write_scaled(actions.clip(-1, 1), commands, self._limits, _where)
         return actions.isfinite().all()
 
 
