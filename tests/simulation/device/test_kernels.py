@@ -24,6 +24,7 @@ from tests.simulation.worlds import ROOT, plain_python
 from train.cli import main
 from train.evaluation import kernels
 from warehouse_env import ConfigError, Simulator, tensor_env
+from warehouse_env.config import FleetPart, RobotSpec
 from warehouse_env.simulation.device import memory, shim, simulator
 from warehouse_env.simulation.device.simulator import DeviceSimulator
 
@@ -44,18 +45,19 @@ class Noting(memory.CompilerMemory):
         self.launched[driver] = threads, batch
 
 
-def launched(worlds: int, robots: int) -> dict[Any, tuple[int, Any]]:
+def launched(worlds: int, robots: int, **more: Any) -> dict[Any, tuple[int, Any]]:
     """What a reset and a step with everything on launch."""
     noting = Noting()
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(simulator, "memory_of", lambda device: noting)
-        sim = DeviceSimulator(config(**ALL, num_agents=robots), worlds)
+        sim = DeviceSimulator(config(**ALL, **more, num_agents=robots), worlds)
     sim.reset(0)
     sim.step(torch.zeros(worlds, robots, len(sim.host.actions.table)))
     return noting.launched
 
 
 once = functools.cache(launched)
+FLEET = (FleetPart(1, RobotSpec(max_speed=1.0)),)
 
 
 def test_worlds_of_all_sizes_share_kernels() -> None:
@@ -68,17 +70,17 @@ def test_worlds_of_all_sizes_share_kernels() -> None:
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize("name", DRIVERS)
-def test_a_kernel_rounds_as_the_cpu_does_and_takes_what_is_launched(name: str) -> None:
+@pytest.mark.parametrize(("name", "fleet"), [*((name, ()) for name in DRIVERS), ("advance", FLEET), ("decide", FLEET)])
+def test_a_kernel_rounds_as_the_cpu_does_and_takes_what_is_launched(name: str, fleet: tuple[FleetPart, ...]) -> None:
     """PTX without fused, approximate or flushing arithmetic: `make cuda` compiles it, and needs no GPU."""
     pytest.importorskip("numba_cuda")
-    (driver,) = (one for one in once(4, 3) if one.__name__ == name)
-    ptx = shim.compile_ptx(driver, (9, 0), *once(4, 3)[driver])
+    ((driver, launch),) = ((one, launch) for one, launch in once(4, 3, fleet=fleet).items() if one.__name__ == name)
+    ptx = shim.compile_ptx(driver, (9, 0), *launch)
     done = set(re.findall(r"\b(?:add|sub|mul|div|fma|mad|sqrt|rcp|rsqrt|sin|cos|ex2|lg2)\.[a-z.]*f(?:32|64)", ptx))
     assert "add.rn.f32" in done or name in NOISE + TASKS
     assert [one for one in done if not re.fullmatch(r"(add|sub|mul|div|sqrt|rcp)\.rn\.f(32|64)", one)] == []
     sizes = [int(bits) // 8 for bits in re.findall(r"\.param \.[a-z](\d+) \w+_param_\d+[,\n]", ptx)]
-    given = [getattr(one, "nbytes", 8) for one in shim.parameters_of(once(4, 3)[driver])]
+    given = [getattr(one, "nbytes", 8) for one in shim.parameters_of(launch)]
     assert given == sizes
     assert sum(sizes) < 32764  # the most that a GPU takes
 
