@@ -29,7 +29,7 @@ from warehouse_env.simulation.device import memory, shim, simulator
 from warehouse_env.simulation.device.simulator import DeviceSimulator
 
 ALL = SETS["errors and losses"] | SETS["predictions"] | {"traffic": RULES}
-NOISE, TASKS = ("rank", "lose", "err", "begin_errors"), ("place", "give")
+NOISE, TASKS = ("rank", "draw", "begin_errors"), ("place", "give")
 DRIVERS = ("decide", "resolve", "advance", "search", "observe", *NOISE, *TASKS)
 HAS_NUMBA_CUDA = importlib.util.find_spec("numba_cuda") is not None
 

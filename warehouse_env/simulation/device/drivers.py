@@ -47,7 +47,7 @@ class Likes(NamedTuple):
 
 
 class Noise(NamedTuple):
-    """What `lose` and `err` read and write."""
+    """What `draw` and `begin_errors` read and write."""
 
     keys: Any  # uint64[B, 3], of the Draws
     steps: Any  # int64[B], since the resets
@@ -114,16 +114,10 @@ def rank(thread, threads, likes):
 
 
 @register_jitable
-def lose(thread, threads, noise):
-    """Draw which robots are silent in the next env step."""
+def draw(thread, threads, noise):
+    """Draw the errors of the next env step, and which robots are silent in it."""
     begin, end = part_of(thread, threads, noise.steps.shape[0] * noise.go[0])
     messages.draw_silent(begin, end, noise.keys, noise.steps, noise.losses, noise.robots)
-
-
-@register_jitable
-def err(thread, threads, noise):
-    """Draw the errors of the next env step."""
-    begin, end = part_of(thread, threads, noise.steps.shape[0] * noise.go[0])
     deviation.draw_errors(begin, end, noise.keys, noise.steps, noise.walk, noise.errors)
 
 

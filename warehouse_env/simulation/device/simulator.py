@@ -268,10 +268,8 @@ class DeviceSimulator:
         actions: as `Simulator.step` takes them, on the device. ActionError as there.
         """
         self._go.copy_(self._decoder.decode(actions, self._tensors, self._batch.worlds))  # else nothing moves
-        if self._loses:
-            self._memory.launch(drivers.lose, self._threads, self._noise)
-        if self._errs:
-            self._memory.launch(drivers.err, self._threads, self._noise)
+        if self._errs or self._loses:
+            self._memory.launch(drivers.draw, self._threads, self._noise)
         if self._decides:
             self._memory.launch(drivers.decide, self._threads, self._batch)
             self._memory.launch(drivers.resolve, self._few, self._batch)
