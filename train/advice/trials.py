@@ -21,6 +21,7 @@ from train.own import versions
 from train.reporting.rows import Row, plain
 from warehouse_env import __version__
 from warehouse_env.config import EnvConfig
+from warehouse_env.errors import counted
 from warehouse_env.maps.grid_map import GridMap
 
 BLOCK = 1_000  # seeds of each use, so a choice is confirmed on seeds of their own
@@ -58,7 +59,7 @@ class Trial(Job):
     def title(self) -> str:
         """Its robots and their policy, and its floor if that is changed."""
         changed = "" if self.floor == AS_IS else f", {self.floor}"
-        return f"{self.robots} robot{'s' * (self.robots > 1)} · {self.policy}{changed}"
+        return f"{counted(self.robots, 'robot')} · {self.policy}{changed}"
 
     @property
     def _orders_file(self) -> str:
@@ -103,7 +104,7 @@ class Use(IntEnum):
     CONFIRM = 2  # the choice
     LOOK = 3  # at changes of the floor
     MEASURE = 4  # the best changes
-    ASK = 5  # how many robots make so many goals
+    ASK = 5  # how many robots reach the target
     ANSWER = 6
 
 

@@ -20,7 +20,7 @@ from train.learning.recipes import Recipe, ReinforceRecipe, ThreadedPPORecipe, b
 from train.reporting.report import require_charts
 from train.reporting.rows import RowFile, read_rows
 from warehouse_env.checked import Checked
-from warehouse_env.errors import ConfigError
+from warehouse_env.errors import ConfigError, counted
 from warehouse_env.render.learning_curves import learning_curves
 
 
@@ -141,4 +141,4 @@ class Curves(Checked):
         for run in runs:
             file.add(run.rows())
         learning_curves([run.curve for run in runs], self.out)
-        print(f"wrote the curves of {len(runs)} run{'s' * (len(runs) > 1)} to {self.out}")
+        print(f"wrote the curves of {counted(len(runs), 'run')} to {self.out}")

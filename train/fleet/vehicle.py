@@ -21,7 +21,7 @@ CONTACTS = ("contactRobot", "contactShelf", "contactPerson")
 _HITS = ("hit_robot", "hit_shelf", "hit_person")
 _MOVES = 0.01  # [m/s] from which a vehicle drives
 _PASSED = 1e-3  # [m]
-_HALF_TURN = 3.1415  # [rad], not more than pi with so many digits
+_HALF_TURN = 3.1415  # [rad], the largest number of four decimals up to pi
 
 
 def serial_of(robot: int) -> str:

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from train.reporting.columns import MEASURES, Measure
 from train.reporting.driven import differing
 from train.reporting.report import Table, difference, grouped, with_interval
-from train.reporting.rows import Interval, Row, is_told, read_rows, select, short_names, values_of
+from train.reporting.rows import Interval, Row, is_significant, read_rows, select, short_names, values_of
 from train.reporting.trainings import EPISODE, difference_of
 from warehouse_env.errors import WarehouseError
 
@@ -76,11 +76,11 @@ class Line(NamedTuple):
 
     @property
     def verdict(self) -> str:
-        """Better, worse, more, less, equal in every episode, or not told apart (0 is in the interval)."""
+        """Better, worse, more, less, equal in every episode, or what may be chance (0 is in the interval)."""
         if self.difference.samples > 1 and self.difference[:3] == (0.0, 0.0, 0.0):
             return "equal"
-        if not is_told(self.difference):
-            return "not told apart"
+        if not is_significant(self.difference):
+            return "may be chance"
         if self.measure.name in _NEITHER:
             return "more" if self.difference.mean > 0 else "less"
         return "better" if (self.difference.mean > 0) == (self.measure.name in _MORE_IS_BETTER) else "worse"

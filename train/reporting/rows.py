@@ -223,7 +223,7 @@ def values_of(row: Row, names: Sequence[str]) -> tuple[object, ...]:
     return tuple(row.get(name) for name in names)
 
 
-def is_told(difference: Interval) -> bool:
+def is_significant(difference: Interval) -> bool:
     """Return whether the interval of a difference excludes 0."""
     return difference.low > 0 or difference.high < 0
 

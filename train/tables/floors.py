@@ -12,7 +12,7 @@ from train.evaluation.episodes import EpisodesJob
 from train.evaluation.rollout import Experiment, make_experiment
 from train.reporting.driven import driven_with
 from train.reporting.report import Table, difference, number, with_interval
-from train.reporting.rows import Row, is_told, mean_interval, select, short_names
+from train.reporting.rows import Row, is_significant, mean_interval, select, short_names
 from train.reporting.trainings import difference_of
 from train.tables.options import TableOptions
 from train.tables.planners import movingai_warehouse
@@ -135,7 +135,7 @@ def _line(rows: Sequence[Row], rule: Sequence[Row], free: float) -> tuple[str, .
     above, share, base = "", "", mean_interval(map(_late, rule)).mean
     if rows and rows is not rule:
         found = difference_of(rows, rule, _late, ("layout", "seed"))
-        above = difference(found) + ("" if is_told(found) else ", not told apart")
+        above = difference(found) + ("" if is_significant(found) else ", may be chance")
         share = f"{100 * found.mean / base:+.1f}" if base else ""
     return (
         with_interval(late), f"{100 * late.mean / free:.0f}" if free else "", above, share,

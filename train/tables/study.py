@@ -19,11 +19,11 @@ from warehouse_env.errors import ConfigError, unknown_name
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.planning import Planner, make_planner, min_turns
 
-Word = Literal["holds", "holds in part", "does not hold", "cannot be told"]
+Word = Literal["holds", "holds in part", "does not hold", "undecided"]
 HOLDS: Final = "holds"
 IN_PART: Final = "holds in part"
 FAILS: Final = "does not hold"
-OPEN: Final = "cannot be told"
+OPEN: Final = "undecided"
 
 
 class TableTask(NamedTuple):

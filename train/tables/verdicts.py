@@ -157,7 +157,7 @@ def verdict_counts(verdicts: Sequence[ClaimVerdict]) -> str:
     """Return how many claims hold, hold in part and do not, as a sentence; claims by the clock stand apart."""
     counts = Counter(verdict.word for verdict in verdicts if not verdict.by_clock)
     whole, part, none = (counts[word] for word in (HOLDS, IN_PART, FAILS))
-    more = f"; {counts[OPEN]} cannot be told" if counts[OPEN] else ""
+    more = f"; {counts[OPEN]} undecided" if counts[OPEN] else ""
     apart = len(verdicts) - counts.total()
     clock = f" Judged apart by this machine's clock, not counted: {apart}." if apart else ""
     return f"Of {counts.total()} claims {whole} hold, {part} hold in part and {none} do not hold{more}.{clock}"

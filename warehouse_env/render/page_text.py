@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from warehouse_env.config import EnvConfig
+from warehouse_env.errors import counted
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.render.chart_style import hexed
 from warehouse_env.render.colours import CONTACT, WAITING, robot_colour
@@ -53,7 +54,7 @@ def as_json(value: Any) -> str:
 
 
 def about_page(robots: int) -> dict[str, Any]:
-    """Return a page's data for so many robots, in JSON types: names of flags and terms, colours, layers."""
+    """Return a page's data for this number of robots, in JSON types: names of flags and terms, colours, layers."""
     few = robots < MANY
     return {
         "flags": FLAGS,
@@ -74,7 +75,7 @@ def about_world(name: str, grid: GridMap, config: EnvConfig, seed: int) -> dict[
     discrete = config.action_type == "discrete"
     return {
         "name": name,
-        "about": f"{grid.name}, {robots} robot{'s' * (robots != 1)}, traffic {traffic}, seed {seed}",
+        "about": f"{grid.name}, {counted(robots, 'robot')}, traffic {traffic}, seed {seed}",
         "robots": robots,
         "gridRows": rows,
         "gridColumns": across,

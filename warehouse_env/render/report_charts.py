@@ -109,9 +109,9 @@ def differences(pairs: Sequence[Pair], label: str, unit: str) -> str:
         ax = figure.add_subplot()
         for at, pair in enumerate(reversed(pairs)):
             reach = np.nan_to_num([[pair.mean - pair.low], [pair.high - pair.mean]]).clip(0)
-            told = pair.low > 0 or pair.high < 0
-            colour = hexed(BLUE if told else GREY)
-            fill = colour if told else "#ffffff"
+            significant = pair.low > 0 or pair.high < 0
+            colour = hexed(BLUE if significant else GREY)
+            fill = colour if significant else "#ffffff"
             ax.errorbar([pair.mean], [at], xerr=reach, fmt="o", ms=6, color=colour, mfc=fill, capsize=3)
         ax.axvline(0, color=INK, lw=0.9)
         ax.set_yticks(range(len(pairs)), [pair.name for pair in reversed(pairs)])

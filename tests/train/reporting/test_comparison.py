@@ -9,7 +9,7 @@ import pytest
 
 from train.cli import main
 from train.reporting.comparison import ComparedRun, Line, compare, comparison_table, read_runs
-from train.reporting.rows import Interval, is_told, read_rows, write_rows
+from train.reporting.rows import Interval, is_significant, read_rows, write_rows
 from train.reporting.trainings import difference_of
 from warehouse_env.errors import WarehouseError
 
@@ -34,8 +34,8 @@ def test_paired_differences_by_hand() -> None:
     found = difference_of(AFTER, BEFORE, lambda one: one["goals_per_robot_hour"], ("seed",))
     # differences 11, 9, 10: mean 10, standard deviation 1, half width 4.3027 / sqrt(3)
     assert found == pytest.approx((10.0, 10 - 2.4841, 10 + 2.4841, 3), abs=1e-3)
-    assert is_told(found)
-    assert not is_told(Interval(1.0, float("nan"), float("nan"), 1))
+    assert is_significant(found)
+    assert not is_significant(Interval(1.0, float("nan"), float("nan"), 1))
     assert difference_of(AFTER, BEFORE, lambda one: None, ("seed",)).samples == 0
 
 
@@ -48,7 +48,7 @@ def test_only_common_episodes_count() -> None:
         pytest.approx(340 / 3),
     )
     assert goals.verdict == "better"
-    assert (hits.difference.mean, hits.verdict) == (pytest.approx(-0.5 / 3), "not told apart")
+    assert (hits.difference.mean, hits.verdict) == (pytest.approx(-0.5 / 3), "may be chance")
     assert lines["stuck"].verdict == "equal"
     assert lines_of(AFTER, BEFORE)["goals_per_robot_hour"].verdict == "worse"
     assert goals.differing == {}

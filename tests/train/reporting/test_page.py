@@ -11,7 +11,7 @@ from train.reporting.report import Table
 
 def test_a_page_holds_all_that_it_is_given(tmp_path: Path) -> None:
     table = Table(
-        "T", ("name", "figure", "verdict"), (("a<b", "1.5", "better"), ("c", "-2", "not told apart")), "a note"
+        "T", ("name", "figure", "verdict"), (("a<b", "1.5", "better"), ("c", "-2", "may be chance")), "a note"
     )
     part = PagePart(
         "Part", "some *text*", [Shown("<svg></svg>", "a `caption`")], [table], [Link("a b.html", "L", "why")]

@@ -90,7 +90,7 @@ NEAR_TEN: list[float | None] = [9.9, 10.0, 10.1, 10.0]
         ([8.0, 12.0], [9.0, 12.0], claim(), "does not hold"),
         ([8.0] * 3, [10.0] * 3, claim(-0.2), "holds"),
         ([10.0] * 3, [10.0] * 3, claim(), "does not hold"),
-        ([None] * 3, [10.0] * 3, claim(), "cannot be told"),
+        ([None] * 3, [10.0] * 3, claim(), "undecided"),
         ([10.0] * 8, [12.0] * 8, claim(measure="optimal_share"), "holds"),
         ([10.0] * 8, [12.0] * 8, claim(0.5, "optimal_share"), "holds"),
         ([12.0] * 8, [10.0] * 8, claim(measure="optimal_share"), "does not hold"),
@@ -108,7 +108,7 @@ def test_a_claim_for_two_settings_that_holds_in_one() -> None:
     ]  # fmt: skip
     assert judge(figures(*rows), claim()).word == "holds in part"
     assert judge(figures(*rows), claim(settings=("open",))).word == "holds"
-    assert judge(figures(*rows), claim(settings=("nowhere",))).word == "cannot be told"
+    assert judge(figures(*rows), claim(settings=("nowhere",))).word == "undecided"
 
 
 def test_maps_are_compared_in_pairs() -> None:
