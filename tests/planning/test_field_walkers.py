@@ -49,8 +49,8 @@ def test_a_shelf_in_front_stops_the_classical_walker_and_no_relative_distance_he
 
 
 def test_the_intermediate_point_leads_round_the_shelf() -> None:
-    for relative_distance in (True, False):
-        plan = walk(ApfImproved(relative_distance=relative_distance), WALL, (4, 3), (0, 3))
+    for exponent in (0.5, 0.0):
+        plan = walk(ApfImproved(exponent=exponent), WALL, (4, 3), (0, 3))
         assert plan.found
         assert (2, 6) in map(tuple, plan.cells) or (2, 0) in map(tuple, plan.cells)
 

@@ -65,16 +65,15 @@ class Apf(BasePlanner):
 class ApfImproved(Apf):
     """The potential field with the repairs of papers 001 (eqs. 9-13) and 002 (eqs. 16-20 and the intermediate point).
 
-    relative_distance: the repulsive potential is multiplied by d^n, d the distance to the goal, so that the goal is
-    the lowest cell of the field and can be reached between shelves; the force is the exact negative gradient.
+    exponent: the repulsive potential is multiplied by d^n, d the distance to the goal, so that the goal is the lowest
+    cell of the field and can be reached between shelves; the force is the exact negative gradient. 0 leaves it out.
 
     intermediate_point: a walker that is stuck heads for the point P of 002 (`potential_field.intermediate_point`), by
     the same force, and then for the goal again; stuck once more it takes the next point, `points` at the most. The
     Plan is the way as it was walked, detours and loops included.
     """
 
-    relative_distance: bool = True
-    exponent: float = 0.5  # n, of the distance to the goal
+    exponent: float = 0.5  # n
     intermediate_point: bool = True
     points: int = 20  # intermediate points on one walk
 
@@ -82,8 +81,7 @@ class ApfImproved(Apf):
 
     def find(self, grid: GridMap, start: Cell, goal: Cell, rng: np.random.Generator, cost: CostMap) -> Plan:
         """Walk; `rng` is not used."""
-        exponent = self.exponent if self.relative_distance else 0.0
-        return self._walk(grid, start, goal, exponent, self.points if self.intermediate_point else 0)
+        return self._walk(grid, start, goal, self.exponent, self.points if self.intermediate_point else 0)
 
 
 @kernel
