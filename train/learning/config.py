@@ -121,8 +121,7 @@ class TrainingConfig(Checked):
     def __post_init__(self) -> None:
         super().__post_init__()
         self._between(1, 10**15, "steps")
-        self._between(1, 10_000_000, "rows")
-        self._between(1, 1_000_000, "robots", "action_repeat")
+        self._between(1, 10_000_000, "rows", "robots", "action_repeat")
         self._between(1, 1024, "threads")
         self._between(0, 2**32 - 1, "seed")
         self._between(0.0, 1e9, "entropy_first", "entropy_last", "checkpoint_seconds", "evaluation_seconds")
@@ -249,8 +248,7 @@ class ThreadedConfig(TrainingConfig):
     critic_factor: float = 4.0
     """The critic's step size, as a multiple of the actor's."""
     device: str | None = None
-    """Run worlds, rollouts and updates on this device, by torch's name: cuda, cuda:1, or cpu, which needs no GPU.
-    None: in threads of the CPU. docs/how_to/gpu.md says what a device simulates."""
+    """Keep worlds, rollouts and updates on a device: cuda, cuda:1, or cpu, which needs no GPU (docs/how_to/gpu.md)."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

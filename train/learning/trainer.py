@@ -25,10 +25,7 @@ Tensors = dict[str, NDArray[np.float32]]
 
 
 class Split:
-    """Seconds spent in each part: "simulator_s", "policy_s" (forward passes of the rollouts) and "update_s".
-
-    A GPU's forward passes count as the simulator's, which waits for them.
-    """
+    """Seconds spent in each of PARTS; "policy_s": the rollouts' forward passes (a GPU's count as "simulator_s")."""
 
     def __init__(self) -> None:
         self.seconds = dict.fromkeys(PARTS, 0.0)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
@@ -76,7 +75,7 @@ def test_a_device_trains_in_the_worlds_of_the_cpu() -> None:
     here = TrainingWorlds([TrainingSimulator(env, 3, 8.0, 0.3)], [5])
     there = DeviceWorlds([TrainingDevice(env, 3, 8.0, 0.3, "cpu")], [5])
     actions = torch.full((24,), int(here.simulators[0].cruise_action))
-    mine: Sequence[object] = ()
+    mine: object = None
     actions[8:] = 5  # two worlds stand
     for worlds in (here, there):
         worlds.set_reward(RewardWeights(progress=2.0, collision=-7.0))
