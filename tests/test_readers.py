@@ -87,6 +87,8 @@ FUNCTIONS = {"open", "ZipFile", "load_file"}
 READS = {*FUNCTIONS, "read_text", "read_bytes", "fromfile", "loadtxt", "genfromtxt"}
 MAY_READ = {
     "warehouse_env.files": "the door",
+    "warehouse_env.compiled": "its own cache",
+    "warehouse_env.simulation.device.shim": "sources of this package",
     "warehouse_env.simulation.record.recording": "members of what the door opened",
     "warehouse_env.maps.halls.map_server": "bytes that the door read",
     "train.evaluation.cluster": "sources of this package",
