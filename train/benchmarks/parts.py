@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from train.benchmarks.timing import speeds
+from train.books import book_of
 from train.reporting.rows import Row
 from warehouse_env.config import EnvConfig
 from warehouse_env.threads import MOST_THREADS, set_num_threads
@@ -109,8 +110,8 @@ def cuda(seconds: float) -> Iterator[Row]:
     rng = np.random.default_rng(_SEED)
     for worlds, robots, traffic in _ON_CARD:
         config = EnvConfig(num_agents=robots, max_steps=sys.maxsize, traffic=read_traffic(traffic))
-        sim = DeviceSimulator(config, worlds, device="cuda")
-        sim.reset([_SEED + k % _START_SEEDS for k in range(worlds)])
+        sim = DeviceSimulator(config, worlds, device="cuda", routes=book_of(config))
+        sim.reset(_SEED)
         commands = np.full((_POOL, worlds, robots), sim.host.cruise_action)
         random = rng.random(commands.shape) < 0.2
         commands[random] = rng.integers(0, len(sim.host.actions.table), int(random.sum()))

@@ -95,12 +95,13 @@ def _note_unknown(wanted, keys, unknown):
 
 @kernel
 def _enter(lines, key, begin, points, end, either):
-    """Put a route into the table, and return its slot. Threads may look it up meanwhile, so its key comes last."""
+    """Write a route into the table, and return its slot; it is not found there before its key is written, too."""
     slot = slot_of(key, lines.keys)
     lines.begins[slot], lines.counts[slot], lines.either[slot] = begin, len(points), either
-    lines.ends[slot] = end
-    lines.points[begin : begin + len(points)] = points
-    lines.keys[slot] = key
+    for k in range(3):
+        lines.ends[slot, k] = end[k]
+    for k in range(len(points)):  # an assignment to a slice takes seconds to compile
+        lines.points[begin + k, 0], lines.points[begin + k, 1] = points[k, 0], points[k, 1]
     return slot
 
 
@@ -112,6 +113,7 @@ def _move(slots, old, new):
         begin = old.begins[before]
         points = old.points[begin : begin + old.counts[before]]
         slots[k] = _enter(new, old.keys[before], begin, points, old.ends[before], old.either[before])
+        new.keys[slots[k]] = old.keys[before]
 
 
 class RouteTable:
@@ -171,7 +173,8 @@ class RouteTable:
             _move(self.slots[: self.count], self.lines, larger)
             self.lines, self.slots = larger, np.append(self.slots, np.empty_like(self.slots))
         end = np.full(3, np.nan, np.float32) if route.end is None else np.array(route.end, np.float32)
-        self.slots[self.count] = _enter(self.lines, key, self.used, route.line, end, route.either)
+        self.slots[self.count] = slot = _enter(self.lines, key, self.used, route.line, end, route.either)
+        self.lines.keys[slot] = key  # in a call of its own, for other threads look routes up meanwhile
         self.count, self.used, self.longest = self.count + 1, self.used + count, max(self.longest, count)
 
 

@@ -271,7 +271,7 @@ def _place(world, order, rest, body, arrays):
         key = _key(here, _goal_of(arrays.robots[world, i]), 0, arrays.floor)
         arrays.wanted[world, i] = key if _slot(key, arrays) < 0 else 0
         wants = wants or arrays.wanted[world, i] != 0
-    spare, elsewhere = count, 0
+    spare, elsewhere = whole(count), whole(0)
     for i in range(count):
         if wants:
             return TO_PLACE

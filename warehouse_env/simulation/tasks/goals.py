@@ -49,8 +49,9 @@ def endpoints_of(grid: GridMap) -> Endpoints:
     number = np.full(grid.shape, NONE, np.int32)
     number[tuple(np.transpose(places))] = numbers = np.arange(len(places), dtype=np.int32)
     kinds = number[tuple(np.transpose(picks))], number[tuple(np.transpose(stations))]
-    region = grid.return_region(places[0]) & (number == NONE)
-    return Endpoints(np.array(places, np.int32), kinds, numbers, number, np.argwhere(region).astype(np.int32))
+    elsewhere = np.argwhere(grid.return_region(places[0]) & (number == NONE))
+    cells = np.array(places, np.int32), np.ascontiguousarray(elsewhere, np.int32)
+    return Endpoints(cells[0], kinds, numbers, number, cells[1])
 
 
 @kernel
@@ -73,10 +74,10 @@ def draw(numbers, taken, at, key, robot, drawn):
         number = numbers[below(key, GOAL, robot, drawn, attempt, len(numbers))]
         if not taken[number] and number != at:
             return number
-    free = 0
+    free = whole(0)
     for k in range(len(numbers)):
         free += not taken[numbers[k]] and numbers[k] != at
-    left = below(key, GOAL, robot, drawn, _BLIND, free) if free > 0 else -1
+    left = below(key, GOAL, robot, drawn, whole(_BLIND), free) if free > 0 else -1
     for k in range(len(numbers)):
         if not taken[numbers[k]] and numbers[k] != at:
             if left == 0:
