@@ -14,7 +14,7 @@ from agents import POLICIES, Actor, add_policy, make_policy, policy_config
 from tests.pages import PAGES, fenced
 from train.cli import main
 from train.evaluation.recorded import record, shares_of
-from train.evaluation.rollout import Experiment, Trace, make_experiment, run
+from train.evaluation.rollout import Experiment, make_experiment, run
 from train.live.commands import Make
 from train.live.world import LiveFloors, World, WorldSetting
 from train.reporting.rows import read_rows
@@ -84,10 +84,9 @@ def counted(seed: int, decisions: int) -> NDArray[np.float32]:
 
 
 def test_it_counts_each_worlds_decisions_evaluated_recorded_and_live(here: Path) -> None:
-    four = experiment("Counting")
-    trace = Trace(four)
-    together = run(four, [trace])
-    np.testing.assert_array_equal(trace.poses, counted(5, four.config.max_steps))
+    four, poses = experiment("Counting"), list[Any]()
+    together = run(four, [lambda simulator, steps: poses.append(simulator.state.pose[0].copy())])
+    np.testing.assert_array_equal(np.stack(poses), counted(5, four.config.max_steps))
     for k, row in enumerate(together):
         alone = dataclasses.replace(four, episodes=(k,))
         np.testing.assert_array_equal(record(alone).pose[:, 0], counted(5 + k, four.config.max_steps))

@@ -10,7 +10,7 @@ import pytest
 
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.render import chart_style, charts
-from warehouse_env.render.colours import CONTACT, RGB, name_colours
+from warehouse_env.render.colours import RGB, name_colours
 from warehouse_env.render.report_charts import COLLISIONS, Bar, draw_over_robots
 
 image = pytest.importorskip("matplotlib.image")
@@ -19,15 +19,6 @@ image = pytest.importorskip("matplotlib.image")
 def colours_of(path: Path) -> set[RGB]:
     pixels = (image.imread(path)[..., :3] * 255).round().astype(int)
     return set(map(tuple, np.unique(pixels.reshape(-1, 3), axis=0).tolist()))
-
-
-def test_trajectories_mark_collisions(tmp_path: Path, grid: GridMap) -> None:
-    tracks = [np.array([(0.5, 0.5), (10.5, 0.5)]), np.array([(8.5, 9.0), (8.5, 1.0)]), np.zeros((0, 2))]
-    charts.trajectories(grid, tracks, np.zeros((0, 2)), "none", tmp_path / "a.png")
-    charts.trajectories(grid, tracks, np.array([(8.5, 0.5)]), "one", tmp_path / "b.png")
-    assert CONTACT not in colours_of(tmp_path / "a.png")
-    assert CONTACT in colours_of(tmp_path / "b.png")
-    assert sorted(file.name for file in tmp_path.iterdir()) == ["a.png", "b.png"]
 
 
 def test_floor_in_metres(grid: GridMap) -> None:

@@ -36,7 +36,7 @@ def one(replay: Replay, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def two(replay: Replay, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A page of that episode beside a shorter one."""
     path = tmp_path_factory.mktemp("page") / "two.html"
-    write_replay_page(path, [replay, replay_of(driven(60, True), "front-steered")], "two", robot=2)
+    write_replay_page(path, [replay, replay_of(driven(60, True), "front-steered")], "two")
     return path
 
 
@@ -117,7 +117,7 @@ def test_the_lidar_is_the_robots_own(one: Path, open_page: Opener) -> None:
 
 @needs_chromium
 def test_two_episodes_are_in_step(two: Path, replay: Replay, open_page: Opener) -> None:
-    page = open_page(two)
+    page = open_page(two, "#robot=2")
     other = replay_of(driven(60, True), "front-steered")
     assert page.evaluate("replay.app.robot") == 2
     page.evaluate("replay.seek(33)")

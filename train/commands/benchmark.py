@@ -53,5 +53,5 @@ class Benchmark(WorkerOptions):
         check_writable(self.out / "table.md")
         tracks = [track for track, experiment in listed for _ in experiment.episodes]
         with RowFile(self.out / "rows.jsonl", self.resume, instead(self.overwrite)) as file:
-            rows, _ = play([one for _, one in listed], file, file.old(), False, self.workers(), None, GOES_ON)
+            rows = play([one for _, one in listed], file, file.old(), self.workers(), goes_on=GOES_ON)
         return [{**row, "track": track} for track, row in zip(tracks, rows, strict=True)]

@@ -29,17 +29,13 @@ class Demo(Checked):
     layout: str = "paper46"
     """Floor to drive on, named as for `warehouse evaluate`."""
     robots: int = 16
-    """Number of robots."""
+    """Number of robots; the video shows four times as many."""
     episodes: int = 3
     """Episodes of each policy."""
     seconds: float = 600.0
     """Simulated time of an episode [s]."""
-    video_robots: int = 64
-    """Number of robots in the video, which shows two policies side by side with the same tasks."""
-    video_from: float = 420.0
-    """Simulated time at which the video starts, after jams have built up [s]."""
     video_seconds: float = 60.0
-    """Simulated time in the video, shown at twice the speed [s]; 0: no video."""
+    """Simulated time in the video of two policies with the same tasks, shown at twice the speed [s]; 0: no video."""
     planner: str = EnvConfig.planner
     """Planner of the routes."""
     processes: int = field(default_factory=lambda: min(os.cpu_count() or 1, 4))
@@ -57,8 +53,6 @@ class Demo(Checked):
         """Evaluate, then film."""
         if not 0 <= self.video_seconds <= 3600:
             raise ConfigError(f"--video-seconds {self.video_seconds} must lie between 0 and 3600")
-        if not 0 <= self.video_from <= 3600:
-            raise ConfigError(f"--video-from {self.video_from} must lie between 0 and 3600")
         if self.video_seconds:
             require_video()
         begin = time.perf_counter()
@@ -74,8 +68,8 @@ class Demo(Checked):
 
             tell("films the first policy and the best of the others")
             film(
-                self.out / "video.mp4", *self._filmed(), begin=self.video_from, seconds=self.video_seconds,
-                pixels=_SIDE, seed=self.seed, layout=self.layout, num_agents=self.video_robots, planner=self.planner,
+                self.out / "video.mp4", *self._filmed(), begin=0.7 * self.seconds, seconds=self.video_seconds,
+                pixels=_SIDE, seed=self.seed, layout=self.layout, num_agents=4 * self.robots, planner=self.planner,
             )  # fmt: skip
         video = f"the video to {self.out / 'video.mp4'}, " * (self.video_seconds > 0)
         print(f"wrote {video}all else to {self.out}, in {time.perf_counter() - begin:.0f} s")

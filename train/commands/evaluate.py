@@ -14,7 +14,7 @@ from train.evaluation.disturbances import DISTURBANCES, UNDISTURBED, known
 from train.evaluation.episodes import play
 from train.evaluation.places import NOTES, PAGE
 from train.evaluation.robustness import robust_table
-from train.evaluation.rollout import Experiment, Trace, make_experiment
+from train.evaluation.rollout import Experiment, make_experiment
 from train.evaluation.workers import WorkerOptions
 from train.learning.config import HELD_OUT_SEED
 from train.reporting.report import Table, evaluation_table, require_charts
@@ -109,18 +109,18 @@ class Episodes(Working, WorkerOptions, Driven):
         return RowFile(self.rows_path, keep=self.resume, instead=instead(self.overwrite, resumes))
 
     def tabulate(
-        self, experiments: Sequence[Experiment], table_of: Callable[[Sequence[Row]], Table], traced: bool = False,
+        self, experiments: Sequence[Experiment], table_of: Callable[[Sequence[Row]], Table],
         notes: RowFile | None = None,
-    ) -> tuple[list[Row], list[Trace]]:  # fmt: skip
-        """Play the experiments, print and write the table and the rows; return the result of `play`."""
+    ) -> list[Row]:  # fmt: skip
+        """Play the experiments, print and write the table and the rows; return the rows."""
         table_path = self.out / "table.md"
         check_writable(table_path)
         with self.rows_file() as file:
-            rows, traces = play(experiments, file, file.old(), traced, self.workers(), notes, GOES_ON)
+            rows = play(experiments, file, file.old(), self.workers(), notes, GOES_ON)
         table = table_of(rows)
         table.print()
         write_text(table_path, table.markdown())
-        return rows, traces
+        return rows
 
     def experiments(self, disturbance: str | None = None) -> list[Experiment]:
         """Return the product of floors, robot counts and policies, checked as far as possible."""
@@ -150,7 +150,7 @@ class Evaluate(Episodes):
     """Trainings of one recipe that are shown as one policy, with intervals over trainings and episodes, as in
     mine=runs/a,runs/b,runs/c; those that are not among --policy are driven as well."""
     pictures: bool = True
-    """Draw the trajectories of one episode per policy, and a bar chart of collisions."""
+    """Draw a bar chart of collisions and goals."""
     report: Path | None = None
     """Folder for a page to read and share: the table, charts, heat maps, and replays of the worst episodes."""
 
@@ -169,11 +169,11 @@ class Evaluate(Episodes):
             check_writable(self.report / PAGE)
         with RowFile(self.report and self.report / NOTES, keep=self.resume) as notes:
             noting = None if self.report is None else notes
-            rows, traces = self.tabulate(experiments, lambda rows: evaluation_table(shown(rows)), self.pictures, noting)
+            rows = self.tabulate(experiments, lambda rows: evaluation_table(shown(rows)), noting)
         if self.pictures:
             from train.evaluation.pictures import evaluation_pictures
 
-            evaluation_pictures(shown(rows), traces, self.out)
+            evaluation_pictures(shown(rows), self.out)
         drawn = " and the pictures" if self.pictures else ""
         page = ""
         if self.report is not None:

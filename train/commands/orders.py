@@ -59,7 +59,7 @@ class Work(Checked):
 
 @dataclass(frozen=True)
 class Orders(Checked):
-    """Draw random orders for a floor and write them to a file for `warehouse evaluate --orders`."""
+    """Draw random orders for a floor, with OrderSpec's classes, weights and due times, for `evaluate --orders`."""
 
     layout: str = EnvConfig.layout
     """Floor: a name of `warehouse layouts`, a MovingAI file NAME.map, or your own, FILE.py:FUNCTION."""
@@ -67,18 +67,8 @@ class Orders(Checked):
     """Hours in which orders arrive."""
     per_hour: float = OrderSpec.per_hour
     """Mean number of orders per hour, at random times."""
-    demand: tuple[float, ...] = OrderSpec.demand
-    """Shares of the orders for goods of class A, B, C, ..."""
-    faces: tuple[float, ...] = OrderSpec.faces
-    """Shares of the pick faces with goods of these classes."""
     picks: int = OrderSpec.picks
     """Most pick faces of an order, at least 1."""
-    weight: float = OrderSpec.weight
-    """Mean weight of an order [kg]."""
-    due: float = OrderSpec.due
-    """Time from release to due date [s]."""
-    wave: float = OrderSpec.wave
-    """Time between two releases of all waiting orders [s]; 0: release each order at once."""
     seed: int = 0
     """Seed of the orders."""
     out: Path = Path("orders.csv")
@@ -94,7 +84,7 @@ class Orders(Checked):
 
     def run(self) -> None:
         """Draw the orders and write them."""
-        spec = OrderSpec(None, self.per_hour, self.demand, self.faces, self.picks, self.weight, self.due, self.wave)
+        spec = OrderSpec(per_hour=self.per_hour, picks=self.picks)
         grid = make_layout(self.layout)
         file = RowFile(self.json)
         orders = draw_orders(EnvConfig(arrival="stop", orders=spec), grid, 3600.0 * self.hours, self.seed)

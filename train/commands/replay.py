@@ -85,10 +85,6 @@ class ReplayCommand(Checked):
     """Write one HTML file, which any browser shows offline."""
     video: Path | None = None
     """Write a video, .mp4 or .gif."""
-    title: str = ""
-    """Title of the page (default: the names of the policies)."""
-    robot: int | None = None
-    """Robot that the page selects at first."""
     speed: float = 4.0
     """Simulated seconds per second of the video."""
     pixels: int = 736
@@ -132,8 +128,6 @@ class ReplayCommand(Checked):
         )  # fmt: skip
 
     def _write_page(self, path: Path, episodes: Sequence[Episode], worlds: Sequence[int], names: Sequence[str]) -> None:
-        if self.robot is not None and not 0 <= self.robot < max(one.config.num_agents for one in episodes):
-            raise ConfigError(f"--robot {self.robot} must be one of the episode's robots, which count from 0")
         replays: list[Replay] = []
         with make_progress() as progress:
             bar = progress.add_task("replay", total=sum(len(one.actions) + 1 for one in episodes))
@@ -144,7 +138,7 @@ class ReplayCommand(Checked):
                     progress.console.print(f"without the policy's preferences: {error}", markup=False)
                     shares = None
                 replays.append(replay_of(episode, name, shares, world, lambda: progress.advance(bar)))
-        write_replay_page(path, replays, self.title or " and ".join(names), self.robot)
+        write_replay_page(path, replays, " and ".join(names))
         print(f"wrote the replay to {path} ({path.stat().st_size / 1e6:.1f} MB); any browser opens it")
 
     def _write_video(

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from train.evaluation.jobs import Job, Result, Runner, Tick, Workers
 from train.evaluation.places import PlaceNotes
-from train.evaluation.rollout import Experiment, Trace, Watcher, identity, run
+from train.evaluation.rollout import Experiment, Watcher, identity, run
 from train.reporting.rows import Row, RowFile
 from warehouse_env.simulation.simulator import Simulator
 
@@ -19,10 +19,9 @@ SIDE_BY_SIDE = 4  # most episodes of a job; more are no faster, and a stop would
 
 @dataclass(frozen=True)
 class EpisodesJob(Job):
-    """The episodes of an experiment. traced: trace the first. noted: note the places."""
+    """The episodes of an experiment. noted: note the places."""
 
     experiment: Experiment
-    traced: bool = False
     noted: bool = False
 
     times = ("ms_per_step",)
@@ -65,12 +64,9 @@ class EpisodesJob(Job):
         one, count = self.experiment, len(self.experiment.episodes)
         each = max(1, min(SIDE_BY_SIDE, math.floor(most / one.config.max_steps)))
         return [
-            dataclasses.replace(
-                self, experiment=dataclasses.replace(one, episodes=one.episodes[first : first + each]),
-                traced=self.traced and first == 0,
-            )
+            dataclasses.replace(self, experiment=dataclasses.replace(one, episodes=one.episodes[first : first + each]))
             for first in range(0, count, each)
-        ]  # fmt: skip
+        ]
 
     def ticking(self, tick: Tick) -> Watcher:
         """Return a watcher that notes progress."""
@@ -82,32 +78,26 @@ class EpisodesJob(Job):
         return watch
 
     def run(self, tick: Tick) -> Result:
-        """Play the episodes; `more` is the trace, if any, and the notes."""
-        trace = Trace(self.experiment) if self.traced else None
-        places = PlaceNotes(self.experiment) if self.noted else None
-        watchers: list[Watcher] = [self.ticking(tick), *(one for one in (trace, places) if one is not None)]
-        rows = run(self.experiment, watchers)
-        return Result(rows, (trace, [] if places is None else places.rows()))
+        """Play the episodes; `more` are the notes."""
+        if not self.noted:
+            return Result(run(self.experiment, [self.ticking(tick)]), [])
+        places = PlaceNotes(self.experiment)
+        return Result(run(self.experiment, [self.ticking(tick), places]), places.rows())
 
 
 def play(
-    experiments: Sequence[Experiment], file: RowFile, old: Sequence[Row] = (), traced: bool = False,
-    workers: Workers | None = None, notes: RowFile | None = None, goes_on: str = "",
-) -> tuple[list[Row], list[Trace]]:  # fmt: skip
-    """Play experiments and write rows as episodes end; return all rows, and if `traced` the traces of first episodes.
+    experiments: Sequence[Experiment], file: RowFile, old: Sequence[Row] = (), workers: Workers | None = None,
+    notes: RowFile | None = None, goes_on: str = "",
+) -> list[Row]:  # fmt: skip
+    """Play experiments and write rows as episodes end; return all rows.
 
-    Episodes whose rows are among `old` are not played again. notes: the file for what `Places` notes of the others.
+    Episodes whose rows are among `old` are not played again. notes: the file for what `PlaceNotes` notes of the others.
     workers, goes_on: see `Runner`.
     """
-    traces: dict[int, Trace] = {}
 
-    def hear(number: int, more: tuple[Trace | None, list[Row]]) -> None:
-        trace, noted = more
+    def hear(number: int, noted: list[Row]) -> None:
         if notes is not None:
             notes.add(noted)
-        if trace is not None:
-            traces[number] = trace
 
     with Runner(file, old, workers, goes_on=goes_on, hear=hear) as runner:
-        rows = runner([EpisodesJob(one, traced, notes is not None) for one in experiments])
-    return rows, [traces[number] for number in sorted(traces)]
+        return runner([EpisodesJob(one, notes is not None) for one in experiments])

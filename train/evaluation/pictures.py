@@ -1,4 +1,4 @@
-"""Pictures of results: which rows, plans and traces go into which chart, under which file name."""
+"""Pictures of results: which rows and plans go into which chart, under which file name."""
 
 from __future__ import annotations
 
@@ -10,12 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from train.evaluation.planning_runs import PlanningRun
-from train.evaluation.rollout import Trace
 from train.reporting import columns
 from train.reporting.driven import labels
 from train.reporting.report import grouped, number
 from train.reporting.rows import Row
-from warehouse_env.errors import counted
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.render import charts, report_charts
 from warehouse_env.render.report_charts import Bar
@@ -24,25 +22,15 @@ _MOST_TASKS = 10  # of which pictures are drawn; a scenario file may hold thousa
 MEASURES = {report_charts.COLLISIONS: "collisions_per_km", "goals per robot-hour": "goals_per_robot_hour"}
 
 
-def evaluation_pictures(rows: Sequence[Row], traces: Sequence[Trace], folder: Path) -> list[Path]:
-    """Write a chart for each floor, task mode and planner, and the trajectories of each trace; return the files."""
-    files = []
+def evaluation_pictures(rows: Sequence[Row], folder: Path) -> None:
+    """Write a chart for each floor, task mode and planner."""
     groups = grouped(rows, ("layout", "tasks", "planner"))
     names = labels(rows)
     for (layout, tasks, planner), group in groups.items():
         which = () if len(groups) == 1 else map(file_name, map(str, (layout, tasks, planner)))
-        files.append(folder / f"{'_'.join(('collisions', *which))}.png")
+        path = folder / f"{'_'.join(('collisions', *which))}.png"
         measures = {title: bars(group, name, names) for title, name in MEASURES.items()}
-        report_charts.draw_over_robots({Path(str(layout)).stem: measures}, files[-1])
-    for trace in traces:
-        one, config = trace.experiment, trace.experiment.config
-        parts = (config.layout, str(config.num_agents), one.policy)
-        files.append(folder / f"trajectories_{'_'.join(map(file_name, parts))}.png")
-        poses, seed = trace.poses, one.seeds[0]
-        title = f"{one.driver}: {counted(config.num_agents, 'robot')} on {Path(config.layout).stem}, seed {seed}"
-        assert trace.grid is not None
-        charts.trajectories(trace.grid, list(poses[:, :, :2].swapaxes(0, 1)), trace.contacts, title, files[-1])
-    return files
+        report_charts.draw_over_robots({Path(str(layout)).stem: measures}, path)
 
 
 def bars(rows: Sequence[Row], measure: str, short: Mapping[str, str]) -> list[Bar]:
@@ -53,9 +41,8 @@ def bars(rows: Sequence[Row], measure: str, short: Mapping[str, str]) -> list[Ba
     ]
 
 
-def plan_pictures(grid: GridMap, runs: Sequence[PlanningRun], folder: Path) -> list[Path]:
-    """Write for each task the first run's path of every planner, and the convergence of all runs; return the files."""
-    files = []
+def plan_pictures(grid: GridMap, runs: Sequence[PlanningRun], folder: Path) -> None:
+    """Write for each task the first run's path of every planner, and the convergence of all runs."""
     tasks = list(dict.fromkeys(run.task for run in runs))[:_MOST_TASKS]
     for task in tasks:
         every: dict[str, list[PlanningRun]] = {}
@@ -65,17 +52,15 @@ def plan_pictures(grid: GridMap, runs: Sequence[PlanningRun], folder: Path) -> l
         found = {name: own[0].row for name, own in every.items() if own[0].row["success"]}
         notes = {name: f"{number(row['length'], 5)} cells, {row['turns']} turns" for name, row in found.items()}
         title = f"{task.name} on {grid.name}: {task.start} to {task.goal}"
-        files.append(folder / f"paths_{file_name(task.name)}.png")
-        charts.paths(grid, cells, title, files[-1], notes)
+        charts.paths(grid, cells, title, folder / f"paths_{file_name(task.name)}.png", notes)
         curves = {
             name: _side_by_side([run.plan.best_by_iteration for run in own])
             for name, own in every.items()
             if len(own[0].plan.best_by_iteration) and any(run.row["success"] for run in own)
         }
         if curves:
-            files.append(folder / f"convergence_{file_name(task.name)}.png")
-            charts.convergence(curves, task.optimal_length, files[-1], f"Convergence on {task.name}, {grid.name}")
-    return files
+            path = folder / f"convergence_{file_name(task.name)}.png"
+            charts.convergence(curves, task.optimal_length, path, f"Convergence on {task.name}, {grid.name}")
 
 
 def _side_by_side(histories: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:

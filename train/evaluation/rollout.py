@@ -208,36 +208,6 @@ def _row(experiment: Experiment, episode: int, metrics: dict[str, Any], ms_per_s
     return dict(plain({**shared, **numbers, "config": config, "version": __version__}))
 
 
-class Trace:
-    """A watcher that keeps the poses and contacts of the robots in an experiment's first episode."""
-
-    def __init__(self, experiment: Experiment) -> None:
-        self.experiment = experiment
-        self.grid: GridMap | None = None
-        self._poses: list[NDArray[np.float32]] = []
-        self._contacts: list[NDArray[np.float32]] = []
-
-    def __call__(self, simulator: Simulator, steps: int) -> None:
-        """Keep the poses, and the places at which contacts began."""
-        pose, events = simulator.state.pose[0].copy(), simulator.events
-        self.grid = simulator.grid
-        self._poses.append(pose)
-        if steps:
-            centre = centres(pose, simulator.config)
-            self._contacts.append(centre[(events.hit_shelf[0] > 0) | (events.hit_person[0] > 0)])
-            self._contacts.append(pair_centres(centre[events.hit_robot[0] > 0]))
-
-    @property
-    def poses(self) -> NDArray[np.float32]:
-        """Poses, float32[T, N, 3]: front axle x [m], y [m], heading [rad]."""
-        return np.stack(self._poses)
-
-    @property
-    def contacts(self) -> NDArray[np.float32]:
-        """Where contacts began, float32[K, 2] [m]: the body's centre at a shelf, the middle between two robots."""
-        return np.concatenate([np.empty((0, 2), dtype=np.float32), *self._contacts])
-
-
 def centres(pose: NDArray[np.float32], config: EnvConfig) -> NDArray[np.float32]:
     """Return float32[..., N, 2], the centres [m] of all robots' bodies, front axles at pose float32[..., N, 3]."""
     back = np.array([robot.length / 2 - robot.front_overhang for robot in config.robots], np.float32)[:, None]

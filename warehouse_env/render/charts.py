@@ -1,4 +1,4 @@
-"""Pictures of driven and planned paths, and of convergence. Each robot or planner keeps its colour in all of them."""
+"""Pictures of floors, of planned paths, and of convergence. Each planner keeps its colour in all of them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from warehouse_env.errors import counted
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.render.chart_style import INK, empty_figure, hexed, save, style
-from warehouse_env.render.colours import CONTACT, SKY, name_colours, robot_colour
+from warehouse_env.render.colours import SKY, name_colours
 from warehouse_env.render.floor import floor_image, scale_for
 from warehouse_env.render.floor_axes import draw_arrows, set_metres
 
@@ -36,34 +36,6 @@ def draw_floor(ax: Axes, grid: GridMap) -> None:
     draw_arrows(ax, grid, grid.one_way, SKY)
     for side in ("top", "right"):
         ax.spines[side].set_visible(True)
-
-
-def trajectories(
-    grid: GridMap,
-    tracks: Sequence[NDArray[np.floating[Any]]],
-    hits: NDArray[np.floating[Any]],
-    title: str,
-    path: str | os.PathLike[str],
-) -> None:
-    """Write a picture of driven paths on the floor, with collisions marked.
-
-    tracks: float[T, 2] for each robot [m] (nan breaks the line); hits: float[K, 2], places of collisions [m].
-    """
-    with style():
-        figure, ax = floor_figure(grid, title)
-        for i, track in enumerate(tracks):
-            track = np.asarray(track, dtype=np.float64).reshape(-1, 2)
-            if not len(track):
-                continue
-            ax.plot(track[:, 0], track[:, 1], color=hexed(robot_colour(i)), lw=1.1, alpha=0.75, solid_joinstyle="round")
-            ax.plot(*track[0], "o", ms=3.5, mfc="white", mec=hexed(robot_colour(i)), mew=1.1)
-        hits = np.asarray(hits, dtype=np.float64).reshape(-1, 2)
-        if len(hits):
-            ax.scatter(hits[:, 0], hits[:, 1], s=110, color=hexed(CONTACT), alpha=0.22, lw=0, zorder=4)
-            ax.scatter(hits[:, 0], hits[:, 1], s=26, marker="X", color=hexed(CONTACT), ec="white", lw=0.6, zorder=5)
-        what = f"○ start of {counted(len(tracks), 'robot')}    ✖ {counted(len(hits), 'collision')}"
-        ax.set_title(what, loc="right", fontsize=9.5)
-        save(figure, path)
 
 
 def paths(

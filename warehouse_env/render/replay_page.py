@@ -23,10 +23,10 @@ SCRIPTS = ("timeline", "player", "main")
 _POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data:"
 
 
-def write_replay_page(path: Path, replays: Sequence[Replay], title: str, robot: int | None = None) -> None:
+def write_replay_page(path: Path, replays: Sequence[Replay], title: str) -> None:
     """Write a page of one replay, or of two side by side and in step, all of it or nothing.
 
-    robot: the one selected at first. A link may say where to begin: page.html#t=12.5&robot=3&play, t in seconds.
+    A link may say where to begin: page.html#t=12.5&robot=3&play, t in seconds.
     Raises ConfigError for another number of replays, WarehouseError if the file cannot be written.
     """
     if not 1 <= len(replays) <= 2:
@@ -38,7 +38,7 @@ def write_replay_page(path: Path, replays: Sequence[Replay], title: str, robot: 
         "policy": _POLICY,
         "near": f"{replays[0].config.near_miss_gap:g}",
         "style": style_of(),
-        "about": as_json(_about(replays, columns) | {"robot": robot}),
+        "about": as_json(_about(replays, columns)),
         "data": "\n".join(
             f'<script type="text/plain" class="data">{base64.b64encode(one).decode()}</script>' for one in data
         ),

@@ -14,14 +14,13 @@ def test_demo_writes_rows_pictures_and_a_video(tmp_path: Path, capsys: pytest.Ca
     for package in ("matplotlib", "pygame", "imageio_ffmpeg"):
         pytest.importorskip(package)
     options = "--policy follow ppo --layout open --robots 2 --episodes 1 --planner astar"
-    short = "--seconds 10 --video-seconds 1 --video-from 1 --video-robots 3 --processes 1"
+    short = "--seconds 10 --video-seconds 1 --processes 1"
     assert main(["demo", *options.split(), *short.split(), "--out", str(tmp_path)]) == 0
     printed = capsys.readouterr().out
     assert "collisions/km" in printed
     assert "all else to" in printed
     assert {path.name for path in tmp_path.iterdir()} == {
-        "rows.jsonl", "table.md", "collisions.png", "trajectories_open_2_follow.png", "trajectories_open_2_ppo.png",
-        "video.mp4",
+        "rows.jsonl", "table.md", "collisions.png", "video.mp4",
     }  # fmt: skip
     assert len(read_rows(tmp_path / "rows.jsonl")) == 2
     assert (tmp_path / "video.mp4").read_bytes()[4:8] == b"ftyp"

@@ -51,8 +51,8 @@ def test_two_episodes_make_a_page_and_rows(
     files: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     page, rows = tmp_path / "new" / "page.html", tmp_path / "rows.jsonl"
-    run(capsys, *files, "--html", page, "--json", rows, "--title", "Who is better?", "--robot", "1")
-    assert "<title>Who is better?</title>" in page.read_text(encoding="utf-8")
+    run(capsys, *files, "--html", page, "--json", rows)
+    assert "<title>ppo and brake</title>" in page.read_text(encoding="utf-8")
     assert [(row["name"], row["steps"], row["html"]) for row in read_rows(rows)] == [
         ("ppo", 60, str(page)),
         ("brake", 60, str(page)),
@@ -79,7 +79,6 @@ def test_what_is_refused(files: tuple[Path, Path], tmp_path: Path, capsys: pytes
     assert "one episode file, or two" in refused(capsys, *files, files[0], "--html", page)
     assert "nowhere.npz does not exist" in refused(capsys, "nowhere.npz", "--html", page)
     assert "has no world of seed 7; its seeds are 4" in refused(capsys, files[0], "--html", page, "--seed", "7")
-    assert "--robot 3 must be one of" in refused(capsys, files[0], "--html", page, "--robot", "3")
     assert "speed=0" in refused(capsys, files[0], "--html", page, "--speed", "0")
     assert "must end in .mp4 or .gif" in refused(capsys, files[0], "--video", tmp_path / "clip.avi")
     assert "is a folder" in refused(capsys, files[0], "--html", tmp_path)

@@ -10,7 +10,7 @@ import pytest
 
 from train.evaluation import films
 from train.evaluation.films import film
-from train.evaluation.rollout import Trace, make_experiment, run
+from train.evaluation.rollout import make_experiment, run
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
 
@@ -37,15 +37,14 @@ def test_a_frame_a_tenth_of_a_second_of_the_film(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("policy", ["ppo", "central_pibt"])
 def test_robots_drive_as_in_an_evaluation(policy: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    poses: list[Any] = []
+    filmed, poses = list[Any](), list[Any]()
     draw = films.draw
-    monkeypatch.setattr(films, "draw", lambda scene, scale: (poses.append(scene.pose.copy()), draw(scene, scale))[1])
+    monkeypatch.setattr(films, "draw", lambda scene, scale: (filmed.append(scene.pose.copy()), draw(scene, scale))[1])
     options: dict[str, Any] = {"layout": "narrow", "num_agents": 12, "planner": "astar"}
     film(tmp_path / "a.gif", policy, seed=3, begin=20.0, seconds=0.0, pixels=100, **options)
     experiment = make_experiment(policy, EnvConfig(**options), 1, 20.0, 3)
-    trace = Trace(experiment)
-    run(experiment, [trace])
-    np.testing.assert_array_equal(poses[0], trace.poses[-1])
+    run(experiment, [lambda simulator, steps: poses.append(simulator.state.pose[0].copy())])
+    np.testing.assert_array_equal(filmed[0], poses[-1])
 
 
 @pytest.mark.parametrize(

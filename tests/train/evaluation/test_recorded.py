@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from agents import make_policy
 from train.evaluation.recorded import record, shares_of
-from train.evaluation.rollout import Trace, make_experiment, run
+from train.evaluation.rollout import make_experiment, run
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, WarehouseError
 from warehouse_env.render.replay import replay_of
@@ -22,10 +23,10 @@ FULL = {"traffic": "rules"}
 @pytest.mark.parametrize(("policy", "chosen"), [("brake", {}), ("ppo", FULL)])
 def test_what_is_recorded_is_what_is_evaluated(policy: str, chosen: dict[str, bool]) -> None:
     experiment = make_experiment(policy, BASE, 1, 12.0, 5, chosen)
-    trace, steps = Trace(experiment), []
-    (row,) = run(experiment, [trace])
+    poses, steps = list[Any](), []
+    (row,) = run(experiment, [lambda simulator, steps: poses.append(simulator.state.pose[0].copy())])
     episode = record(experiment, lambda: steps.append(1))
-    np.testing.assert_array_equal(episode.pose[:, 0], trace.poses)
+    np.testing.assert_array_equal(episode.pose[:, 0], np.stack(poses))
     assert (episode.policy, episode.seeds) == (policy, (5,))
     assert len(steps) == len(episode.actions) == experiment.config.max_steps
     *_, last = episode.replay()

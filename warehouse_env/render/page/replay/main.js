@@ -88,7 +88,7 @@ async function start() {
   buildTotals(app);
   buildTimeline(app);
   build(app);
-  app.choose(about.robot ?? -1);
+  app.choose(-1);
   readAddress(app);
   document.querySelector("#loading").remove();
   publish(app);
