@@ -11,12 +11,10 @@ from tensordict import TensorDict, TensorDictBase
 from torchrl.data import Bounded, Categorical, Composite, TensorSpec, Unbounded
 from torchrl.envs import EnvBase
 
-from warehouse_env.config import EnvConfig, EnvOptions
-from warehouse_env.envs.options import build, reset
+from warehouse_env.config import EnvConfig
+from warehouse_env.envs.options import WorldOptions, build, reset
 from warehouse_env.envs.tensors import GlobalView
 from warehouse_env.errors import ConfigError
-from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.planning.plan import Planner
 from warehouse_env.simulation.device.simulator import DeviceSimulator
 from warehouse_env.simulation.given import whole_seed
 from warehouse_env.simulation.simulator import Simulator
@@ -123,9 +121,7 @@ def torchrl_env(
     *,
     device: str = "cpu",
     seed: int | None = None,
-    grid: GridMap | None = None,
-    planner: Planner | str | None = None,
-    **changes: Unpack[EnvOptions],
+    **options: Unpack[WorldOptions],
 ) -> WarehouseEnv:
     """Return a TorchRL environment, e.g. `torchrl_env(64, num_agents=16, layout="open")`.
 
@@ -134,5 +130,5 @@ def torchrl_env(
     on_cpu = str(device).partition(":")[0] == "cpu"
     kind: Callable[..., Simulator | DeviceSimulator] = Simulator if on_cpu else DeviceSimulator
     parts: dict[str, Any] = {} if on_cpu else {"device": device}
-    simulator = build(kind, config, changes, num_worlds=num_worlds, planner=planner, grid=grid, **parts)
+    simulator = build(kind, config, options, num_worlds, **parts)
     return WarehouseEnv(simulator, seed=seed)

@@ -22,38 +22,27 @@ _RESET = ("starts", "goals", "num_agents")  # options of a reset
 
 
 class WorldOptions(EnvOptions, total=False):
-    """Keyword arguments of every env of one world."""
+    """Keyword arguments of every env."""
 
-    render_mode: str | None  # "rgb_array", "human" or None
     grid: GridMap | None  # instead of the layout that the config names
     planner: Planner | str | None  # an object, or a name of PLANNERS
 
 
-def build_simulator(config: EnvConfig | None, changes: EnvOptions, **parts: Any) -> Simulator:
-    """Build a Simulator from `config` (or the defaults) with `changes` put in (see `build`)."""
-    return build(Simulator, config, changes, **parts)
-
-
 def build(
-    kind: Callable[..., Made],
-    config: EnvConfig | None,
-    changes: EnvOptions,
-    *,
-    num_worlds: int = 1,
-    planner: Planner | str | None = None,
-    **parts: Any,
+    kind: Callable[..., Made], config: EnvConfig | None, options: WorldOptions, num_worlds: int = 1, **parts: Any
 ) -> Made:
-    """Build a Simulator, or what takes the same arguments, from `config` (or the defaults) with `changes` put in.
+    """Build a Simulator, or what takes the same arguments, from `config` (or the defaults) with `options` put in.
 
-    `planner` is an object, or a name of PLANNERS that goes into the config; `parts` go to the Simulator as they
-    are. ConfigError names an unknown parameter, with near matches; MapError says what is wrong with a map.
+    A planner's name goes into the config; `parts` go to the simulator as they are. ConfigError names an unknown
+    parameter, with near matches; MapError says what is wrong with a map.
     """
     if config is not None and not isinstance(config, EnvConfig):
         raise ConfigError(f"config={shown(config)} must be of type EnvConfig")
-    chosen: dict[str, Any] = {**changes}
+    chosen: dict[str, Any] = {**options}
+    grid, planner = chosen.pop("grid", None), chosen.pop("planner", None)
     if isinstance(planner, str):
         chosen["planner"], planner = planner, None
-    return kind((config or EnvConfig()).replace(**chosen), num_worlds, planner=planner, **parts)
+    return kind((config or EnvConfig()).replace(**chosen), num_worlds, grid=grid, planner=planner, **parts)
 
 
 def reset(simulator: Any, seed: int | None, options: object, one: bool = False) -> Any:

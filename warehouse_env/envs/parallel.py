@@ -12,15 +12,14 @@ from numpy.typing import NDArray
 from pettingzoo import AECEnv, ParallelEnv
 from pettingzoo.utils import parallel_to_aec
 
-from warehouse_env.config import EnvConfig, EnvOptions
+from warehouse_env.config import EnvConfig
 from warehouse_env.envs.actions import ActionPacker
 from warehouse_env.envs.camera import RENDER_MODES, Camera, render_fps
 from warehouse_env.envs.infos import EPISODE_METRICS, RobotInfos, final_metrics
-from warehouse_env.envs.options import WorldOptions, build_simulator, reset
+from warehouse_env.envs.options import WorldOptions, build, reset
 from warehouse_env.errors import ActionError, shown
-from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.planning.plan import Planner
 from warehouse_env.portable import Portable
+from warehouse_env.simulation.simulator import Simulator
 
 Observations = dict[str, NDArray[np.float32]]
 Infos = dict[str, dict[str, Any]]
@@ -48,12 +47,10 @@ class WarehouseParallelEnv(Portable, ParallelEnv):  # type: ignore[misc]  # pett
         config: EnvConfig | None = None,
         *,
         render_mode: str | None = None,
-        grid: GridMap | None = None,
-        planner: Planner | str | None = None,
-        **changes: Unpack[EnvOptions],
+        **options: Unpack[WorldOptions],
     ) -> None:
-        """Build one world from `config` with `changes` put in; ConfigError or MapError says what cannot be used."""
-        self.simulator = build_simulator(config, changes, grid=grid, planner=planner)
+        """Build one world from `config` with `options` put in; ConfigError or MapError says what cannot be used."""
+        self.simulator = build(Simulator, config, options)
         self.config = self.simulator.config
         fps = render_fps(self.config)
         self._camera = Camera(render_mode, fps)
@@ -181,14 +178,11 @@ class WarehouseParallelEnv(Portable, ParallelEnv):  # type: ignore[misc]  # pett
         self._camera.close()
 
 
-def parallel_env(config: EnvConfig | None = None, **options: Unpack[WorldOptions]) -> WarehouseParallelEnv:
-    """Return the PettingZoo parallel env, e.g. `parallel_env(num_agents=8, layout="narrow")`.
-
-    Takes render_mode, grid and planner as `WarehouseParallelEnv` does, and any EnvConfig field by name.
-    """
-    return WarehouseParallelEnv(config, **options)
+parallel_env = WarehouseParallelEnv
 
 
-def aec_env(config: EnvConfig | None = None, **options: Unpack[WorldOptions]) -> AECEnv:
+def aec_env(
+    config: EnvConfig | None = None, *, render_mode: str | None = None, **options: Unpack[WorldOptions]
+) -> AECEnv:
     """Return the same env for PettingZoo's turn-based interface; the world steps after all robots have acted."""
-    return parallel_to_aec(parallel_env(config, **options))
+    return parallel_to_aec(parallel_env(config, render_mode=render_mode, **options))

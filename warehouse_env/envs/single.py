@@ -9,24 +9,17 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from warehouse_env.config import EnvConfig, EnvOptions
+from warehouse_env.config import EnvConfig
 from warehouse_env.envs.actions import ActionPacker
 from warehouse_env.envs.camera import RENDER_MODES, Camera, render_fps
 from warehouse_env.envs.infos import EPISODE_METRICS, RobotInfos, final_metrics
-from warehouse_env.envs.options import WorldOptions, build_simulator, reset
+from warehouse_env.envs.options import WorldOptions, build, reset
 from warehouse_env.errors import ActionError
-from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.planning.plan import Planner
 from warehouse_env.portable import Portable
 from warehouse_env.simulation.given import whole_seed
+from warehouse_env.simulation.simulator import Simulator
 
 Others = Callable[[NDArray[np.float32]], Any]
-
-
-class SingleOptions(WorldOptions, total=False):
-    """Keyword arguments of the env of one robot."""
-
-    others: Others | None  # float32[N-1, D] of the other robots -> their actions
 
 
 class WarehouseSingleEnv(Portable, gymnasium.Env[NDArray[np.float32], Any]):
@@ -48,16 +41,14 @@ class WarehouseSingleEnv(Portable, gymnasium.Env[NDArray[np.float32], Any]):
         *,
         others: Others | None = None,
         render_mode: str | None = None,
-        grid: GridMap | None = None,
-        planner: Planner | str | None = None,
-        **changes: Unpack[EnvOptions],
+        **options: Unpack[WorldOptions],
     ) -> None:
-        """Build one world from `config` with `changes` put in.
+        """Build one world from `config` with `options` put in.
 
         `others` maps the other robots' observations float32[N-1, D] to their actions [N-1] or [N-1, 2];
         by default each follows its route and ignores the others. ConfigError or MapError says what cannot be used.
         """
-        self.simulator = build_simulator(config, changes, grid=grid, planner=planner)
+        self.simulator = build(Simulator, config, options)
         self.config = self.simulator.config
         fps = render_fps(self.config)
         self._camera = Camera(render_mode, fps)
@@ -127,6 +118,4 @@ class WarehouseSingleEnv(Portable, gymnasium.Env[NDArray[np.float32], Any]):
         self._camera.close()
 
 
-def single_env(config: EnvConfig | None = None, **options: Unpack[SingleOptions]) -> WarehouseSingleEnv:
-    """Return the Gymnasium env, e.g. `single_env(num_agents=4, layout="open")`; options as `WarehouseSingleEnv`."""
-    return WarehouseSingleEnv(config, **options)
+single_env = WarehouseSingleEnv

@@ -11,12 +11,10 @@ import torch
 from gymnasium.vector import AutoresetMode, VectorEnv
 from numpy.typing import NDArray
 
-from warehouse_env.config import EnvConfig, EnvOptions
+from warehouse_env.config import EnvConfig
 from warehouse_env.envs.infos import known
-from warehouse_env.envs.options import build, reset
+from warehouse_env.envs.options import WorldOptions, build, reset
 from warehouse_env.errors import ConfigError
-from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.planning.plan import Planner
 from warehouse_env.simulation.device.memory import field_on_device
 from warehouse_env.simulation.device.recorder import DeviceRecorder
 from warehouse_env.simulation.device.simulator import DeviceSimulator
@@ -132,16 +130,11 @@ def tensor_env(
     config: EnvConfig | None = None,
     *,
     device: str = "cuda",
-    grid: GridMap | None = None,
-    planner: Planner | str | None = None,
-    **changes: Unpack[EnvOptions],
+    **options: Unpack[WorldOptions],
 ) -> WarehouseTensorEnv:
     """Return an environment of torch tensors, e.g. `tensor_env(4096, num_agents=16, device="cuda")`.
 
     device: as torch names it; "cpu" has the same bits and needs no GPU. ConfigError says what cannot be used: a device
     simulates neither people nor orders or live routes yet.
     """
-    simulator = build(
-        DeviceSimulator, config, changes, num_worlds=num_worlds, planner=planner, grid=grid, device=device
-    )
-    return WarehouseTensorEnv(simulator)
+    return WarehouseTensorEnv(build(DeviceSimulator, config, options, num_worlds, device=device))

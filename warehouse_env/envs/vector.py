@@ -13,14 +13,12 @@ from numpy.typing import NDArray
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices
 
-from warehouse_env.config import EnvConfig, EnvOptions
+from warehouse_env.config import EnvConfig
 from warehouse_env.envs.camera import Camera, render_fps
 from warehouse_env.envs.infos import EPISODE_METRICS, final_metrics, finished_task, known
-from warehouse_env.envs.options import assignments_of, begin, build_simulator, share_routes
+from warehouse_env.envs.options import WorldOptions, assignments_of, begin, build, share_routes
 from warehouse_env.envs.rows import write_rows
 from warehouse_env.errors import ActionError, ConfigError, shown
-from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.planning.plan import Planner
 from warehouse_env.simulation.given import check_count, listed, whole_seed
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.tasks.assignment import Assignment
@@ -277,14 +275,12 @@ def vec_env(
     *,
     configs: Sequence[EnvConfig] | None = None,
     render_mode: str | None = None,
-    grid: GridMap | None = None,
-    planner: Planner | str | None = None,
-    **changes: Unpack[EnvOptions],
+    **options: Unpack[WorldOptions],
 ) -> WarehouseVecEnv:
     """Return a VecEnv of `num_worlds` worlds, e.g. `vec_env(64, num_agents=16, layout="narrow")`.
 
     `configs` mixes several warehouses (layouts, robot counts) in one VecEnv: `num_worlds` worlds of each, or a
-    list with one number for each. `changes` go into every config. ConfigError says what cannot be used.
+    list with one number for each. `options` go into every config. ConfigError says what cannot be used.
     """
     if configs is not None and config is not None:
         raise ConfigError("give either config or configs, not both")
@@ -296,9 +292,6 @@ def vec_env(
     if not chosen or len(counts) != len(chosen):
         raise ConfigError(f"num_worlds={shown(num_worlds)} needs one number for each of the {len(chosen)} configs")
     counts = [check_count("num_worlds", count) for count in counts]
-    simulators = [
-        build_simulator(one, changes, num_worlds=count, grid=grid, planner=planner)
-        for one, count in zip(chosen, counts, strict=True)
-    ]
+    simulators = [build(Simulator, one, options, count) for one, count in zip(chosen, counts, strict=True)]
     share_routes(simulators)
     return WarehouseVecEnv(simulators, render_mode)
