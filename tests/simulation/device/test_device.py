@@ -165,6 +165,21 @@ def test_given_starts_and_goals_are_those_of_the_simulator() -> None:
         there.reset_to(points)
 
 
+@pytest.mark.parametrize("name", ["shield", "errors and losses"])
+def test_robots_are_put_as_by_the_simulator(name: str) -> None:
+    here, there = Simulator(config(**SETS[name]), 3), DeviceSimulator(config(**SETS[name]), 3, device="cpu")
+    here.reset(1)
+    there.reset(1)
+    pose = np.roll(here.state.pose, 1, axis=0)  # those of another world
+    pose[0, 1] = pose[0, 0]
+    free = here.put(pose, 0.2)
+    assert not free[0]
+    alike("whether each world is free", free, there.put(pose, 0.2))
+    alike("observation", here.observation, there.observation.numpy())
+    cruise = np.full((3, ROBOTS), here.cruise_action)
+    alike("the next", here.step(cruise), there.step(torch.from_numpy(cruise)).numpy())
+
+
 def test_rewards_take_new_weights_on_the_way() -> None:
     here, there = Simulator(config(), WORLDS), DeviceSimulator(config(), WORLDS, device="cpu")
     assert np.array_equal(here.reset(7), there.reset(7))

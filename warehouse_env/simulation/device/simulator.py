@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from warehouse_env.config import EnvConfig, RewardWeights
 from warehouse_env.errors import ActionError, ConfigError
@@ -23,12 +23,15 @@ from warehouse_env.simulation.device.memory import field_on_device, mapped, memo
 from warehouse_env.simulation.draws import Draws
 from warehouse_env.simulation.driver.scratch import make_search_scratch
 from warehouse_env.simulation.given import check_count, seeds_of
+from warehouse_env.simulation.physics.deviation import BODY, place_bodies
+from warehouse_env.simulation.physics.poses import poses, speeds
 from warehouse_env.simulation.record.metrics import episode_rows
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.tasks import giving
 from warehouse_env.simulation.tasks.assignment import Assignment, check_assignments
 from warehouse_env.simulation.tasks.dispatch import no_room, width_of
 from warehouse_env.simulation.tasks.goals import GoalState
+from warehouse_env.simulation.tasks.placement import put_all
 from warehouse_env.simulation.tasks.tasks import Arrival
 from warehouse_env.simulation.traffic.path_ahead import POSES
 from warehouse_env.simulation.worlds import Setup, Worlds, make_scratch
@@ -290,6 +293,25 @@ class DeviceSimulator:
         self._tensors["waiting"].fill_(1)
         self._memory.launch(drivers.observe, self._threads, self._batch)
         return self.observation
+
+    def put(self, pose: ArrayLike, speed: ArrayLike) -> NDArray[np.bool_]:
+        """Put robots as `Simulator.put` does, on the host, and observe."""
+        host, tensors = self.host, self._tensors
+        placed = poses("pose", pose, (self.num_worlds, self.num_agents, 3), host.grid)
+        driven = speeds(speed, self.num_worlds, self.config.robots)
+        robots = tensors["robots"].cpu().numpy().view(state.ROBOT)[..., 0]
+        routes = tensors["routes"].cpu().numpy()
+        shared, kinds = host.setup.planned
+        free = put_all(robots, routes, placed, driven, (shared, kinds), host.setup.floor)
+        tensors["robots"].copy_(tensor_of(robots))
+        if self._errs:
+            bodies = tensors["actual"].cpu().numpy().view(BODY)[..., 0]
+            for body, placed_robots in zip(bodies, robots, strict=True):
+                place_bodies(body, placed_robots)
+            tensors["actual"].copy_(tensor_of(bodies))
+        tensors["waiting"].fill_(1)
+        self._memory.launch(drivers.observe, self._threads, self._batch)
+        return free
 
     @property
     def arrivals(self) -> list[Arrival]:
