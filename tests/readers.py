@@ -16,11 +16,11 @@ from agents import WEIGHTS_FOLDER, Network
 from agents.weights_folder import CONFIG, read_record, read_tensors
 from train.clmapf.instance import read_instance
 from train.clmapf.solution import read_solution
-from train.commands.kinds import read_fleet
 from train.fleet.check import check_log
 from train.fleet.driven import load_episode
 from train.fleet.factsheet import factsheet_of
 from train.fleet.received import hear_log
+from train.kinds import read_fleet
 from train.learning import checkpoint
 from train.learning.progress import read_run
 from train.reporting.comparison import read_runs

@@ -1,4 +1,4 @@
-"""Kinds of robots by share, and the fleets of any size that they make."""
+"""Kinds of robots by share, the fleets of any size that they make, and `--fleet FILE`, which names them."""
 
 from __future__ import annotations
 
@@ -7,11 +7,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
-from warehouse_env.checked import Checked, CheckedPart
+from warehouse_env.checked import Checked, CheckedPart, from_plain
 from warehouse_env.config import FleetPart, RobotSpec
 from warehouse_env.errors import ConfigError
+from warehouse_env.files import read_json
+
+_EXAMPLE = '[{"share": 0.25, "robot": {"length": 1.4}}]'
+_MOST = 1_000_000  # bytes of a file
 
 
 @dataclass(frozen=True)
@@ -104,3 +109,30 @@ def _turns(shares: tuple[Fraction, ...], robots: int) -> Sequence[int]:
         lacking[kind] -= whole
         turns.append(kind)
     return tuple(turns)
+
+
+@dataclass(frozen=True)
+class Fleet(Checked):
+    """The option for other kinds of robots."""
+
+    fleet: Path | None = None
+    """Drive other kinds of robots: a JSON file, as [{"share": 0.25, "robot": {"length": 1.4}}]; "share": 1 changes all
+    robots."""
+
+    def kinds(self) -> Kinds | None:
+        """Return the kinds of robots; None where all are as RobotSpec has them."""
+        return None if self.fleet is None else read_fleet(self.fleet)
+
+
+def read_fleet(path: Path) -> Kinds:
+    """Return the kinds in a file such as [{"share": 0.25, "robot": {"length": 1.4}}]; missing fields are RobotSpec's.
+
+    Raises ConfigError or MapError for a file that cannot be used.
+    """
+    parts = read_json(path, "fleet", _MOST, ConfigError)
+    if not isinstance(parts, list) or not parts:
+        raise ConfigError(f"fleet {path} must be a list, as {_EXAMPLE}")
+    try:
+        return Kinds(tuple(from_plain(KindPart, part) for part in parts))
+    except ConfigError as error:
+        raise ConfigError(f"fleet {path}: {error}") from None

@@ -24,6 +24,10 @@ from warehouse_env.maps.layouts import LAYOUTS
 from warehouse_env.maps.movingai import EXAMPLE_MAP
 from warehouse_env.planning import PLANNERS
 
+DRAW_NOTHING = (
+    "bench", "benchmark", "compare", "compile", "fleet", "layouts", "places", "planners", "policies",
+)  # fmt: skip
+
 
 def fails(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
     """Run a bad command line; check exit code and form, and return its sentence."""
@@ -55,16 +59,7 @@ def test_every_command_has_help_with_the_common_options(capsys: pytest.CaptureFi
         assert main([*name.split(), "--help"]) == 0
         shown = capsys.readouterr().out
         assert f"warehouse {name}" in shown
-        drawn = name not in (
-            "compare",
-            "layouts",
-            "policies",
-            "planners",
-            "benchmark",
-            "places",
-            "fleet",
-        )  # which draw nothing
-        assert ("--seed" in shown) == drawn
+        assert ("--seed" in shown) == (name not in DRAW_NOTHING)
         assert "{None,True,False}" not in shown
         assert ("--json" in shown) == (name != "benchmark")  # which writes its rows under --out
 
@@ -117,7 +112,7 @@ def test_the_last_line_says_what_was_written_and_where(
         ("layouts --png picture.png", ["--draw"]),
         ("layouts --draw open --png a.b", ["a.b must end in", ".png"]),
         ("bench --seconds -1", ["seconds=-1.0"]),
-        ("demo --video-seconds -1", ["--video-seconds"]),
+        ("demo --video-seconds -1", ["video_seconds=-1.0"]),
         ("curves nowhere", ["nowhere is no run of training: it has no config.json"]),
         ("train reinforce --robots 0", ["robots=(0,)"]),
     ],

@@ -9,8 +9,7 @@ import pytest
 
 from train.cli import main
 from train.commands.evaluate import Evaluate
-from train.commands.kinds import Fleet, read_fleet
-from train.kinds import KindPart, Kinds
+from train.kinds import Fleet, KindPart, Kinds, read_fleet
 from warehouse_env.config import EnvConfig, FleetPart, RobotSpec
 from warehouse_env.errors import ConfigError
 
@@ -82,7 +81,7 @@ def test_the_option_is_by_number_of_robots(tmp_path: Path) -> None:
     path.write_text('[{"share": 0.5, "robot": {"length": 1.4, "max_speed": 0.8}}]', encoding="utf-8")
     found = Evaluate(policy=("brake",), robots=(4, 9), layout=("open",), fleet=path).experiments()
     assert [one.config.fleet for one in found] == [(FleetPart(2, LONG),), (FleetPart(4, LONG),)]
-    assert Fleet().kinds_of(9) == {}
+    assert Fleet().kinds() is None
 
 
 def test_central_planners_refuse_several_kinds_at_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -21,11 +21,11 @@ from train.advice.hall_part import hall_parts
 from train.advice.room import for_kinds, most_with_a_start
 from train.advice.trials import AdvicePlan, TimeBudget
 from train.commands.evaluate import GOES_ON
-from train.commands.kinds import Fleet
 from train.commands.layouts import BY_MAP, check_connected
 from train.commands.orders import Work
 from train.evaluation.jobs import Progress, Runner
 from train.evaluation.workers import WorkerOptions
+from train.kinds import Fleet
 from train.reporting.page import PagePart
 from train.reporting.report import make_console, make_progress, require_charts
 from train.reporting.rows import RowFile, instead

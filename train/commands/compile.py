@@ -23,8 +23,6 @@ class Compile(Checked):
 
     processes: int = field(default_factory=lambda: os.cpu_count() or 1)
     """Number of processes."""
-    seed: int = 0
-    """Seed of the tiny runs that compile the kernels."""
     cuda: tuple[str, ...] | None = None
     """Also compile the kernels for GPUs of these compute capabilities, which needs no GPU. Without a value: that of
     this machine's GPU, or 9.0 (H100, H200)."""
@@ -33,11 +31,11 @@ class Compile(Checked):
 
     def run(self) -> None:
         """Compile, and print how long each part took."""
-        if self.processes < 1 or self.seed < 0:
-            raise ConfigError(f"--processes {self.processes} must be at least 1 and --seed {self.seed} at least 0")
+        if self.processes < 1:
+            raise ConfigError(f"--processes {self.processes} must be at least 1")
         capabilities = self._capabilities()
         file, begin = RowFile(self.json), time.perf_counter()
-        rows = compile_all(self.processes, self.seed, file, capabilities)
+        rows = compile_all(self.processes, file, capabilities)
         cells = tuple((row["part"], number(row["seconds"])) for row in rows)
         note = f"All is compiled and kept: {time.perf_counter() - begin:.0f} s in {self.processes} processes."
         Table("Kernels", ("part", "seconds"), cells, note).print()

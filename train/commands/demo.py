@@ -14,7 +14,6 @@ from train.reporting.report import require_video, tell
 from train.reporting.rows import read_rows
 from warehouse_env.checked import Checked
 from warehouse_env.config import EnvConfig
-from warehouse_env.errors import ConfigError
 
 _SIDE = 560  # [px], longest side of one of the two floors in the video
 
@@ -49,10 +48,12 @@ class Demo(Checked):
     overwrite: bool = False
     """Replace existing rows in a folder other than the default one."""
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._between(0.0, 3600.0, "video_seconds")
+
     def run(self) -> None:
         """Evaluate, then film."""
-        if not 0 <= self.video_seconds <= 3600:
-            raise ConfigError(f"--video-seconds {self.video_seconds} must lie between 0 and 3600")
         if self.video_seconds:
             require_video()
         begin = time.perf_counter()

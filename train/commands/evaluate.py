@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
-from train.commands.kinds import Fleet
 from train.commands.layouts import BY_MAP
 from train.commands.orders import Work
 from train.evaluation.disturbances import DISTURBANCES, UNDISTURBED, known
@@ -16,6 +15,7 @@ from train.evaluation.places import NOTES, PAGE
 from train.evaluation.robustness import robust_table
 from train.evaluation.rollout import Experiment, make_experiment
 from train.evaluation.workers import WorkerOptions
+from train.kinds import Fleet
 from train.learning.config import HELD_OUT_SEED
 from train.reporting.report import Table, evaluation_table, require_charts
 from train.reporting.rows import Row, RowFile, instead, whole_rows
@@ -63,7 +63,8 @@ class Working(Fleet, Work, Drive):
 
     def chosen_for(self, robots: int) -> dict[str, Any]:
         """Return the fields of EnvConfig that the options set for so many robots; --arrival overrides that of work."""
-        return self.kinds_of(robots) | self.work() | self.chosen()
+        kinds = self.kinds()
+        return ({} if kinds is None else kinds.of(robots)) | self.work() | self.chosen()
 
 
 @dataclass(frozen=True)

@@ -11,9 +11,9 @@ from typing import Annotated
 
 from agents import POLICIES
 from train.commands.evaluate import Drive
-from train.commands.kinds import Fleet
 from train.commands.layouts import BY_MAP
 from train.evaluation.rollout import config_of
+from train.kinds import Fleet
 from train.live.commands import MOST_ROBOTS
 from train.live.runner import WorldRunner
 from train.live.server import Server

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import inspect
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
 
 from agents import POLICIES, policy_config
 from train.central import CENTRAL, central_config
@@ -21,47 +21,35 @@ _NEEDS = {
 }  # fmt: skip
 
 
-@dataclass(frozen=True)
-class _Parts(Checked):
-    """A list of parts; a subclass says of what."""
+def _show(title: str, rows: Sequence[Row], own: str, json: Path | None) -> None:
+    """Print a list of parts, and write its rows; own: how one's own are named."""
+    file = RowFile(json)
+    file.add(rows)
+    shown = tuple(name for name, value in rows[0].items() if isinstance(value, str))
+    Table(title, shown, tuple(tuple(row[name] for name in shown) for row in rows), own).print()
+    print(file.written())
 
-    own: ClassVar[str]  # how one's own are named
+
+@dataclass(frozen=True)
+class Policies(Checked):
+    """List the policies by the names that --policy takes."""
 
     json: Path | None = None
     """Write the rows of the list to this file as JSON lines."""
 
     def run(self) -> None:
-        """Print the list, and write its rows."""
-        rows = self.rows()
-        file = RowFile(self.json)
-        file.add(rows)
-        shown = [name for name, value in rows[0].items() if isinstance(value, str)]
-        cells = tuple(tuple(row[name] for name in shown) for row in rows)
-        Table(type(self).__name__, tuple(shown), cells, self.own).print()
-        print(file.written())
-
-    def rows(self) -> list[Row]:
-        """Return a row a part."""
-        raise NotImplementedError
-
-
-@dataclass(frozen=True)
-class Policies(_Parts):
-    """List the policies by the names that --policy takes."""
-
-    own = "Also a policy: the folder of a trained one (runs/mine), and your own, FILE.py:CLASS or MODULE:CLASS."
-
-    def rows(self) -> list[Row]:
-        """Return a row a policy: what it is and what it is driven with, unless an option says otherwise."""
+        """List what each policy is and what it is driven with, unless an option says otherwise."""
         usual = EnvConfig()
         parts = {
             name: (entry.summary, "rules" if entry.weights is None else "trained weights", policy_config(name, usual))
             for name, entry in POLICIES.items()
         } | {name: (entry.summary, "all robots' state", central_config(usual)) for name, entry in CENTRAL.items()}
-        return [
+        rows = [
             {"policy": name, "what it is": summary, "made of": made_of, "driven with": _needs(config)}
             for name, (summary, made_of, config) in parts.items()
         ]
+        own = "Also a policy: the folder of a trained one (runs/mine), and your own, FILE.py:CLASS or MODULE:CLASS."
+        _show("Policies", rows, own, self.json)
 
 
 def _needs(config: EnvConfig) -> str:
@@ -73,17 +61,15 @@ def _needs(config: EnvConfig) -> str:
 
 
 @dataclass(frozen=True)
-class Planners(_Parts):
+class Planners(Checked):
     """List the planners by the names that --planner takes."""
 
-    own = (
-        "A name may carry parameters, as in pf_aco:ants=20; the rows list them (--json). A cost map is what live "
-        "routes and routes of several robots ask for. Also a planner: your own, FILE.py:CLASS or MODULE:CLASS."
-    )
+    json: Path | None = None
+    """Write the rows of the list to this file as JSON lines."""
 
-    def rows(self) -> list[Row]:
-        """Return a row a planner: what it is, by whom, whether it heeds a cost map, and its parameters."""
-        return [
+    def run(self) -> None:
+        """List what each planner is, by whom, whether it heeds a cost map, and in the rows its parameters."""
+        rows: list[Row] = [
             {
                 "planner": name, "what it is": (inspect.getdoc(made) or "").split("\n")[0].rstrip("."),
                 "cost map": "yes" if getattr(made, "takes_cost", False) else "no",
@@ -91,3 +77,8 @@ class Planners(_Parts):
             }
             for name, made in PLANNERS.items()
         ]  # fmt: skip
+        own = (
+            "A name may carry parameters, as in pf_aco:ants=20; the rows list them (--json). A cost map is what live "
+            "routes and routes of several robots ask for. Also a planner: your own, FILE.py:CLASS or MODULE:CLASS."
+        )
+        _show("Planners", rows, own, self.json)

@@ -13,7 +13,7 @@ from typing import Annotated, Any, ClassVar, Self, get_type_hints
 import tyro
 
 from agents.weights_folder import read_record
-from train.commands.kinds import read_fleet
+from train.kinds import read_fleet
 from train.learning.config import PPOConfig, ReinforceConfig, ThreadedPPOConfig, TrainingConfig
 from train.learning.progress import ROWS, read_run
 from train.learning.recipes import Recipe, ReinforceRecipe, ThreadedPPORecipe, by_recipe

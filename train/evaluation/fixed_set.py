@@ -29,7 +29,6 @@ TRACKS = {
     SHIELDED: "with the shield, right of way and live routes",
     "unshielded": "with live routes alone: only the policy keeps robots apart",
 }
-OLD_TRACKS = {"field": SHIELDED, "bare": "unshielded"}  # names that rows may hold
 NOTE = (
     "Goals per robot and hour in the second half of 600 s: the mean of the groups [95% interval by Student's t over "
     "episodes within them], then each group's. Contacts: of all episodes together. Stuck: robots without a metre of "
@@ -95,7 +94,6 @@ def experiments(policy: str, cases: Sequence[Case] = CASES) -> Iterator[tuple[st
 
 def benchmark_tables(rows: Sequence[Row], cases: Sequence[Case] = CASES) -> list[Table]:
     """Return a table for each track, the policy with the most goals first; rows: of `experiments`, with their track."""
-    rows = [{**row, "track": OLD_TRACKS.get(row["track"], row["track"])} for row in rows]
     return [_table(track, select(rows, track=track), cases) for track in TRACKS]
 
 

@@ -46,14 +46,13 @@ class _Part(Job):
     """One of PARTS."""
 
     name: str
-    seed: int
 
     titled = "compiling, once for this version: {name}"
 
     def run(self, tick: Tick) -> Result:
         """Call the kernels."""
         begin = time.perf_counter()
-        PARTS[self.name](self.seed)
+        PARTS[self.name]()
         return Result([{"what": "compile", "part": self.name, "seconds": time.perf_counter() - begin}])
 
 
@@ -71,7 +70,7 @@ class CardPart(_Part):
 
         begin = time.perf_counter()
         simulator = DeviceSimulator(CARD_SETS[self.name], device=f"compiler:{self.capability}")
-        simulator.reset(self.seed)
+        simulator.reset(0)
         simulator.step(no_actions(simulator))
         part = f"compute capability {self.capability}: {self.name}"
         return Result([{"what": "compile", "part": part, "seconds": time.perf_counter() - begin}])
@@ -86,15 +85,13 @@ def no_actions(simulator: DeviceSimulator) -> torch.Tensor:
     return torch.from_numpy(np.zeros(shape, space.dtype))
 
 
-def compile_all(
-    processes: int, seed: int = 0, file: RowFile | None = None, capabilities: Sequence[str] = ()
-) -> list[Row]:
+def compile_all(processes: int, file: RowFile | None = None, capabilities: Sequence[str] = ()) -> list[Row]:
     """Run all parts under a progress bar; return a row with the seconds of each, written to `file` as well.
 
     capabilities: of GPUs for which kernels are compiled as well, as "9.0".
     """
-    parts = [_Part(name, seed) for name in PARTS]
-    parts += [CardPart(name, seed, capability) for capability in capabilities for name in CARD_SETS]
+    parts = [_Part(name) for name in PARTS]
+    parts += [CardPart(name, capability) for capability in capabilities for name in CARD_SETS]
     with Runner(file or RowFile(None), workers=Processes(processes)) as run_all:
         return run_all(parts)
 
@@ -105,51 +102,51 @@ def compile_missing() -> None:
         compile_all(os.cpu_count() or 1)
 
 
-def _motion(seed: int) -> None:
+def _motion() -> None:
     """Compile the step without waiting for routes: robots without a reset do not move."""
     Simulator(_BARE).step(np.zeros((1, _BARE.num_agents), np.int64))
 
 
-def _audit(seed: int) -> None:
+def _audit() -> None:
     simulator, audit = Simulator(_BARE), Audit(_BARE)
     for step in range(2):
         audit(simulator, step)
 
 
-def _plans(seed: int) -> None:
+def _plans() -> None:
     grid = make_layout(_BARE.layout)
     cells = [(row, column) for row, column in grid.free_cells.tolist()]
     for name in (EnvConfig.planner, _BARE.planner):
-        make_planner(name).plan(grid, cells[0], cells[-1], np.random.default_rng(seed))
+        make_planner(name).plan(grid, cells[0], cells[-1], np.random.default_rng(0))
 
 
-def _traffic(seed: int) -> None:
+def _traffic() -> None:
     for planner in FINDERS:
-        run(make_experiment("threaded_ppo", _CROWD.replace(planner=planner), 1, _SECONDS, seed))
+        run(make_experiment("threaded_ppo", _CROWD.replace(planner=planner), 1, _SECONDS, 0))
 
 
-def _each(seed: int) -> None:
+def _each() -> None:
     """Compile the step for other sets of features and observations."""
     for policy in ("greedy", "ppo"):
-        run(make_experiment(policy, _BARE, 1, _SECONDS, seed))
+        run(make_experiment(policy, _BARE, 1, _SECONDS, 0))
 
 
-def _bare(seed: int) -> None:
-    run(make_experiment("follow", _CROWD, 1, _SECONDS, seed))
+def _bare() -> None:
+    run(make_experiment("follow", _CROWD, 1, _SECONDS, 0))
     for action_type in ("continuous", "raw"):
         simulator = Simulator(_BARE.replace(action_type=action_type))
-        simulator.reset(seed)
+        simulator.reset(0)
         simulator.step(np.zeros((1, _BARE.num_agents, 2), np.float32))
 
 
-def _environment(seed: int) -> None:
+def _environment() -> None:
     env = parallel_env(num_agents=4, layout="open", planner="astar")
-    env.reset(seed=seed)
+    env.reset(seed=0)
     for _ in range(3):
         env.step({agent: env.action_space(agent).sample() for agent in env.agents})
 
 
-PARTS: dict[str, Callable[[int], None]] = {
+PARTS: dict[str, Callable[[], None]] = {
     "one robot's motion": _motion,
     "routes of ants and searches": _plans,
     "right of way, live routes, predictions": _traffic,

@@ -12,7 +12,6 @@ from train.cli import main
 from train.evaluation import fixed_set
 from train.evaluation.fixed_set import (
     CASES,
-    OLD_TRACKS,
     SHIPPED,
     TRACKS,
     VERSION,
@@ -47,7 +46,6 @@ def test_shipped_policies_drove_the_whole_set() -> None:
     }
     driven: dict[tuple[str, str], set[tuple[object, ...]]] = {}
     for row in rows:
-        row["track"] = OLD_TRACKS.get(row["track"], row["track"])
         driven.setdefault((row["policy"], row["track"]), set()).add(tuple(row[name] for name in COLUMNS))
     assert {policy for policy, _ in driven} == {"greedy", "orca", "ppo", "threaded_ppo"}
     for (_, track), known in driven.items():
