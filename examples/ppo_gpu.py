@@ -16,7 +16,7 @@ import tyro
 import warehouse_env
 from agents.networks import ActorCritic, first_actor_critic, tensors_of
 from agents.weights_folder import Network, PolicyRecord, save_policy
-from warehouse_env import EnvConfig, RewardWeights, SensorSpec, TrafficSpec
+from warehouse_env import EnvConfig, RewardWeights, SensorSpec, TrafficSpec, WarehouseError
 from warehouse_env.envs.tensors import WarehouseTensorEnv
 
 
@@ -118,7 +118,10 @@ def main(o: Options) -> None:
         num_agents=o.robots, layout=o.layout, max_steps=2000, traffic=TrafficSpec(shield=o.shield),
         sensor=SensorSpec(predictions=True), reward=RewardWeights(collision=o.collision),
     )  # fmt: skip
-    env = warehouse_env.tensor_env(o.worlds, config, device=o.device)
+    try:
+        env = warehouse_env.tensor_env(o.worlds, config, device=o.device)
+    except WarehouseError as error:
+        raise SystemExit(str(error)) from None
     env.reset(seed=o.seed)
     network = Network(env.single_observation_space.shape[0], int(env.single_action_space.n), True)
     net = first_actor_critic(network, config, 0.0).to(env.device)

@@ -77,7 +77,7 @@ HALL = {
 }  # fmt: skip
 RECORD = json.loads((WEIGHTS_FOLDER / "threaded_ppo" / CONFIG).read_text())
 NETWORK = Network(3, 2, True, (2,))
-EVALUATED = [
+EVALUATED: list[dict[str, Any]] = [
     {"policy": policy, "layout": "open", "robots": 2, "tasks": "lifelong", "planner": "astar", "episode": seed,
      "seed": seed, "seconds": 9.0, "robot_km": 0.1, "collisions_robot": 0.0, "collisions_shelf": 1.0,
      "collisions_person": 0.0, "collisions_per_km": 1.0, "near_misses": 0.0, "min_clearance_m": None, "goals": 3.0,

@@ -10,6 +10,7 @@ import pytest
 from agents import WEIGHTS_FOLDER
 from agents.weights_folder import read_record
 from train.learning.config import ReinforceConfig, ThreadedPPOConfig
+from warehouse_env.checked import from_plain
 from warehouse_env.config import EnvConfig, TrafficMode
 from warehouse_env.errors import ConfigError
 from warehouse_env.traffic_spec import TRAFFIC, ErrorBounds, TrafficSpec, UncertaintySpec
@@ -99,7 +100,7 @@ def test_shipped_weights_are_driven_as_before(name: str, traffic: TrafficMode) -
 )
 def test_a_training_goes_on_as_it_began(kind: Any, stored: dict[str, Any], traffic: Any) -> None:
     spec = TRAFFIC[traffic] if isinstance(traffic, str) else traffic
-    assert kind.from_dict(stored).traffic_spec == spec
-    assert kind.from_dict(kind.from_dict(stored).to_dict()) == kind.from_dict(stored)
+    assert from_plain(kind, stored).traffic_spec == spec
+    assert from_plain(kind, from_plain(kind, stored).to_dict()) == from_plain(kind, stored)
     with pytest.raises(ConfigError, match="unknown"):
-        kind.from_dict({"traffic": "rules", "reroute": True})
+        from_plain(kind, {"traffic": "rules", "reroute": True})

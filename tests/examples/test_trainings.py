@@ -36,6 +36,9 @@ def test_it_trains_and_saves_a_policy(
     spec.loader.exec_module(example)
     example.main(example.Options(worlds=2, robots=4, **options))
     assert said in capsys.readouterr().out
+    if name == "ppo_gpu":
+        with pytest.raises(SystemExit, match="device 'foo' must be 'cpu', 'cuda'"):
+            example.main(example.Options(device="foo"))
     assert len((EXAMPLES / f"{name}.py").read_text().splitlines()) < 150
     policy = f"{EXAMPLES / name}.py:Remembering" if name == "recurrent_ppo" else f"runs/{name}"
     short = "--layout open --robots 2 --episodes 2 --seconds 2 --planner astar --traffic own:routes=false --no-pictures"

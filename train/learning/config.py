@@ -10,13 +10,13 @@ import dataclasses
 import os
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, TypeVar
+from typing import Annotated, Any, ClassVar, Literal
 
 import tyro
 
 from agents.weights_folder import Mode
 from train.kinds import Kinds
-from warehouse_env.checked import Checked, from_plain
+from warehouse_env.checked import Checked
 from warehouse_env.config import ActionType, EnvConfig, RewardWeights, SensorSpec
 from warehouse_env.traffic_spec import TrafficSpec, read_traffic, written_traffic
 
@@ -26,11 +26,6 @@ _OLD = {"protective_field", "reroute", "right_of_way_after"}  # names that check
 _MOST_SAMPLES = 100_000_000  # decisions of all rows between two updates; with 112 numbers each they fill 45 GB
 
 _Floors = Annotated[tuple[str, ...], tyro.conf.arg(aliases=("--layout", "--map"))]
-_Config = TypeVar("_Config", bound="TrainingConfig")
-
-
-def _cores() -> int:
-    return os.cpu_count() or 1
 
 
 @dataclass(frozen=True)
@@ -113,7 +108,7 @@ class TrainingConfig(Checked):
     evaluation_seconds: float = 120.0
     """Least time between two evaluations on held-out seeds [s]; they take at most 3% of the processor time. 0: none.
     They do not change what is learned."""
-    threads: int = field(default_factory=_cores)
+    threads: int = field(default_factory=lambda: os.cpu_count() or 1)
     """Threads of torch and of the simulator."""
     progress: bool = True
     """Show the progress bar; otherwise, or without a terminal, print a line every minute."""
@@ -125,8 +120,8 @@ class TrainingConfig(Checked):
         self._between(1, 1024, "threads")
         self._between(0, 2**32 - 1, "seed")
         self._between(0.0, 1e9, "entropy_first", "entropy_last", "checkpoint_seconds", "evaluation_seconds")
-        self._between(1e-9, 1e9, "minutes", "episode_seconds", "jam_seconds")
         self._between(0.0, 1e9, "cruise_bias", "keep_right")
+        self._between(1e-9, 1e9, "minutes", "episode_seconds", "jam_seconds")
         object.__setattr__(self, "traffic", written_traffic(self.traffic_spec))
         self._between(1e-30, 1e9, "reward_scale", "learning_rate", "gradient_clip")
         self._between(0.0, 1.0, "gamma", "gae_lambda", "shared")
@@ -173,20 +168,17 @@ class TrainingConfig(Checked):
 
     def env(self, layout: str, robots: int) -> EnvConfig:
         """Return the environment of one layout or map file and robot count."""
+        spec = self.traffic_spec
+        routes: Literal[False, "barred"] = "barred" if spec.routes else False
         env = EnvConfig(
             layout=layout, num_agents=robots, planner=self.router, keep_right=self.keep_right,
             action_repeat=self.action_repeat, sensor=SensorSpec(predictions=self.predictions),
-            traffic=self._trained_under(), **self.kinds_of(robots),
+            traffic=dataclasses.replace(spec, right_of_way=False, right_of_way_after=0.0, routes=routes),
+            **self.kinds_of(robots),
         )  # fmt: skip
         decision = env.time_step * env.action_repeat
         steps = max(1, round(self.episode_seconds / decision))
         return env.replace(action_type=self.action_type, max_steps=steps, reward=self.reward(0.0))
-
-    def _trained_under(self) -> TrafficSpec:
-        """Return the traffic of the training itself."""
-        spec = self.traffic_spec
-        barred: Literal[False, "barred"] = "barred" if spec.routes else False
-        return dataclasses.replace(spec, right_of_way=False, right_of_way_after=0.0, routes=barred)
 
     def driven(self, env: EnvConfig) -> EnvConfig:
         """Return an environment of the training as the policy is driven in: all robots replan, and the policy decides
@@ -227,18 +219,12 @@ class TrainingConfig(Checked):
         if "traffic" in data or not _OLD & data.keys():
             return data
         usual = cls().traffic_spec
-        old: dict[str, Any] = {"protective_field": bool(usual.shield), "reroute": bool(usual.routes)}
-        old["right_of_way_after"] = usual.right_of_way_after if usual.right_of_way else None
+        after = data.get("right_of_way_after", usual.right_of_way_after if usual.right_of_way else None)
+        old = {"protective_field": bool(usual.shield), "reroute": bool(usual.routes)}
         old |= {name: data[name] for name in _OLD & data.keys()}
-        old["right_of_way"] = old["right_of_way_after"] is not None
-        old["right_of_way_after"] = old["right_of_way_after"] or 0.0
+        old |= {"right_of_way": after is not None, "right_of_way_after": after or 0.0}
         text = written_traffic(EnvConfig.from_dict(old).traffic_spec)
         return {name: value for name, value in data.items() if name not in _OLD} | {"traffic": text}
-
-    @classmethod
-    def from_dict(cls: type[_Config], data: dict[str, Any]) -> _Config:
-        """Build from `to_dict`'s result; raises ConfigError on unknown names and values out of range."""
-        return from_plain(cls, data)
 
 
 @dataclass(frozen=True)
@@ -259,15 +245,6 @@ class ThreadedConfig(TrainingConfig):
 
             memory_of(self.device)
             check_device(self.env("open", self.robots[0]))
-
-    def shares(self) -> list[list[tuple[EnvConfig, int]]]:
-        """Return what each thread trains on: whole mixes if they divide evenly, since a few large simulators are faster
-        than many small ones, else its share of each.
-        """
-        mixes = self.worlds(self.rows)
-        if len(mixes) % self.threads == 0:
-            return [mixes[number :: self.threads] for number in range(self.threads)]
-        return [self.worlds(self.rows / self.threads) for _ in range(self.threads)]
 
 
 @dataclass(frozen=True)

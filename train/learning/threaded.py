@@ -24,6 +24,7 @@ from train.learning.config import ThreadedConfig
 from train.learning.experience import Rollout, RolloutWorker
 from train.learning.trainer import Tensors, Trainer, network_of, rng_of, set_threads, shuffled
 from train.learning.worlds import Counts, TrainingSimulator, TrainingWorlds
+from warehouse_env.config import EnvConfig
 
 T = TypeVar("T")
 FIGURES = ("actor_loss", "critic_loss", "entropy", "clip_fraction", "gradient_norm")
@@ -157,8 +158,18 @@ def _worlds(config: ThreadedConfig) -> Iterator[TrainingWorlds]:
         mixes = config.worlds(config.rows)
         yield DeviceWorlds([TrainingDevice(*one, jam_seconds, shared, device) for one in mixes], [config.seed, 0])
         return
-    for number, mixes in enumerate(config.shares()):
+    for number, mixes in enumerate(shares(config)):
         yield TrainingWorlds([TrainingSimulator(*one, jam_seconds, shared) for one in mixes], [config.seed, number])
+
+
+def shares(config: ThreadedConfig) -> list[list[tuple[EnvConfig, int]]]:
+    """Return what each thread trains on: whole mixes if they divide evenly, since a few large simulators are faster
+    than many small ones, else its share of each.
+    """
+    mixes, threads = config.worlds(config.rows), config.threads
+    if len(mixes) % threads == 0:
+        return [mixes[number::threads] for number in range(threads)]
+    return [config.worlds(config.rows / threads) for _ in range(threads)]
 
 
 def joint_scale(advantage: list[Tensor]) -> tuple[Tensor, Tensor]:

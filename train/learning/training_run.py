@@ -27,6 +27,7 @@ from train.learning.progress import ProgressLog
 from train.learning.trainer import Trainer
 from train.reporting.report import tell
 from train.reporting.rows import held
+from warehouse_env.checked import from_plain
 from warehouse_env.errors import ConfigError, WarehouseError, WeightsError
 from warehouse_env.files import check_writable
 from warehouse_env.plugins import digests
@@ -175,7 +176,7 @@ def _begin(config: ConfigT) -> tuple[ConfigT, checkpoint.Checkpoint | None]:
     try:
         if saved.data["algorithm"] != config.algorithm:
             raise WeightsError(f"{directory} was trained by {saved.data['algorithm']}, not by {config.algorithm}")
-        stored = type(config).from_dict(saved.data["config"])
+        stored = from_plain(type(config), saved.data["config"])
     except (KeyError, TypeError) as error:
         raise WeightsError(f"the checkpoint in {directory} lacks the entry {error}") from None
     for field in dataclasses.fields(config):

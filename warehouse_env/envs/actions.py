@@ -11,10 +11,11 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from warehouse_env.errors import ActionError, shown
+from warehouse_env.simulation.simulator import Simulator
 
 
 class ActionPacker:
-    """Packs the actions of one world's robots for `Simulator.step`."""
+    """Gives the actions of one world's robots to its Simulator."""
 
     def __init__(self, names: Sequence[str], space: spaces.Space[Any]) -> None:
         """names: of the robots; space: of each action."""
@@ -22,23 +23,28 @@ class ActionPacker:
         self._whole: Any = np.zeros((1, len(names)), np.int64) if isinstance(space, spaces.Discrete) else None
         self._form = f"{len(names)}q"
 
-    def pack(self, given: Sequence[Any]) -> NDArray[Any]:
-        """Return int64[1, N], overwritten by the next call, or numbers [1, N, 2].
+    def step(self, simulator: Simulator, given: Sequence[Any]) -> None:
+        """Step the world; ActionError names the first robot whose action the space does not hold."""
+        packed = self._pack(given)
+        try:
+            simulator.step(packed)
+        except ActionError:
+            raise self._bad_action(given) from None
 
-        Raises ActionError naming the first of wrong shape or kind; values are the Simulator's to check.
-        """
+    def _pack(self, given: Sequence[Any]) -> NDArray[Any]:
+        """Return int64[1, N], overwritten by the next call, or numbers [1, N, 2], whose values are not checked."""
         try:
             if self._whole is not None:  # struct takes whole numbers of any make, and takes half of numpy's time
                 struct.pack_into(self._form, self._whole, 0, *given)
                 return self._whole  # type: ignore[no-any-return]
             values = np.array([given])
         except (struct.error, TypeError, ValueError):  # ValueError: ragged
-            raise self.bad_action(given) from None
+            raise self._bad_action(given) from None
         if values.ndim != 3 or values.dtype.kind not in "fiu":
-            raise self.bad_action(given)
+            raise self._bad_action(given)
         return values
 
-    def bad_action(self, given: Sequence[Any]) -> ActionError:
+    def _bad_action(self, given: Sequence[Any]) -> ActionError:
         """Return (not raise) the error for the first action that the space does not hold."""
         names = self._names
         for name, action in zip(names, given, strict=True):

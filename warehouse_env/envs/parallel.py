@@ -159,11 +159,7 @@ class WarehouseParallelEnv(Portable, ParallelEnv):  # type: ignore[misc]  # pett
                 given = list(map(actions.__getitem__, names))
         except KeyError as missing:
             raise ActionError(f"no action given for {missing.args[0]}") from None
-        packed = self._actions.pack(given)
-        try:
-            self.simulator.step(packed)
-        except ActionError:
-            raise self._actions.bad_action(given) from None
+        self._actions.step(self.simulator, given)
 
     def state(self) -> NDArray[np.float32]:
         """Return the global view of the world, for centralised critics (`Simulator.global_state`)."""

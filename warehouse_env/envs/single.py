@@ -85,12 +85,7 @@ class WarehouseSingleEnv(Portable, gymnasium.Env[NDArray[np.float32], Any]):
         if not self._started:
             raise gymnasium.error.ResetNeeded("call reset() before step()")
         simulator = self.simulator
-        given = [action, *self._actions_of_others()]
-        packed = self._actions.pack(given)
-        try:
-            simulator.step(packed)
-        except ActionError:
-            raise self._actions.bad_action(given) from None
+        self._actions.step(simulator, [action, *self._actions_of_others()])
         if self.render_mode == "human":
             self.render()
         terminated, truncated = bool(simulator.terminated[0, 0]), bool(simulator.truncated[0])

@@ -68,19 +68,16 @@ class WarehouseVecEnv(VecEnv):
                     "give them the same sensor, action_type, speed_levels and lateral_offsets"
                 )
         self._camera = Camera(render_mode, render_fps(first.config))
-        self._mode = render_mode
         self.blocks: list[Block] = []
         rows = 0
         for simulator in simulators:
             shape = (simulator.num_worlds, simulator.num_agents, *(first.action_space.shape or ()))
-            actions = np.zeros(shape, dtype=first.action_space.dtype)
-            self.blocks.append(Block(simulator, rows, actions))
+            self.blocks.append(Block(simulator, rows, np.zeros(shape, dtype=first.action_space.dtype)))
             rows += simulator.num_worlds * simulator.num_agents
-        self._worlds = [(block, world) for block in self.blocks for world in range(block.simulator.num_worlds)]
-        self._robots = [block.simulator.num_agents for block, _ in self._worlds]
+        self._worlds = [(simulator, world) for simulator in simulators for world in range(simulator.num_worlds)]
+        self._robots = [simulator.num_agents for simulator, _ in self._worlds]
+        self._of_row = [one for one in self._worlds for _ in range(one[0].num_agents)]
         self._assigned: list[Assignment] | None = None  # by the next reset
-        self._owner = np.repeat(np.arange(len(self.blocks)), [b.rows.stop - b.start for b in self.blocks])
-        self._world = np.concatenate([np.repeat(np.arange(one.num_worlds), one.num_agents) for one in simulators])
         super().__init__(rows, first.observation_space, first.action_space)
         self._blank_infos: list[dict[str, Any]] = [{} for _ in range(rows)]
         self._parked = np.zeros(rows, dtype=np.bool_)
@@ -210,7 +207,7 @@ class WarehouseVecEnv(VecEnv):
 
         S is N * 8 of the worlds with most robots; where a world has fewer, zeros follow.
         """
-        views = [block.simulator.global_state(world) for block, world in self._worlds]
+        views = [simulator.global_state(world) for simulator, world in self._worlds]
         whole = np.zeros((len(views), max(map(len, views))), dtype=np.float32)
         for row, view in zip(whole, views, strict=True):
             row[: len(view)] = view
@@ -218,15 +215,15 @@ class WarehouseVecEnv(VecEnv):
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
         """Return, for each chosen row, the attribute of its Simulator ("render_mode": of this env)."""
-        rows = list(self._get_indices(indices))
+        rows = self._get_indices(indices)
         if attr_name == "render_mode":
-            return [self._mode for _ in rows]
-        return [getattr(self.blocks[self._owner[row]].simulator, attr_name) for row in rows]
+            return [self._camera.mode for _ in rows]
+        return [getattr(self._of_row[row][0], attr_name) for row in rows]
 
     def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
         """Set an attribute of the Simulators that hold the chosen rows."""
-        for k in np.unique(self._owner[list(self._get_indices(indices))]):
-            setattr(self.blocks[k].simulator, attr_name, value)
+        for row in self._get_indices(indices):
+            setattr(self._of_row[row][0], attr_name, value)
 
     def env_method(
         self, method_name: str, *method_args: Any, indices: VecEnvIndices = None, **method_kwargs: Any
@@ -236,14 +233,13 @@ class WarehouseVecEnv(VecEnv):
         A method that takes a world, as `global_state` and `episode_metrics` do, is called once for each chosen row's
         world instead, unless the arguments name one.
         """
-        rows = list(self._get_indices(indices))
-        results: dict[tuple[int, int | None], Any] = {}
-        asked = list[tuple[int, int | None]]()
-        for row in rows:
-            block, world = int(self._owner[row]), int(self._world[row])
-            method = getattr(self.blocks[block].simulator, method_name)
+        results: dict[tuple[Simulator, int | None], Any] = {}
+        asked = list[tuple[Simulator, int | None]]()
+        for row in self._get_indices(indices):
+            simulator, world = self._of_row[row]
+            method = getattr(simulator, method_name)
             own = {"world": world} if _takes_world(method, *method_args, **method_kwargs) else {}
-            asked.append((block, own.get("world")))
+            asked.append((simulator, own.get("world")))
             if asked[-1] not in results:
                 results[asked[-1]] = method(*method_args, **method_kwargs, **own)
         return [results[one] for one in asked]
@@ -256,7 +252,7 @@ class WarehouseVecEnv(VecEnv):
 
     def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
         """Return one picture for each world (not row)."""
-        return [self._camera.shot(block.simulator, world) for block, world in self._worlds]
+        return [self._camera.shot(simulator, world) for simulator, world in self._worlds]
 
     def close(self) -> None:
         """Close the window, if one is open."""
@@ -287,8 +283,7 @@ def vec_env(
     chosen = [EnvConfig() if config is None else config] if configs is None else listed(configs)
     if chosen is None:
         raise ConfigError(f"configs={shown(configs)} must be a list of EnvConfigs")
-    counts = listed(num_worlds)
-    counts = [num_worlds] * len(chosen) if counts is None else counts
+    counts = listed(num_worlds) or [num_worlds] * len(chosen)
     if not chosen or len(counts) != len(chosen):
         raise ConfigError(f"num_worlds={shown(num_worlds)} needs one number for each of the {len(chosen)} configs")
     counts = [check_count("num_worlds", count) for count in counts]

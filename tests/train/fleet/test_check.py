@@ -23,8 +23,8 @@ def _of(log: Log, name: str, k: int = 0) -> dict[str, Any]:
     return payload
 
 
-def _drop(log: Log, name: str, k: int) -> None:
-    log.remove([entry for entry in log if entry["topic"].endswith(f"/{name}")][k])
+def _drop(log: Log, name: str, k: int) -> object:
+    return log.pop([number for number, entry in enumerate(log) if entry["topic"].endswith(f"/{name}")][k])
 
 
 BREAKS: dict[str, tuple[Callable[[Log], object], str]] = {

@@ -17,7 +17,7 @@ from train import reinforce, threaded_ppo
 from train.held_out import held_out
 from train.learning.config import ReinforceConfig, ThreadedConfig, ThreadedPPOConfig
 from train.learning.device_worlds import DeviceWorlds, TrainingDevice
-from train.learning.threaded import ThreadedTrainer
+from train.learning.threaded import ThreadedTrainer, shares
 from train.learning.worlds import TrainingSimulator, TrainingWorlds
 from warehouse_env.config import RewardWeights
 
@@ -60,12 +60,12 @@ def test_a_resumed_run_gives_the_same_bits_as_an_unbroken_one(
 
 def test_whole_mixes_are_dealt_out_where_they_go_round() -> None:
     config = ReinforceConfig(layouts=("open", "narrow"), robots=(8, 16, 32), rows=384, threads=2)
-    dealt = [[(env.layout, env.num_agents, worlds) for env, worlds in share] for share in config.shares()]
+    dealt = [[(env.layout, env.num_agents, worlds) for env, worlds in share] for share in shares(config)]
     assert dealt == [
         [("open", 8, 8), ("open", 32, 2), ("narrow", 16, 4)],
         [("open", 16, 4), ("narrow", 8, 8), ("narrow", 32, 2)],
     ]
-    halves = replace(config, robots=(8,), layouts=("open",)).shares()
+    halves = shares(replace(config, robots=(8,), layouts=("open",)))
     assert [[(env.num_agents, worlds) for env, worlds in share] for share in halves] == [[(8, 24)], [(8, 24)]]
 
 
