@@ -155,10 +155,15 @@ def test_preferences_are_the_logits_and_are_drawn_as_actions_are(folder: Path) -
     assert np.array_equal(Actor(policy, config)(seen, np.random.default_rng(5)), policy.output(seen))
 
 
-@pytest.mark.parametrize("name", ["ppo", "threaded_ppo"])
-def test_a_shipped_policy_passes_over_what_its_robot_needs(name: str) -> None:
+NEEDS = {"service": ServiceSpec(), "battery": BatterySpec()}
+
+
+@pytest.mark.parametrize(
+    ("name", "more"), [("ppo", NEEDS), ("threaded_ppo", NEEDS), ("ppo", {"traffic": TrafficSpec(shield=True)})]
+)
+def test_a_shipped_policy_passes_over_what_it_was_trained_without(name: str, more: dict[str, Any]) -> None:
     config = policy_config(name, EnvConfig(num_agents=3, arrival="stop"))
-    busy = config.replace(service=ServiceSpec(), battery=BatterySpec())
+    busy = config.replace(**more)
     seen = np.random.default_rng(0).normal(size=(1, 3, observation_layout(busy).size)).astype(np.float32)
     short = seen[..., : observation_layout(config).size]
     policies = [make_policy(name, one) for one in (config, busy)]

@@ -12,12 +12,10 @@ from numpy.typing import NDArray
 
 from agents import POLICIES, Actor, add_policy, make_policy, policy_config
 from tests.pages import PAGES, fenced
-from train.cli import main
 from train.evaluation.recorded import record, shares_of
 from train.evaluation.rollout import Experiment, make_experiment, run
 from train.live.commands import Make
 from train.live.world import LiveFloors, World, WorldSetting
-from train.reporting.rows import read_rows
 from warehouse_env import EnvConfig, Simulator, observation_layout
 from warehouse_env.config import TrafficMode
 from warehouse_env.errors import ConfigError
@@ -97,17 +95,6 @@ def test_it_counts_each_worlds_decisions_evaluated_recorded_and_live(here: Path)
         for pose in counted(seed, 5)[1:]:
             live.step()
             np.testing.assert_array_equal(live.simulator.state.pose[0], pose)
-
-
-def test_rows_are_the_same_on_any_number_of_processes(here: Path) -> None:
-    four, done = experiment("Preferring", traffic="rules"), []
-    shared = "--layout open --planner astar --robots 3 --episodes 4 --seconds 6 --seed 5 --traffic rules --no-pictures"
-    for processes in ("1", "2"):
-        chosen = ["--policy", four.policy, "--processes", processes, "--out", processes]
-        assert main(["evaluate", *shared.split(), *chosen]) == 0
-        done.append(read_rows(Path(processes) / "rows.jsonl"))
-    by_episode = [{row["episode"]: {**row, "ms_per_step": 0} for row in rows} for rows in (run(four), *done)]
-    assert by_episode[0] == by_episode[1] == by_episode[2]
 
 
 def test_a_replay_shows_what_it_preferred_with_its_memory_then(here: Path) -> None:

@@ -66,27 +66,21 @@ def test_a_model_says_what_its_numbers_mean() -> None:
     assert (said["action_type"], said["mode"], said["decision_seconds"]) == ("discrete", "sample", 0.1)
 
 
-def test_real_valued_actions_have_means_and_deviations(tmp_path: Path) -> None:
-    rng, env = np.random.default_rng(0), EnvConfig(action_type="continuous")
-    network = Network(observation_layout(env).size, 2, False, (8,))
+@pytest.mark.parametrize(
+    ("hidden", "activation", "discrete"),
+    [((16, 8), "silu", True), ((16, 8), "elu", True), ((), "silu", True), ((8,), "tanh", False)],
+)
+def test_every_kind_of_network_is_exported(
+    hidden: tuple[int, ...], activation: Activation, discrete: bool, tmp_path: Path
+) -> None:
+    rng, env = np.random.default_rng(0), EnvConfig(action_type="discrete" if discrete else "continuous")
+    network = Network(observation_layout(env).size, 20 if discrete else 2, discrete, hidden, activation)
     tensors = {name: rng.normal(size=shape).astype(np.float32) for name, shape in network.shapes().items()}
-    save_policy(tmp_path, PolicyRecord("ppo", network, env), tensors)
+    actor = {name: array for name, array in tensors.items() if not name.startswith("critic.")}
+    save_policy(tmp_path, PolicyRecord("ppo", network, env), actor)
     observation = rng.normal(size=(5, network.observation_size)).astype(np.float32)
-    mean, deviation = run(onnx_model(tmp_path).SerializeToString(), observation)
-    own = LearnedPolicy(tmp_path, env).output(observation)
-    np.testing.assert_allclose(mean, own, atol=1e-4, rtol=1e-5)
-    np.testing.assert_allclose(deviation, np.exp(tensors["log_std"]), rtol=1e-5)
-
-
-@pytest.mark.parametrize("activation", ["silu", "elu"])
-def test_every_activation_and_a_single_layer_are_exported(activation: Activation, tmp_path: Path) -> None:
-    rng, env = np.random.default_rng(0), EnvConfig()
-    for number, hidden in enumerate(((16, 8), ())):
-        network = Network(observation_layout(env).size, 20, True, hidden, activation)
-        tensors = {name: rng.normal(size=shape).astype(np.float32) for name, shape in network.shapes().items()}
-        actor = {name: array for name, array in tensors.items() if name.startswith("actor.")}
-        folder = save_policy(tmp_path / str(number), PolicyRecord("ppo", network, env), actor)
-        observation = rng.normal(size=(5, network.observation_size)).astype(np.float32)
-        (outputs,) = run(onnx_model(folder).SerializeToString(), observation)
-        own = LearnedPolicy(folder, env).output(observation)
-        np.testing.assert_allclose(outputs, own, atol=1e-4, rtol=1e-4)
+    outputs, *deviations = run(onnx_model(tmp_path).SerializeToString(), observation)
+    np.testing.assert_allclose(outputs, LearnedPolicy(tmp_path, env).output(observation), atol=1e-4, rtol=1e-4)
+    assert len(deviations) == (not discrete)
+    for deviation in deviations:
+        np.testing.assert_allclose(deviation, np.exp(tensors["log_std"]), rtol=1e-5)

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from agents import make_policy
-from agents.path_following import Brake
 from agents.route_command import RouteCommand
 from tests.agents.conftest import Observe
 from warehouse_env.config import EnvConfig, RobotSpec
@@ -54,20 +53,16 @@ def test_raw_actions_pursue_the_route(observe: Observe) -> None:
         ((1.2, 0.80), 0.0, 1.3, False),  # 0.2 m beside the corridor's 0.3 + 0.15 m
         ((1.2, 0.80), np.pi / 2, 1.3, True),  # crosswise, its 0.45 m reach into it
         ((1.2, -0.7), 0.0, 1.3, True),
+        (None, 0.0, 1.3, False),  # the zeros of an absent one
     ],
 )
 def test_brake_stops_for_a_body_in_its_corridor(
-    observe: Observe, other: tuple[float, float], turn: float, speed: float, stops: bool
+    observe: Observe, other: tuple[float, float] | None, turn: float, speed: float, stops: bool
 ) -> None:
     config = EnvConfig(action_repeat=2)
     action = make_policy("brake", config).act(observe(config, speed, other, turn), RNG)
     assert config.speed_levels[int(action[0, 0]) // 5] == (0.0 if stops else 1.5)
     assert int(action[0, 0]) % 5 == 0  # no offset
-
-
-def test_brake_ignores_the_zeros_of_an_absent_neighbour(observe: Observe) -> None:
-    config = EnvConfig()
-    assert not Brake(config).blocked(observe(config, speed=1.3)).any()
 
 
 @pytest.mark.parametrize("action_type", ["discrete", "continuous", "raw"])

@@ -16,6 +16,7 @@ from warehouse_env.errors import ConfigError
 from warehouse_env.simulation.simulator import Simulator
 
 BASE: dict[str, Any] = {"num_agents": 2, "planner": "astar", "layout": "open", "max_steps": 6}
+TINY = EnvConfig(**BASE)
 
 
 def test_a_robot_that_could_leap_over_the_rim_is_refused() -> None:
@@ -37,6 +38,12 @@ def test_a_robot_that_could_leap_over_the_rim_is_refused() -> None:
         (lambda: parallel_env(planner=3), "planner=3 must be a Planner"),
         (lambda: parallel_env({"num_agents": 3}), "config={'num_agents': 3} must be"),  # type: ignore[arg-type]
         (lambda: vec_env(1, configs=3), "configs=3 must be a list"),  # type: ignore[arg-type]
+        (lambda: vec_env(1, TINY, configs=[TINY]), "either config or configs"),
+        (lambda: vec_env(configs=[TINY, TINY.replace(action_type="raw")]), "the same sensor, action_type"),
+        (lambda: vec_env([1, 2, 3], configs=[TINY, TINY]), "needs one number for each of the 2 configs"),
+        (lambda: vec_env(0, TINY), "num_worlds=0"),
+        (lambda: vec_env(1, num_agnets=3), "num_agents"),  # type: ignore[call-arg]
+        (lambda: parallel_env(num_agent=3), "num_agents"),  # type: ignore[call-arg]
         (lambda: vec_env([[1]]), r"num_worlds=\[1\] must be"),  # type: ignore[list-item]
         (lambda: parallel_env(**BASE).reset(seed="x"), "seed='x' must be a whole number"),  # type: ignore[arg-type]
         (lambda: single_env(**BASE).reset(seed=-1), "seed=-1 must be a whole number, not negative"),

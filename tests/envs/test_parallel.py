@@ -14,7 +14,7 @@ import pytest
 from pettingzoo.test import api_test, parallel_api_test, parallel_seed_test, render_test, seed_test
 
 from warehouse_env import EnvConfig, Simulator, WarehouseParallelEnv, aec_env, parallel_env
-from warehouse_env.errors import ActionError, ConfigError
+from warehouse_env.errors import ActionError
 from warehouse_env.simulation.senses.rewards import REWARD_TERMS
 
 
@@ -183,8 +183,3 @@ def test_the_action_of_a_robot_that_has_left_is_not_read(tiny: EnvConfig) -> Non
         np.testing.assert_array_equal(mine[0][agent], its[0][agent])
     with pytest.raises(ActionError, match="robot_9"):
         env.step({**cruise(env), gone: 0, "robot_9": 0})
-
-
-def test_unknown_options_are_named(tiny: EnvConfig) -> None:
-    with pytest.raises(ConfigError, match="num_agents"):
-        parallel_env(tiny, num_agent=3)

@@ -38,35 +38,28 @@ def test_registered_by_the_import_alone() -> None:
     assert warehouse_env.__name__ in sys.modules
 
 
-def test_others_cruise_by_default(tiny: EnvConfig) -> None:
-    env, simulator = single_env(tiny), Simulator(tiny)
-    env.reset(seed=4)
-    simulator.reset(4)
-    for _ in range(12):
-        observation, reward, terminated, truncated, _ = env.step(7)
-        simulator.step(np.array([[7, simulator.cruise_action, simulator.cruise_action]]))
-        np.testing.assert_array_equal(observation, simulator.observation[0, 0])
-        assert reward == simulator.reward[0, 0]
-    assert truncated
-    assert not terminated
-
-
-def test_others_see_their_own_observations(tiny: EnvConfig) -> None:
-    seen = []
+@pytest.mark.parametrize("told", [False, True])
+def test_others_cruise_unless_they_act_by_their_own_observations(tiny: EnvConfig, told: bool) -> None:
+    seen: list[np.ndarray] = []
 
     def stand(observation: np.ndarray) -> np.ndarray:
         seen.append(observation)
         return np.full(len(observation), 5)
 
-    env, simulator = single_env(tiny, others=stand), Simulator(tiny)
+    env, simulator = single_env(tiny, others=stand if told else None), Simulator(tiny)
     env.reset(seed=4)
     simulator.reset(4)
-    for _ in range(3):
+    theirs = 5 if told else simulator.cruise_action
+    for _ in range(12):
         now = simulator.observation[0, 1:].copy()
-        env.step(3)
-        simulator.step(np.array([[3, 5, 5]]))
-        np.testing.assert_array_equal(seen[-1], now)
-    np.testing.assert_array_equal(seen[0].shape, (2, *env.observation_space.shape))
+        observation, reward, terminated, truncated, _ = env.step(7)
+        simulator.step(np.array([[7, theirs, theirs]]))
+        np.testing.assert_array_equal(observation, simulator.observation[0, 0])
+        assert reward == simulator.reward[0, 0]
+        if told:
+            np.testing.assert_array_equal(seen[-1], now)
+    assert truncated
+    assert not terminated
 
 
 def test_bad_others_and_a_missing_reset_are_named(tiny: EnvConfig) -> None:

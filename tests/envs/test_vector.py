@@ -12,7 +12,7 @@ from stable_baselines3.common.vec_env import VecMonitor
 
 from warehouse_env import EnvConfig, Simulator, WarehouseVecEnv, parallel_env, vec_env
 from warehouse_env.config import RobotSpec
-from warehouse_env.errors import ActionError, ConfigError
+from warehouse_env.errors import ActionError
 
 
 def random_actions(env: WarehouseVecEnv, rng: np.random.Generator) -> np.ndarray:
@@ -152,16 +152,3 @@ def test_bad_actions_are_refused(tiny: EnvConfig, action_type: str, actions: Any
     env.reset()
     with pytest.raises(ActionError):
         env.step(actions)
-
-
-def test_bad_options_are_named(tiny: EnvConfig) -> None:
-    with pytest.raises(ConfigError, match="action_type"):
-        vec_env(configs=[tiny, tiny.replace(action_type="raw")])
-    with pytest.raises(ConfigError, match="num_worlds"):
-        vec_env([1, 2, 3], configs=[tiny, tiny])
-    with pytest.raises(ConfigError, match="num_worlds"):
-        vec_env(0, tiny)
-    with pytest.raises(ConfigError, match="num_agents"):
-        vec_env(1, num_agnets=3)
-    with pytest.raises(ConfigError, match="configs"):
-        vec_env(1, tiny, configs=[tiny])

@@ -15,7 +15,7 @@ from tests.simulation.worlds import room, stage
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.traffic import local_activation, reservations, right_of_way, waits
-from warehouse_env.simulation.traffic.path_ahead import CENTRE_X, COLUMNS, COS, POSES, SIN
+from warehouse_env.simulation.traffic.path_ahead import CENTRE_X, COS, SIN
 from warehouse_env.simulation.traffic.shield import NOBODY
 from warehouse_env.traffic_spec import TRAFFIC, TrafficSpec
 
@@ -100,11 +100,6 @@ def rectangles(path: NDArray[np.float32], room: float = 0.0) -> Points:
     along = (LENGTH / 2 + room) * np.array([1, -1, -1, 1])[:, None]
     aside = (WIDTH / 2 + room) * np.array([1, 1, -1, -1])[:, None]
     return np.asarray(centre[:, None] + along * ahead[:, None] + aside * left[:, None])
-
-
-def empty_path() -> NDArray[np.float32]:
-    """Room for a path."""
-    return np.zeros((POSES, COLUMNS), np.float32)
 
 
 def simulator_with_right(robots: int, layout: str, max_steps: int = 1000, **switches: Any) -> Simulator:

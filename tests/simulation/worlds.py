@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 from warehouse_env.config import EnvConfig
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.simulation.simulator import Simulator
-from warehouse_env.simulation.state import NOBODY
+from warehouse_env.simulation.state import NOBODY, OWNER
 
 ROOT = Path(__file__).parents[2]
 Pose = Sequence[float]  # x [m], y [m], heading [rad], then speed [m/s] and steering [rad] if not 0
@@ -53,10 +54,25 @@ def stage(grid: GridMap, *poses: Pose, **changes: Any) -> Simulator:
     simulator.robots["shield"]["vetoed_by"] = simulator.robots["traffic"]["yields_to"] = NOBODY
     for robot, pose in enumerate(poses):
         put(simulator, robot, pose)
-        simulator.robots[0, robot]["task"]["goal_x"] = simulator.robots[0, robot]["task"][
-            "goal_y"
-        ] = -1e3  # nobody arrives
+        write(simulator.robots[0, robot], goal_x=-1e3, goal_y=-1e3)  # nobody arrives
     return simulator
+
+
+def write(r: Any, **fields: Any) -> None:
+    """Write fields of a robot's record, or of several."""
+    for name, value in fields.items():
+        r[OWNER[name]][name] = value
+
+
+def lay(simulator: Simulator, *corners: tuple[float, float]) -> None:
+    """Lay robot 0's route along straight lines between corners, points 0.5 m apart, up to its goal."""
+    points = [corners[0]]
+    for (ax, ay), (bx, by) in pairwise(corners):
+        count = round(math.hypot(bx - ax, by - ay) / 0.5)
+        points += [(ax + (bx - ax) * k / count, ay + (by - ay) * k / count) for k in range(1, count + 1)]
+    simulator.routes[0, 0, : len(points)] = points
+    (x, y), (row, column) = points[-1], simulator.grid.cell(points[-1])
+    write(simulator.robots[0, 0], points=len(points), spacing=0.5, goal_x=x, goal_y=y, goal_row=row, goal_col=column)
 
 
 def raw(simulator: Simulator, *commands: tuple[float, float]) -> NDArray[np.float32]:

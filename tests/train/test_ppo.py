@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from agents import LearnedPolicy, PolicyRecord, save_policy
 from agents.networks import ActorCritic
 from tests.agents.test_forward import exact
+from tests.train.trainings import SMALL
 from train.learning.config import PPOConfig
 from train.ppo import Ppo
 
@@ -22,10 +23,7 @@ from train.ppo import Ppo
 @pytest.fixture
 def config(tmp_path: Path) -> PPOConfig:
     """Return a training of some seconds: three worlds on the open floor, two updates."""
-    return PPOConfig(
-        out=tmp_path, layouts=("open",), robots=(2, 4), rows=8, planner="astar", steps=8 * 8 * 2, rollout=8,
-        minibatch=32, hidden=(24, 20), episode_seconds=3.0, threads=1, progress=False,
-    )  # fmt: skip
+    return PPOConfig(out=tmp_path, steps=8 * 8 * 2, **SMALL | {"rollout": 8, "minibatch": 32, "hidden": (24, 20)})
 
 
 def observations(trainer: Ppo) -> NDArray[np.float32]:

@@ -13,6 +13,7 @@ import torch
 from agents import make_policy, policy_config
 from agents.networks import ActorCritic
 from agents.weights_folder import Network, read_record
+from tests.train.trainings import SMALL
 from train import reinforce
 from train.learning.config import HELD_OUT_SEED, ReinforceConfig
 from train.learning.experience import advantages
@@ -26,10 +27,7 @@ from warehouse_env.traffic_spec import TRAFFIC
 @pytest.fixture
 def config(tmp_path: Path) -> ReinforceConfig:
     """Return a training of some seconds: two worlds on the open floor, four updates."""
-    return ReinforceConfig(
-        out=tmp_path, layouts=("open",), robots=(2, 4), rows=8, planner="astar", steps=8 * 6 * 4, rollout=6,
-        minibatch=24, hidden=(24,), episode_seconds=3.0, checkpoint_seconds=0.0, threads=1, progress=False,
-    )  # fmt: skip
+    return ReinforceConfig(out=tmp_path, steps=8 * 6 * 4, **SMALL)
 
 
 def test_the_gradient_of_one_step_is_the_hand_computed_one() -> None:
@@ -46,15 +44,6 @@ def test_the_gradient_of_one_step_is_the_hand_computed_one() -> None:
     gradient = net.actor[0].get_parameter("weight").grad
     assert gradient is not None
     assert gradient.numpy() == pytest.approx(np.outer(by_logit, observation), abs=1e-6)
-
-
-def test_advantages_by_hand() -> None:
-    reward = torch.tensor([[1.0], [2.0], [4.0]])
-    value = torch.tensor([[10.0], [20.0], [30.0], [40.0]])
-    ended, last = torch.tensor([[False], [True], [False]]), torch.tensor([[0.0], [5.0], [0.0]])
-    d0, d1, d2 = 1 + 0.5 * 20 - 10, 2 + 0.5 * 5 - 20, 4 + 0.5 * 40 - 30
-    got = advantages(reward, value, ended, last, gamma=0.5, gae_lambda=0.8)
-    assert got[:, 0] == pytest.approx([d0 + 0.4 * d1, d1, d2])
 
 
 def test_advantages_have_the_bits_of_the_formula_in_numpy() -> None:

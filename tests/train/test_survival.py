@@ -15,6 +15,7 @@ import pytest
 from safetensors.numpy import load_file
 
 from agents import make_policy, policy_config
+from tests.train.trainings import SMALL
 from train import ppo, reinforce
 from train.learning import checkpoint
 from train.learning.config import PPOConfig, ReinforceConfig
@@ -24,10 +25,6 @@ from warehouse_env.errors import WarehouseError
 ROOT = Path(__file__).parents[2]
 REINFORCE = (sys.executable, "-m", "train.cli", "train", "reinforce")
 KILLS = int(os.environ.get("WAREHOUSE_TEST_KILLS", "3"))
-SMALL: dict[str, Any] = {
-    "layouts": ("open",), "robots": (2, 4), "rows": 8, "planner": "astar", "rollout": 6, "hidden": (24,),
-    "episode_seconds": 3.0, "checkpoint_seconds": 0.0, "minibatch": 24, "threads": 1, "progress": False,
-}  # fmt: skip
 
 
 def weights(folder: Path) -> dict[str, np.ndarray[Any, Any]]:

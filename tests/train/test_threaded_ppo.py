@@ -11,6 +11,7 @@ import torch
 
 from agents.networks import ActorCritic
 from agents.weights_folder import Network
+from tests.train.trainings import SMALL
 from train.learning.config import ThreadedPPOConfig
 from train.learning.threaded import joint_scale
 from train.learning.trainer import rng_of
@@ -20,10 +21,7 @@ from train.threaded_ppo import ThreadedPpo, clipped_loss
 @pytest.fixture
 def config(tmp_path: Path) -> ThreadedPPOConfig:
     """Return a training of some seconds: worlds on the open floor, four updates."""
-    return ThreadedPPOConfig(
-        out=tmp_path, layouts=("open",), robots=(2, 4), rows=16, planner="astar", steps=16 * 6 * 4, rollout=6,
-        minibatch=24, hidden=(24,), episode_seconds=3.0, checkpoint_seconds=0.0, threads=2, progress=False,
-    )  # fmt: skip
+    return ThreadedPPOConfig(out=tmp_path, steps=16 * 6 * 4, **SMALL | {"rows": 16, "threads": 2})
 
 
 def test_the_clipped_loss_by_hand() -> None:

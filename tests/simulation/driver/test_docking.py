@@ -117,11 +117,8 @@ def test_where_a_robot_cannot_turn_round_it_stands_at_a_face_the_way_it_faces(to
         if sim.arrivals:
             break
     x, y, heading = sim.state.pose[0, 0].tolist()
-    assert (x, y, heading) == (
-        pytest.approx(told[1] + 0.8, abs=0.05),
-        pytest.approx(0.5, abs=0.05),
-        pytest.approx(0.0, abs=0.01),
-    )
+    assert (x, y) == pytest.approx((told[1] + 0.8, 0.5), abs=0.05)
+    assert heading == pytest.approx(0.0, abs=0.01)
     assert sim.robots["task"]["goal_heading"][0, 0] == pytest.approx(0.0, abs=1e-6)
 
 
@@ -144,14 +141,6 @@ def test_lifelong_robots_stand_beside_the_shelves_that_they_are_sent_to() -> Non
     assert goals > 8
 
 
-PROGRAM = """
-import hashlib
-import numpy as np
-from tests.simulation.driver.test_docking import bits_of_docking
-print(bits_of_docking())
-"""
-
-
 def bits_of_docking() -> str:
     """A digest of all that a robot does which docks."""
     config = EnvConfig(num_agents=1, planner="astar", arrival="pose", tasks="one_shot")
@@ -166,4 +155,5 @@ def bits_of_docking() -> str:
 
 @pytest.mark.nightly
 def test_docking_is_the_same_in_plain_python() -> None:
-    assert plain_python(PROGRAM) == [bits_of_docking()]
+    program = "from tests.simulation.driver.test_docking import bits_of_docking; print(bits_of_docking())"
+    assert plain_python(program) == [bits_of_docking()]

@@ -87,6 +87,13 @@ def plan(
     return None if count < 0 else arcs[:count].astype(np.float64)
 
 
+def found(*asked: Any, **options: Any) -> NDArray[np.float64]:
+    """The arcs of `plan`, which must find some."""
+    arcs = plan(*asked, **options)
+    assert arcs is not None
+    return arcs
+
+
 def driven(pose: tuple[float, float, float], arcs: NDArray[np.float64], fine: float = 0.01) -> NDArray[np.float64]:
     """Poses [K, 3] every `fine` metres of the arcs, on exact circles: eq. (2) of paper 000 in double precision."""
     x, y, heading = pose
@@ -120,6 +127,13 @@ def touches_shelf(grid: GridMap, pose: Any, wide: float = 0.0) -> bool:
     return bool(body_touches_shelf(Rectangle(*values), floor))
 
 
+def clear_of_shelves(grid: GridMap, pose: Any, arcs: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The poses of `driven`, none of which touches a shelf."""
+    poses = driven(pose, arcs)
+    assert not any(touches_shelf(grid, at) for at in poses)
+    return poses
+
+
 def touch(one: Any, other: Any) -> bool:
     half = (ROBOT.length / 2, ROBOT.width / 2)
     return bool(rectangles_touch(Rectangle(*one[:4], *half), Rectangle(*other[:4], *half)))
@@ -145,15 +159,13 @@ def sized(one: tuple[float, float, float, float], length: float = 0.9, width: fl
 
 @pytest.mark.parametrize("ahead", [3.0, -0.9, 2.4])
 def test_straight_ahead_and_straight_back_are_driven_in_one_go(ahead: float) -> None:
-    arcs = plan(room(9, 12), (5.0, 4.5, 0.0), goals_at((5.0 + ahead, 4.5, 0.0)))
-    assert arcs is not None
+    arcs = found(room(9, 12), (5.0, 4.5, 0.0), goals_at((5.0 + ahead, 4.5, 0.0)))
     assert (arcs[:, 0] * ahead > 0.0).all()
     assert arcs[:, 0].sum() == pytest.approx(ahead, abs=0.16)
 
 
 def test_at_the_goal_there_is_nothing_to_drive() -> None:
-    arcs = plan(room(9, 12), (5.0, 4.5, 0.1), goals_at((5.05, 4.45, 0.0)))
-    assert arcs is not None
+    arcs = found(room(9, 12), (5.0, 4.5, 0.1), goals_at((5.05, 4.45, 0.0)))
     assert len(arcs) == 0
 
 
@@ -166,11 +178,9 @@ def test_nothing_is_found_where_nothing_is() -> None:
 
 def test_the_soonest_goal_counts_with_the_time_from_there_on() -> None:
     near, far = (6.5, 4.5, 0.0, 9.0), (8.0, 4.5, 0.0, 0.0)
-    arcs = plan(room(9, 12), (4.0, 4.5, 0.0), np.array([near, far], dtype=np.float32))
-    assert arcs is not None
+    arcs = found(room(9, 12), (4.0, 4.5, 0.0), np.array([near, far], dtype=np.float32))
     assert arcs[:, 0].sum() == pytest.approx(4.0, abs=0.3)
-    arcs = plan(room(9, 12), (4.0, 4.5, 0.0), np.array([(*near[:3], 0.0), (*far[:3], 9.0)], dtype=np.float32))
-    assert arcs is not None
+    arcs = found(room(9, 12), (4.0, 4.5, 0.0), np.array([(*near[:3], 0.0), (*far[:3], 9.0)], dtype=np.float32))
     assert arcs[:, 0].sum() == pytest.approx(2.5, abs=0.3)
 
 
@@ -183,10 +193,8 @@ def test_in_an_aisle_of_two_cells_it_turns_whatever_way_it_stands(
     if touches_shelf(AISLE, pose, NEAR):
         return
     goal = (max(x - 2.5, 2.0), 2.0, math.pi) if back else (min(x + 2.5, 10.0), 2.0, 0.0)
-    arcs = plan(AISLE, pose, goals_at(goal))
-    assert arcs is not None
-    poses = driven(pose, arcs)
-    assert not any(touches_shelf(AISLE, at) for at in poses)
+    arcs = found(AISLE, pose, goals_at(goal))
+    poses = clear_of_shelves(AISLE, pose, arcs)
     if len(arcs) < ARCS:
         off = poses[-1] - goal
         along, left = off[0] * math.cos(goal[2]), off[1] * math.cos(goal[2])
@@ -199,18 +207,15 @@ def test_it_leaves_a_dead_end_backwards() -> None:
     grid = drawn(["########", "#....###", "####.###", "#......#", "#......#", "########"])
     pose = (1.9, 4.5, math.pi)  # nose to the end of a lane of one cell, 3 m long
     assert not touches_shelf(grid, pose)
-    arcs = plan(grid, pose, goals_at((6.0, 2.0, 0.0)))
-    assert arcs is not None
-    poses = driven(pose, arcs)
-    assert not any(touches_shelf(grid, at) for at in poses)
+    arcs = found(grid, pose, goals_at((6.0, 2.0, 0.0)))
+    clear_of_shelves(grid, pose, arcs)
     assert arcs[0, 0] < 0.0
 
 
 def test_it_drives_round_standing_bodies() -> None:
     grid = room(7, 12)
     wall = rectangles((5.2, 3.5, 0.0), (5.2, 2.8, 0.0), (5.2, 4.2, 0.0))
-    arcs = plan(grid, (3.0, 3.5, 0.0), goals_at((8.0, 3.5, 0.0)), bodies=wall)
-    assert arcs is not None
+    arcs = found(grid, (3.0, 3.5, 0.0), goals_at((8.0, 3.5, 0.0)), bodies=wall)
     poses = driven((3.0, 3.5, 0.0), arcs)
     assert not any(touch(body(at), other) for at in poses for other in wall.tolist())
     assert abs(poses[-1][0] - 8.0) < 0.16
@@ -219,8 +224,7 @@ def test_it_drives_round_standing_bodies() -> None:
 def test_a_way_round_one_that_stands_crosswise_is_soon_found() -> None:
     grid, pose = drawn(["#" * 20, *["." * 20] * 3, "#" * 20]), (8.0, 2.5, 0.0)
     parked = rectangles((9.1, 2.7, 1.5))
-    arcs = plan(grid, pose, goals_at(*((9.5 + 0.4 * k, 2.5, 0.0) for k in range(8))), bodies=parked, most=1000)
-    assert arcs is not None
+    arcs = found(grid, pose, goals_at(*((9.5 + 0.4 * k, 2.5, 0.0) for k in range(8))), bodies=parked, most=1000)
     poses = driven(pose, arcs)
     assert not any(touch(body(at), parked[0]) for at in poses)
     assert poses[-1][0] > 9.3
@@ -229,10 +233,8 @@ def test_a_way_round_one_that_stands_crosswise_is_soon_found() -> None:
 def test_it_gets_off_a_shelf_beside_which_it_stands_too_near() -> None:
     grid = drawn(["#" * 24, "." * 24, "#" * 24])  # one cell wide, from y = 1 to y = 2
     pose = (20.0, 1.3018, -0.009)  # 2 mm beside the shelf, and its nose leads into it: only straight back is free
-    arcs = plan(grid, pose, goals_at((8.0, 1.5, 0.0)), most=300)
-    assert arcs is not None
-    poses = driven(pose, arcs)
-    assert not any(touches_shelf(grid, at) for at in poses)
+    arcs = found(grid, pose, goals_at((8.0, 1.5, 0.0)), most=300)
+    poses = clear_of_shelves(grid, pose, arcs)
     assert poses[-1][1] > 1.4
 
 
@@ -265,8 +267,7 @@ def test_along_a_parallel_body_that_is_as_near_as_the_field_allows_it_drives_str
     pose, beside = (6.0, 6.0, heading), ROBOT.width + float(parameters["field_margin"][0]) + 7e-4
     other = (6.0 - beside * math.sin(heading), 6.0 + beside * math.cos(heading), heading)
     goal = (6.0 + 1.2 * math.cos(heading), 6.0 + 1.2 * math.sin(heading), heading)
-    arcs = plan(room(12, 12), pose, goals_at(goal), bodies=rectangles(other), parameters=parameters)
-    assert arcs is not None
+    arcs = found(room(12, 12), pose, goals_at(goal), bodies=rectangles(other), parameters=parameters)
     assert arcs[:, 1].tolist() == [0.0]
 
 
@@ -277,8 +278,7 @@ def test_it_makes_room_for_the_path_of_another() -> None:
     arcs = plan(grid, pose, avoid=path)
     assert arcs is None or not any(touch(body(driven(pose, arcs)[-1]), other) for other in path.tolist())
     path[:, 1] = 3.5  # in the northern lane instead
-    arcs = plan(grid, (6.0, 3.0, 0.0), avoid=path)
-    assert arcs is not None
+    arcs = found(grid, (6.0, 3.0, 0.0), avoid=path)
     poses = driven((6.0, 3.0, 0.0), arcs)
     assert not any(touch(body(poses[-1]), other) for other in path.tolist())
     assert not any(touches_shelf(grid, at) for at in poses)
@@ -286,8 +286,7 @@ def test_it_makes_room_for_the_path_of_another() -> None:
 
 
 def test_whoever_stands_clear_need_not_move() -> None:
-    arcs = plan(room(9, 12), (5.0, 2.0, 0.0), avoid=rectangles((5.0, 5.0, 0.0)))
-    assert arcs is not None
+    arcs = found(room(9, 12), (5.0, 2.0, 0.0), avoid=rectangles((5.0, 5.0, 0.0)))
     assert len(arcs) == 0
 
 

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 from functools import cache
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import pytest
 
-from tests.simulation.worlds import drawn, room, stage
+from tests.simulation.worlds import drawn, lay, room, stage
 from warehouse_env.config import EnvConfig
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import LAYOUTS, make_layout
@@ -27,15 +26,7 @@ STOP, BACK = 1 * OFFSETS, 0 * OFFSETS
 def on_route(grid: GridMap, pose: tuple[float, ...], *corners: tuple[float, float], **changes: Any) -> Simulator:
     """A robot at a pose with a route along straight lines between corners, points 0.5 m apart."""
     simulator = stage(grid, pose, action_type="discrete", **changes)
-    points = [corners[0]]
-    for (ax, ay), (bx, by) in pairwise(corners):
-        count = round(math.hypot(bx - ax, by - ay) / 0.5)
-        points += [(ax + (bx - ax) * k / count, ay + (by - ay) * k / count) for k in range(1, count + 1)]
-    simulator.routes[0, 0, : len(points)] = points
-    r = simulator.robots[0, 0]
-    r["on_route"]["points"], r["on_route"]["spacing"] = len(points), 0.5
-    r["task"]["goal_x"], r["task"]["goal_y"] = points[-1]
-    r["task"]["goal_row"], r["task"]["goal_col"] = grid.cell(points[-1])
+    lay(simulator, *corners)
     return simulator
 
 
@@ -122,14 +113,9 @@ def test_offsets_that_lead_to_a_shelf_are_cut_short(index: int) -> None:
     assert r["clocks"]["stalled_time"] < 2.0
 
 
-@pytest.mark.parametrize("level", [0.5, 1.5])
-def test_speed_levels_are_kept_on_the_straight(level: float) -> None:
+def test_a_slow_level_is_kept_and_stop_stops_in_half_v_squared_over_a() -> None:
     simulator = on_route(room(9, 30), (2.0, 4.0, 0.0), (2.0, 4.0), (28.0, 4.0))
-    index = (-0.4, 0.0, 0.5, 1.5).index(level)
-    assert drive(simulator, index * OFFSETS, 40)["motion"]["speed"] == pytest.approx(level, abs=1e-6)
-
-
-def test_stop_stops_in_half_v_squared_over_a() -> None:
+    assert drive(simulator, 2 * OFFSETS, 40)["motion"]["speed"] == pytest.approx(0.5, abs=1e-6)
     simulator = on_route(room(9, 30), (2.0, 4.0, 0.0, 1.3), (2.0, 4.0), (28.0, 4.0))
     r = drive(simulator, STOP, 14)
     assert r["motion"]["speed"] == pytest.approx(0.0, abs=1e-6)
@@ -181,32 +167,24 @@ def test_it_turns_round_in_an_aisle_of_two_cells(heading: float) -> None:
     assert simulator.robots["totals"]["hits_shelf"].sum() == 0
 
 
-def test_in_a_manoeuvre_it_stops_and_backs_when_told_and_goes_on() -> None:
+@pytest.mark.parametrize("told", [STOP, BACK])
+def test_in_a_manoeuvre_it_stops_or_backs_when_told_and_goes_on(told: int) -> None:
     grid = drawn(["#" * 24, "." * 24, "." * 24, "#" * 24])
     simulator = on_route(grid, (12.0, 2.0, math.pi), (12.0, 2.0), (22.0, 2.0))
     cruise = int(simulator.cruise_action)
     r = drive(simulator, cruise, 8)
-    assert r["manoeuvre"]["arcs"] > 0
-    assert r["motion"]["speed"] != 0.0
-    drive(simulator, STOP, 12)
-    pose = simulator.state.pose[0, 0].copy()
-    drive(simulator, STOP, 20)
-    assert (simulator.state.pose[0, 0] == pose).all()
-    assert r["manoeuvre"]["arcs"] > 0
-    for _ in range(120):
-        drive(simulator, cruise, 1)
-        if r["manoeuvre"]["arcs"] == 0 and abs(r["on_route"]["bearing"]) < 0.3:
-            break
-    assert r["manoeuvre"]["arcs"] == 0
-    assert abs(r["on_route"]["bearing"]) < 0.3
-    assert r["on_route"]["position"] > 0.5
-    simulator = on_route(grid, (12.0, 2.0, math.pi), (12.0, 2.0), (22.0, 2.0))
-    r = drive(simulator, cruise, 8)
     manoeuvre, left = simulator.arcs[0, 0].copy(), int(r["manoeuvre"]["arcs"])
-    drive(simulator, BACK, 10)
-    assert r["motion"]["speed"] <= 0.0
-    assert r["manoeuvre"]["arcs"] == left > 0
-    assert (simulator.arcs[0, 0] == manoeuvre).all()
+    assert r["motion"]["speed"] != 0.0
+    drive(simulator, told, 12 if told == STOP else 10)
+    if told == STOP:
+        pose = simulator.state.pose[0, 0].copy()
+        drive(simulator, STOP, 20)
+        assert (simulator.state.pose[0, 0] == pose).all()
+        assert r["manoeuvre"]["arcs"] > 0
+    else:
+        assert r["motion"]["speed"] <= 0.0
+        assert r["manoeuvre"]["arcs"] == left > 0
+        assert (simulator.arcs[0, 0] == manoeuvre).all()
     for _ in range(150):  # with what is left of its manoeuvre, or with a new one where it has backed too far off
         drive(simulator, cruise, 1)
         if r["manoeuvre"]["arcs"] == 0 and abs(r["on_route"]["bearing"]) < 0.3 and r["on_route"]["position"] > 0.5:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tests.simulation.worlds import drawn, room, stage
+from tests.simulation.worlds import drawn, lay, room, stage
 from warehouse_env.config import EnvConfig, RewardWeights
 from warehouse_env.simulation.record.metrics import episode_row, robot_rows
 from warehouse_env.simulation.simulator import Simulator
@@ -96,17 +96,8 @@ def straight(**changes: Any) -> Simulator:
     levels = (-0.4, 0.0, 0.5, 1.3)
     grid = drawn(["#" * 15, "." * 15, "#" * 15])
     simulator = stage(grid, (1.5, 1.5, 0.0), action_type="discrete", action_repeat=2, speed_levels=levels, **changes)
-    simulator.routes[0, 0, :25] = np.column_stack([np.linspace(1.5, 13.5, 25), np.full(25, 1.5)])
-    r = simulator.robots[0, 0]
-    (
-        r["on_route"]["points"],
-        r["on_route"]["spacing"],
-        r["task"]["goal_x"],
-        r["task"]["goal_y"],
-        r["task"]["goal_row"],
-        r["task"]["goal_col"],
-    ) = 25, 0.5, 13.5, 1.5, 1, 13
-    r["totals"]["task_length"] = 12.0
+    lay(simulator, (1.5, 1.5), (13.5, 1.5))
+    simulator.robots[0, 0]["totals"]["task_length"] = 12.0
     return simulator
 
 

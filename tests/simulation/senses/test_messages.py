@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +13,7 @@ from numpy.typing import NDArray
 from tests.simulation.physics.test_no_overlap import crowd
 from tests.simulation.rights import World
 from tests.simulation.safe_stops import assert_all_can_stop
-from tests.simulation.test_determinism import MAP, actions_for, bits
+from tests.simulation.test_determinism import MAP, actions_for
 from tests.simulation.worlds import drawn, raw, room, stage
 from warehouse_env.config import EnvConfig, SensorSpec
 from warehouse_env.simulation.simulator import Simulator
@@ -96,20 +95,11 @@ def test_what_a_silent_robot_is_granted_the_others_learn_a_decision_later() -> N
     assert world.decide().robots["traffic"]["yields_to"].tolist() == [-1, 0]
 
 
-def driven(simulator: Simulator, steps: int = 80) -> list[bytes]:
-    for actions in actions_for("discrete", steps, simulator.num_worlds, simulator.num_agents):
-        simulator.step(actions)
-    return bits(simulator)
-
-
-def small(loss: float, worlds: int, burst: float = 0.0) -> Simulator:
-    settings: dict[str, Any] = {"planner": "astar", "action_repeat": 2, "sensor": SensorSpec(predictions=True)}
-    settings["uncertainty"] = UncertaintySpec(loss=loss, burst=burst)
-    return Simulator(EnvConfig(num_agents=5, **settings), worlds, grid=drawn(MAP))
-
-
 def test_bursts_last_as_long_as_asked_for_and_lose_as_much() -> None:
-    simulator = small(0.25, 8, burst=2.0)  # ten decisions of 0.2 s
+    uncertainty = UncertaintySpec(loss=0.25, burst=2.0)  # ten decisions of 0.2 s
+    sensor = SensorSpec(predictions=True)
+    config = EnvConfig(num_agents=5, planner="astar", action_repeat=2, sensor=sensor, uncertainty=uncertainty)
+    simulator = Simulator(config, 8, grid=drawn(MAP))
     simulator.reset(2)
     lost = []
     for actions in actions_for("discrete", 400, 8, 5):

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from tests.simulation.reference import OFFSET, rectangle, separation
-from tests.simulation.worlds import room, stage
+from tests.simulation.worlds import lay, room, stage, write
 from warehouse_env.config import RobotSpec, SensorSpec
 from warehouse_env.simulation.simulator import Simulator
 
@@ -36,14 +36,8 @@ def scene(
     """The own robot with a straight route due east along y = 20 from x = 10; others anywhere."""
     settings = {"speed_levels": SPEEDS, "sensor": SensorSpec(predictions=True, **sensor), "robot": robot}
     simulator = stage(room(40, 40), own, *others, action_type="discrete", **settings)
-    simulator.routes[0, 0, :40] = np.column_stack([np.linspace(10.0, 29.5, 40), np.full(40, 20.0)])
-    r = simulator.robots[0, 0]
-    r["on_route"]["points"], r["on_route"]["spacing"], r["task"]["goal_x"], r["task"]["goal_y"] = 40, 0.5, 29.5, 20.0
-    r["on_route"]["position"], r["on_route"]["lateral"], r["on_route"]["bearing"] = (
-        own[0] - 10.0,
-        own[1] - 20.0,
-        -own[2],
-    )
+    lay(simulator, (10.0, 20.0), (29.5, 20.0))
+    write(simulator.robots[0, 0], position=own[0] - 10.0, lateral=own[1] - 20.0, bearing=-own[2])
     simulator._observe()
     return simulator
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from tests.simulation.reference import OFFSET, ray_to_polygon, rectangle, shelves
-from tests.simulation.worlds import drawn, put, room, stage
+from tests.simulation.worlds import drawn, lay, put, room, stage
 from warehouse_env.config import SensorSpec
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.simulation.simulator import Simulator
@@ -125,22 +125,11 @@ def test_neighbours_agree_with_a_plain_search(seed: int, slots: int) -> None:
     np.testing.assert_allclose(look(simulator, "neighbours").reshape(slots, 7), expected, atol=2e-6)
 
 
-def straight_route(simulator: Simulator, start: tuple[float, float], goal: tuple[float, float], points: int) -> None:
-    """Give robot 0 a straight route."""
-    simulator.routes[0, 0, :points] = np.linspace(start, goal, points)
-    r = simulator.robots[0, 0]
-    r["on_route"]["points"], r["on_route"]["spacing"] = (
-        points,
-        math.hypot(goal[0] - start[0], goal[1] - start[1]) / (points - 1),
-    )
-    r["task"]["goal_x"], r["task"]["goal_y"] = goal
-
-
 def test_ego_and_route_by_hand() -> None:
     # Route due east along y = 4 from x = 2 to x = 8, points 0.5 m apart; the robot at (3.2, 4.25) heads 30 degrees
     # north of it and has just got its command.
     simulator = stage(room(9, 11), (3.2, 4.25, math.pi / 6, 0.6, -0.3))
-    straight_route(simulator, (2.0, 4.0), (8.0, 4.0), 13)
+    lay(simulator, (2.0, 4.0), (8.0, 4.0))
     r = simulator.robots[0, 0]
     r["on_route"]["position"] = 1.0
     r["clocks"]["contact_time"], r["clocks"]["waiting_time"], r["commanded"]["follow_steer"] = 2.5, 30.0, 0.2

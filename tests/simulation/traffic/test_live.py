@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.simulation.worlds import room, stage
+from tests.simulation.worlds import room, stage, write
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
 from warehouse_env.kernel import kernel
@@ -129,14 +129,18 @@ def price_all(look: ReplanQuery, cost: Any) -> None:
         for move in range(8):
             if look.steps[row, column, move]:
                 to = (row + MOVES[move, 0]) * cost.shape[1] + column + MOVES[move, 1]
-                cost[row, column, move] = price_of(look, cell, move, to) / UNIT
+                cost[row, column, move] = price_of(look, cell, move, to)
+
+
+def prices_of(look: ReplanQuery) -> Any:
+    """What others make each legal move cost, int64[H, W, 8]; 0 for the others."""
+    price_all(look, cost := np.zeros(look.steps.shape, np.int64))
+    return cost
 
 
 def costs(robots: Any, routes: Any, me: int, legal: Any = None, **prices: float) -> Any:
     """What others make each legal move cost [cells], float64[H, W, 8]; 0 for the others."""
-    cost = np.zeros((ROWS, COLUMNS, 8))
-    price_all(look_of(robots, routes, me, legal, **prices), cost)
-    return cost
+    return prices_of(look_of(robots, routes, me, legal, **prices)) / UNIT
 
 
 def test_a_robot_counts_as_standing_once_it_has_not_moved_a_metre_for_so_long_or_is_parked() -> None:
@@ -214,9 +218,8 @@ def test_cells_where_others_have_waited_at_a_look_cost_and_half_as_much_ten_look
     def cost_at(step: int, who_look: list[bool]) -> list[float]:
         note_waiting(look.passing, robots, np.array([who_look]), np.array([step]), every, SITE)
         look.asked.looks[0] += 1
-        cost = np.zeros((ROWS, COLUMNS, 8))
-        price_all(look, cost)
-        return [float(cost[2, 5, EAST]), float(cost[2, 4, EAST]), float(cost[2, 7, EAST])]
+        found: list[float] = (prices_of(look)[2, [5, 4, 7], EAST] / UNIT).tolist()
+        return found
 
     assert cost_at(0, [True, False, True]) == [0.0, 0.0, 0.0]  # who drives notes nothing, nor who does not look
     assert cost_at(1, [False, True, False]) == [3.0, 0.0, 0.0]
@@ -302,10 +305,8 @@ def test_on_its_way_a_robot_keeps_its_route_unless_a_new_one_saves_enough() -> N
     robots, live = simulator.robots[0], live_of(simulator)
     assert look_for(live, simulator, on_its_way=True) is None
     assert look_for(live, simulator) is not None
-    robots[1]["motion"]["x"], robots[1]["motion"]["y"] = simulator.routes[
-        0, 0, int(robots[0]["on_route"]["points"]) // 2
-    ]  # in its way, and stands
-    robots[1]["clocks"]["standing_time"] = 60.0
+    x, y = simulator.routes[0, 0, int(robots[0]["on_route"]["points"]) // 2]
+    write(robots[1], x=x, y=y, standing_time=60.0)  # in its way, and stands
     assert look_for(live, simulator, step=2, on_its_way=True) is not None
 
 
@@ -362,11 +363,8 @@ def test_a_new_route_begins_at_the_robot_and_ends_at_the_same_goal_and_the_task_
             assert r[i]["on_route"]["position"] == 0.0
             if r[i]["totals"]["goals"] == before[i]["totals"]["goals"]:
                 assert r[i]["totals"]["task_length"] == before[i]["totals"]["task_length"]
-                # a new route is no progress; a metre driven in this very step is
-                assert (
-                    r[i]["clocks"]["stalled_time"] >= before[i]["clocks"]["stalled_time"]
-                    or r[i]["clocks"]["stalled_time"] < 0.2
-                )
+                now, then = (one[i]["clocks"]["stalled_time"] for one in (r, before))
+                assert now >= then or now < 0.2  # a new route is no progress; a metre driven in this very step is
     assert seen > 0
 
 
@@ -400,10 +398,8 @@ def test_who_is_in_the_cell_of_its_goal_keeps_its_route_to_the_middle() -> None:
     r = simulator.robots[0, 0]
     live = live_of(simulator)
     assert look_for(live, simulator) is not None
-    r["motion"]["x"], r["motion"]["y"] = (
-        r["task"]["goal_x"] - 0.4,
-        r["task"]["goal_y"] - 0.4,
-    )  # farther off than the radius in which it has arrived
+    goal = r["task"]
+    write(r, x=goal["goal_x"] - 0.4, y=goal["goal_y"] - 0.4)  # farther off than the radius in which it has arrived
     assert look_for(live, simulator) is None
 
 
@@ -430,10 +426,8 @@ def crowd(layout: str, robots: int, steps: int = 0, seed: int = 3) -> tuple[Simu
     table, asked = make_occupancy(1, robots, grid.occupied.size, SLOTS), make_price_cache(grid.occupied.size)
     keep_all_up(table, 0, 0, RoadUsers(simulator.robots, simulator.routes, *NOBODY_WALKS), site)
     for me, r in enumerate(records):
-        field, cell = (
-            floor.field((int(r["task"]["goal_row"]), int(r["task"]["goal_col"])), floor.whole()),
-            grid.cell([r["motion"]["x"], r["motion"]["y"]]),
-        )
+        field = floor.field((int(r["task"]["goal_row"]), int(r["task"]["goal_col"])), floor.whole())
+        cell = grid.cell([r["motion"]["x"], r["motion"]["y"]])
         where = (me, *cell.tolist(), field, 0, 0, 10 * UNIT, 40 * UNIT)
         looks.append(ReplanQuery(table, asked, records, floor.steps, PRICES, size, 0, *where))
     return simulator, looks
@@ -455,23 +449,16 @@ def test_ants_find_ways_that_cost_little_more_than_the_cheapest_and_never_less()
     assert sum(cost == least for cost, least in zip(walked, best, strict=True)) > 10
 
 
-@kernel
-def price_on(look: ReplanQuery, cell: int, move: int, to: int) -> int:
-    return price_of(look, cell, move, to)
-
-
 def cost_of(look: ReplanQuery, moves: Any) -> int:
     """What moves from the robot on cost at the prices of others and of hairpins, and then the shortest way."""
-    columns, total, arrived = look.steps.shape[1], 0, None
-    cell = look.row * columns + look.column
+    costs, total, arrived, row, column = look.steps + prices_of(look), 0, None, look.row, look.column
     for move in moves.tolist():
-        to = cell + int(MOVES[move, 0]) * columns + int(MOVES[move, 1])
-        assert look.steps[cell // columns, cell % columns, move] > 0
-        total += int(look.steps[cell // columns, cell % columns, move]) + price_on(look, cell, move, to)
+        assert look.steps[row, column, move] > 0
+        total += int(costs[row, column, move])
         if arrived is not None and 3 <= (move - arrived) % 8 <= 5:
             total += look.hairpin
-        cell, arrived = to, move
-    return total + int(look.field[cell // columns, cell % columns])
+        row, column, arrived = row + int(MOVES[move, 0]), column + int(MOVES[move, 1]), move
+    return total + int(look.field[row, column])
 
 
 def test_ants_give_up_where_no_way_is_as_cheap_as_is_asked() -> None:

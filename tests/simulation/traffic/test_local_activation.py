@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.simulation.rights import World, simulator_with_right
-from tests.simulation.worlds import room, stage
+from tests.simulation.worlds import room, stage, write
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.state import NOBODY
 from warehouse_env.simulation.traffic.local_activation import AROUND
@@ -111,9 +111,7 @@ def test_who_is_settled_carries_out_its_manoeuvre_whatever_the_policy_says(comma
     simulator.dispatcher.give_line(0, 0, np.array([[10.0 + k, 5.0] for k in range(6)], dtype=np.float32))
     r = simulator.robots[0, 0]
     simulator.arcs[0, 0, 0] = -1.5, 0.0
-    r["manoeuvre"]["arcs"], r["manoeuvre"]["arc_margin"], r["manoeuvre"]["arc_left"] = 1, 0.01, -1.5
-    r["manoeuvre"]["arc_x"], r["manoeuvre"]["arc_y"], r["manoeuvre"]["arc_heading"] = 10.0, 5.0, 0.0
-    r["traffic"]["rules_active"], r["traffic"]["retreating"], r["traffic"]["pause"] = 10.0, 1, 5.0
+    write(r, arcs=1, arc_margin=0.01, arc_left=-1.5, arc_x=10.0, arc_y=5.0, arc_heading=0.0, retreating=1, pause=5.0)
     for _ in range(30):
         r["traffic"]["rules_active"] = 10.0
         simulator.step(np.array([[command]]))

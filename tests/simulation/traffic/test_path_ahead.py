@@ -11,25 +11,18 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from tests.simulation.reference import OFFSET
-from tests.simulation.rights import World, empty_path
+from tests.simulation.rights import World
+from tests.simulation.worlds import write
 from warehouse_env.simulation.driver.driving import begin
 from warehouse_env.simulation.state import field_of
-from warehouse_env.simulation.traffic.path_ahead import CENTRE_X, CENTRE_Y, COS, DRIVEN, POSES, SIN, write_path
+from warehouse_env.simulation.traffic.path_ahead import CENTRE_X, CENTRE_Y, COLUMNS, COS, DRIVEN, POSES, SIN, write_path
 
 
 def ahead(world: World, side: float = 0.0) -> tuple[NDArray[np.float32], bool]:
     """The path of the first robot, and whether it ends at the goal."""
-    sim, path = world.simulator, empty_path()
-    count, at_end = write_path(
-        world.robots[0],
-        sim.routes[0, 0],
-        sim.arcs[0, 0],
-        np.float32(side),
-        POSES,
-        sim._params[0],
-        sim._floor,
-        path,
-    )
+    sim, path = world.simulator, np.zeros((POSES, COLUMNS), np.float32)
+    own = (world.robots[0], sim.routes[0, 0], sim.arcs[0, 0])
+    count, at_end = write_path(*own, np.float32(side), POSES, sim._params[0], sim._floor, path)
     return path[:count], bool(at_end)
 
 
@@ -126,8 +119,7 @@ def test_the_end_of_each_arc_of_a_manoeuvre_is_a_pose_of_its_own() -> None:
     world = World((2.0, 12.0, 0.0), length=20.0)
     r = world.robots[0]
     world.simulator.arcs[0, 0, :2] = [(0.7, 0.0), (-0.45, 0.0)]
-    r["manoeuvre"]["arcs"], r["traffic"]["retreating"], r["totals"]["distance"] = 2, 1, 0.125
-    r["manoeuvre"]["arc_x"], r["manoeuvre"]["arc_y"], r["manoeuvre"]["arc_left"] = 2.0, 12.0, 0.7
+    write(r, arcs=2, retreating=1, distance=0.125, arc_x=2.0, arc_y=12.0, arc_left=0.7)
     path, at_end = ahead(world)
     assert not at_end
     # 0.5 and 1.0 on the odometer, the first end after 0.7 m, the second after 1.15 m

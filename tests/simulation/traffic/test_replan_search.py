@@ -5,14 +5,13 @@ from __future__ import annotations
 import heapq
 from typing import Any
 
-import numpy as np
 import pytest
 
-from tests.simulation.traffic.test_live import crowd
+from tests.simulation.traffic.test_live import crowd, prices_of
 from warehouse_env.kernel import kernel
 from warehouse_env.maps.grid_map import MOVES
 from warehouse_env.planning.cost_to_go import UNREACHABLE, octile
-from warehouse_env.simulation.traffic.prices import ANY, ReplanQuery, price_of
+from warehouse_env.simulation.traffic.prices import ANY, ReplanQuery
 from warehouse_env.simulation.traffic.replan_search import TURNS, Labels, make_labels, search
 
 START = 8
@@ -26,21 +25,10 @@ def least(look: ReplanQuery, most: int, labels: Labels) -> tuple[int, int]:
     return cost, labels.key[state] % TURNS if state >= 0 else -1
 
 
-@kernel
-def price_all(look: ReplanQuery, steps: Any) -> None:
-    """Add the price of each legal move of a floor to its cost, int64[H, W, 8]."""
-    for row, column, move in np.ndindex(steps.shape):
-        if steps[row, column, move]:
-            to = (row + MOVES[move, 0]) * steps.shape[1] + column + MOVES[move, 1]
-            steps[row, column, move] += price_of(look, row * steps.shape[1] + column, move, to)
-
-
 def by_textbook(look: ReplanQuery) -> tuple[int, int]:
     """The same by Dijkstra's algorithm over all states (cell, arriving move), with nothing left out."""
     look.asked.looks[0] += 1
-    costs = look.steps.astype(np.int64)
-    price_all(look, costs)
-    steps, field = costs.tolist(), look.field.tolist()
+    steps, field = (look.steps + prices_of(look)).tolist(), look.field.tolist()
     columns, best, done = look.steps.shape[1], (UNREACHABLE, 0), set[tuple[int, int]]()
     queue = [(0, 0, look.row * columns + look.column, START)]
     while queue:

@@ -11,6 +11,7 @@ import hypothesis.strategies as st
 import numpy as np
 from hypothesis import given, settings
 
+from tests.simulation.worlds import write
 from warehouse_env.simulation.state import PERSON, ROBOT
 from warehouse_env.simulation.traffic.route_occupancy import (
     NOTHING,
@@ -47,11 +48,7 @@ def new_route(rng: np.random.Generator, robots: Any, routes: Any, i: int) -> Non
     points = int(rng.integers(1, routes.shape[1] + 1))
     line = np.cumsum(rng.normal(0.0, 0.4, (points, 2)), axis=0) + rng.uniform(0, 9, 2)
     routes[i, :points] = np.clip(line, 0.1, (COLUMNS - 0.1, ROWS - 0.1))
-    robots[i]["on_route"]["points"], robots[i]["on_route"]["spacing"], robots[i]["on_route"]["position"] = (
-        points,
-        0.5,
-        0.0,
-    )
+    write(robots[i], points=points, spacing=0.5, position=0.0)
 
 
 def test_the_nearest_move_of_a_direction() -> None:
@@ -78,12 +75,8 @@ def test_a_table_that_is_kept_up_says_what_a_new_one_says(seed: int) -> None:
             r["on_route"]["position"] = np.clip(
                 r["on_route"]["position"] + rng.normal(0.4, 0.8), 0.0, max(r["on_route"]["points"] - 1, 0) * 0.5
             )
-            r["motion"]["x"], r["motion"]["y"] = rng.uniform(0, COLUMNS), rng.uniform(0, ROWS)
-            r["motion"]["cos"], r["clocks"]["standing_time"], r["task"]["alive"] = (
-                1.0,
-                rng.uniform(0.0, 12.0),
-                rng.random() < 0.9,
-            )
+            write(r, x=rng.uniform(0, COLUMNS), y=rng.uniform(0, ROWS), cos=1.0, standing_time=rng.uniform(0.0, 12.0))
+            r["task"]["alive"] = rng.random() < 0.9
         keep_all_up(kept, 1, step, users, SITE)
         new = make_occupancy(2, ROBOTS, ROWS * COLUMNS, SLOTS)
         keep_all_up(new, 1, step, users, SITE)
@@ -95,12 +88,7 @@ def test_a_table_that_is_kept_up_says_what_a_new_one_says(seed: int) -> None:
 
 def test_what_is_listed_by_hand() -> None:
     robots, routes = np.zeros((1, 1), ROBOT), np.zeros((1, 1, 40, 2), np.float32)
-    (
-        robots["task"]["alive"],
-        robots["on_route"]["points"],
-        robots["on_route"]["spacing"],
-        robots["on_route"]["position"],
-    ) = 1, 7, 0.5, 0.6
+    write(robots, alive=1, points=7, spacing=0.5, position=0.6)
     routes[0, 0, :7, 0], routes[0, 0, :7, 1] = 0.25 + 0.5 * np.arange(7), 8.5  # along the first row, two points a cell
     table = make_occupancy(1, 1, ROWS * COLUMNS, SLOTS)
     keep_all_up(table, 0, 0, RoadUsers(robots, routes, NOBODY_WALKS, ON_NOTHING), SITE)

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from agents import make_policy, policy_config
+from agents import policy_config
 from tests.simulation.physics.test_no_overlap import MAZE, crowd
 from tests.simulation.reference import bodies, separation
 from tests.simulation.safe_stops import checked as checked  # a fixture
@@ -262,17 +262,6 @@ def test_what_a_policy_sees_of_the_field() -> None:
     seconds = float(simulator.robots["shield"]["vetoed_time"][0, 0])
     assert 1.0 < seconds < 20.0
     np.testing.assert_allclose(simulator.observation[0, :, -2:], [[1.0, min(seconds, 5.0) / 5.0], [0.0, 0.0]])
-
-
-def test_a_policy_trained_without_a_field_drives_under_one() -> None:
-    config = policy_config("ppo", EnvConfig(num_agents=3, planner="astar"))
-    under = config.replace(traffic=TrafficSpec(shield=True))
-    observation = Simulator(under).reset(seed=1)
-    rng = np.random.default_rng
-    np.testing.assert_array_equal(
-        make_policy("ppo", under).act(observation, rng(0)),
-        make_policy("ppo", config).act(observation[..., :-2], rng(0)),
-    )
 
 
 def test_shields_that_cannot_be() -> None:

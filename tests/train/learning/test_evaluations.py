@@ -5,19 +5,16 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
-from typing import Any
 
 import pytest
 
+from tests.train.trainings import SMALL
 from train import held_out, ppo, reinforce, threaded_ppo
 from train.learning import evaluations
 from train.learning.config import PPOConfig, ReinforceConfig, ThreadedPPOConfig, TrainingConfig
 from train.learning.evaluations import Evaluations
 
-SMALL: dict[str, Any] = {
-    "layouts": ("open", "narrow"), "robots": (2, 4), "rows": 16, "steps": 16 * 6 * 6, "rollout": 6, "minibatch": 24,
-    "hidden": (24,), "episode_seconds": 6.0, "checkpoint_seconds": 1e6, "threads": 1, "progress": False,
-}  # fmt: skip
+LONGER = {"layouts": ("open", "narrow"), "rows": 16, "steps": 16 * 6 * 6, "episode_seconds": 6.0}
 TRAINERS = [(reinforce, ReinforceConfig), (threaded_ppo, ThreadedPPOConfig), (ppo, PPOConfig)]
 
 
@@ -33,7 +30,7 @@ def test_what_is_learned_does_not_depend_on_them(
         return drive(config)
 
     monkeypatch.setattr(module, "held_out", counted)
-    config = options(out=tmp_path, **SMALL)
+    config = options(out=tmp_path, **SMALL | LONGER)
     without = module.train(replace(config, name="without", evaluation_seconds=0.0))
     assert driven == []
     often = module.train(replace(config, name="often", evaluation_seconds=1e-9))

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.train.trainings import SMALL
 from train import reinforce
 from train.learning import progress
 from train.learning.config import ReinforceConfig
@@ -41,10 +42,7 @@ def test_the_line_tells_standing_touching_and_jams_beside_goals(
 
 
 def test_tensorboard_has_figures_evaluations_and_settings(tmp_path: Path) -> None:
-    config = ReinforceConfig(
-        out=tmp_path, layouts=("open",), robots=(2, 4), rows=8, planner="astar", steps=8 * 6 * 4, rollout=6,
-        minibatch=24, hidden=(24,), episode_seconds=3.0, threads=1, progress=False,
-    )  # fmt: skip
+    config = ReinforceConfig(out=tmp_path, steps=8 * 6 * 4, **SMALL)
     log = log_of(reinforce.train(config) / "tensorboard")
     tags = set(log.Tags()["scalars"])
     assert {f"train/{name}" for name in (*ROW, "entropy", "steps_per_second")} <= tags

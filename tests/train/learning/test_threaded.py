@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 import pytest
@@ -13,6 +13,7 @@ import torch
 from safetensors.numpy import load_file
 
 from agents.weights_folder import read_record
+from tests.train.trainings import SMALL
 from train import reinforce, threaded_ppo
 from train.held_out import held_out
 from train.learning.config import ReinforceConfig, ThreadedConfig, ThreadedPPOConfig
@@ -22,11 +23,7 @@ from train.learning.worlds import TrainingSimulator, TrainingWorlds
 from warehouse_env.config import RewardWeights
 
 T = TypeVar("T")
-SMALL: dict[str, Any] = {
-    "layouts": ("open",), "robots": (2, 4), "rows": 16, "planner": "astar", "steps": 16 * 6 * 8, "rollout": 6,
-    "minibatch": 24, "hidden": (24,), "traffic": "none:shield=true", "episode_seconds": 3.0, "checkpoint_seconds": 0.0,
-    "progress": False,
-}  # fmt: skip
+SIXTEEN = SMALL | {"rows": 16, "steps": 16 * 6 * 8, "traffic": "none:shield=true"}
 TRAINERS = [(reinforce, ReinforceConfig), (threaded_ppo, ThreadedPPOConfig)]
 
 
@@ -36,7 +33,7 @@ def test_a_resumed_run_gives_the_same_bits_as_an_unbroken_one(
     module: ModuleType, options: type[ThreadedConfig], threads: int, device: str | None, tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
-    config = options(out=tmp_path, threads=threads, device=device, **SMALL)
+    config = options(out=tmp_path, device=device, **SIXTEEN | {"threads": threads})
     whole = load_file(module.train(replace(config, name="whole")) / "weights.safetensors")
     update, calls = ThreadedTrainer.update, []
 
