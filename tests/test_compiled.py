@@ -75,7 +75,7 @@ def test_nothing_else_is(old: str, new: str) -> None:
 
 def run(folder: Path, body: str, **environment: str) -> str:
     """Run Python in a folder whose kernels are kept in its folder `kept`; return what it prints."""
-    given = {**os.environ, "NUMBA_CACHE_DIR": str(folder / "kept"), **environment}
+    given = {**os.environ, "NUMBA_CACHE_DIR": str(folder / "kept"), "PYTHONSAFEPATH": "", **environment}
     done = subprocess.run(
         [sys.executable, "-W", "always", "-c", body], cwd=folder, env=given, capture_output=True, text=True, check=False
     )
