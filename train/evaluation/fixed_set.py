@@ -1,7 +1,6 @@
 """The fixed set of `warehouse benchmark`: floors, fleets, seeds and tracks. A change of any is a new version.
 
-The rows of the shipped policies are in `fixed_set.jsonl`, one an episode. They were driven with the draws of version 1:
-the same cases, other starts and goals.
+The rows of the shipped policies are in `fixed_set.jsonl`, one an episode.
 """
 
 from __future__ import annotations
