@@ -20,15 +20,14 @@ from train.advice.course import advise
 from train.advice.hall_part import hall_parts
 from train.advice.room import for_kinds, most_with_a_start
 from train.advice.trials import AdvicePlan, TimeBudget
-from train.commands.evaluate import GOES_ON
 from train.commands.layouts import BY_MAP, check_connected
 from train.commands.orders import Work
 from train.evaluation.jobs import Progress, Runner
-from train.evaluation.workers import WorkerOptions
+from train.evaluation.workers import GOES_ON, RowOptions
 from train.kinds import Fleet
 from train.reporting.page import PagePart
 from train.reporting.report import make_console, make_progress, require_charts
-from train.reporting.rows import RowFile, instead
+from train.reporting.rows import RowFile
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, MapWarning
 from warehouse_env.files import check_writable
@@ -42,7 +41,7 @@ SECONDS, ORDERED = 300.0, 1800.0  # [s] of an episode, and of one with orders, t
 
 
 @dataclass(frozen=True)
-class Advise(Fleet, Work, WorkerOptions):
+class Advise(Fleet, Work, RowOptions):
     """Find how many robots a floor supports, where they wait, and which change of the floor would help.
 
     The command drives more and more robots between pick faces and stations, then numbers around the best, under the
@@ -73,10 +72,6 @@ class Advise(Fleet, Work, WorkerOptions):
     """Planner of the routes; the default is exact, since ant colonies plan longer than robots drive on large floors."""
     seed: int = 0
     """First seed; the others count up from it."""
-    resume: bool = False
-    """Keep the rows in the file, and drive only the missing episodes."""
-    overwrite: bool = False
-    """Replace the rows in the file."""
     json: Path | None = None
     """File for the rows, one per episode, as JSON lines (OUT/rows.jsonl)."""
     out: Path = Path("results/advice")
@@ -107,7 +102,7 @@ class Advise(Fleet, Work, WorkerOptions):
         self._check(plan)
         plan = dataclasses.replace(plan, most=most_with_a_start(plan))
         with (
-            RowFile(self.json or self.out / "rows.jsonl", self.resume, instead(self.overwrite)) as file,
+            self.file_of(self.json or self.out / "rows.jsonl") as file,
             closing(self.workers()) as workers,
         ):
             plan = dataclasses.replace(plan, processes=workers.width)

@@ -9,12 +9,13 @@ from pathlib import Path
 
 import tyro
 
-from train.commands.evaluate import GOES_ON, Episodes
+from train.commands.evaluate import Episodes
 from train.evaluation.audit.jobs import DrivenEpisodes, RecordedEpisode
 from train.evaluation.audit.table import audit_table, faults_of, sentences
 from train.evaluation.audit.watcher import Audit
 from train.evaluation.disturbances import known
 from train.evaluation.jobs import Job, Runner
+from train.evaluation.workers import GOES_ON
 from train.fleet.driven import load_simulated
 from warehouse_env.errors import ConfigError
 from warehouse_env.files import check_writable, write_text
@@ -43,7 +44,7 @@ class AuditCommand(Episodes):
         jobs = self._jobs()
         check_writable(self.out / "table.md")
         with (
-            self.rows_file(resumes=not self.files) as file,
+            self.file_of(self.rows_path, resumes=not self.files) as file,
             Runner(file, file.old(), self.workers(), goes_on=GOES_ON) as run,
         ):
             rows = run(jobs)

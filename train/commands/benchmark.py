@@ -7,16 +7,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
-from train.commands.evaluate import GOES_ON
 from train.evaluation.episodes import play
 from train.evaluation.fixed_set import SHIPPED, VERSION, benchmark_tables, experiments
-from train.evaluation.workers import WorkerOptions
-from train.reporting.rows import Row, RowFile, instead, read_rows
+from train.evaluation.workers import GOES_ON, RowOptions
+from train.reporting.rows import Row, read_rows
 from warehouse_env.files import check_writable, write_text
 
 
 @dataclass(frozen=True)
-class Benchmark(WorkerOptions):
+class Benchmark(RowOptions):
     """Drive policies through a fixed set of floors, fleets and seeds, and show them beside the shipped policies.
 
     It is a preset of `evaluate` that is the same for everybody. Without --policy it shows the shipped policies alone.
@@ -28,10 +27,6 @@ class Benchmark(WorkerOptions):
     MODULE:CLASS."""
     out: Path = Path("results/benchmark")
     """Folder for the rows and the table."""
-    resume: bool = False
-    """Keep the episodes that were driven before a stop."""
-    overwrite: bool = False
-    """Replace the episodes that were driven before."""
 
     usual_processes: ClassVar[int] = min(os.cpu_count() or 1, 8)
 
@@ -52,6 +47,6 @@ class Benchmark(WorkerOptions):
         listed = [one for policy in dict.fromkeys(self.policy) for one in experiments(policy)]
         check_writable(self.out / "table.md")
         tracks = [track for track, experiment in listed for _ in experiment.episodes]
-        with RowFile(self.out / "rows.jsonl", self.resume, instead(self.overwrite)) as file:
+        with self.file_of(self.out / "rows.jsonl") as file:
             rows = play([one for _, one in listed], file, file.old(), self.workers(), goes_on=GOES_ON)
         return [{**row, "track": track} for track, row in zip(tracks, rows, strict=True)]

@@ -14,11 +14,11 @@ from train.evaluation.episodes import play
 from train.evaluation.places import NOTES, PAGE
 from train.evaluation.robustness import robust_table
 from train.evaluation.rollout import Experiment, make_experiment
-from train.evaluation.workers import WorkerOptions
+from train.evaluation.workers import GOES_ON, RowOptions
 from train.kinds import Fleet
 from train.learning.config import HELD_OUT_SEED
 from train.reporting.report import Table, evaluation_table, require_charts
-from train.reporting.rows import Row, RowFile, instead, whole_rows
+from train.reporting.rows import Row, RowFile, whole_rows
 from train.reporting.trainings import read_groups, regrouped
 from warehouse_env.checked import Checked
 from warehouse_env.config import ArrivalMode, EnvConfig, TaskMode
@@ -54,9 +54,6 @@ class Drive(Checked):
         return {name: value for name, value in given.items() if value not in (None, OWN)}
 
 
-GOES_ON = "the same command with --resume goes on"
-
-
 @dataclass(frozen=True)
 class Working(Fleet, Work, Drive):
     """Options of worlds with kinds of robots, service, orders or batteries."""
@@ -88,26 +85,18 @@ class Driven(Checked):
 
 
 @dataclass(frozen=True)
-class Episodes(Working, WorkerOptions, Driven):
+class Episodes(Working, RowOptions, Driven):
     """Options of the episodes to drive and of the files to write."""
 
     json: Path | None = None
     """File for the rows, one per episode, as JSON lines (default: OUT/rows.jsonl)."""
     out: Path = Path("results/evaluate")
     """Folder for the rows, the table and the pictures."""
-    resume: bool = False
-    """Keep the rows in the file, and play only the missing episodes."""
-    overwrite: bool = False
-    """Replace the rows in the file."""
 
     @property
     def rows_path(self) -> Path:
         """Where the rows go."""
         return self.json or self.out / "rows.jsonl"
-
-    def rows_file(self, resumes: bool = True) -> RowFile:
-        """Return the file of the rows, a context that refuses to replace any; resumes: whether --resume helps."""
-        return RowFile(self.rows_path, keep=self.resume, instead=instead(self.overwrite, resumes))
 
     def tabulate(
         self, experiments: Sequence[Experiment], table_of: Callable[[Sequence[Row]], Table],
@@ -116,7 +105,7 @@ class Episodes(Working, WorkerOptions, Driven):
         """Play the experiments, print and write the table and the rows; return the rows."""
         table_path = self.out / "table.md"
         check_writable(table_path)
-        with self.rows_file() as file:
+        with self.file_of(self.rows_path) as file:
             rows = play(experiments, file, file.old(), self.workers(), notes, GOES_ON)
         table = table_of(rows)
         table.print()

@@ -1,14 +1,16 @@
-"""The options of commands with many jobs that choose the workers."""
+"""The options of commands with many jobs: the workers, and what becomes of rows that are there already."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import ClassVar
 
 from train.evaluation.cluster import Cluster, check_address
 from train.evaluation.jobs import Here, Workers
 from train.evaluation.kernels import compile_missing
 from train.evaluation.processes import Processes
+from train.reporting.rows import RowFile
 from warehouse_env.checked import Checked
 from warehouse_env.errors import ConfigError
 
@@ -42,3 +44,22 @@ class WorkerOptions(Checked):
             return Cluster(self.ray, compile_missing)
         processes = self.processes or self.usual_processes
         return Here() if processes == 1 else Processes(processes)
+
+
+GOES_ON = "the same command with --resume goes on"
+
+
+@dataclass(frozen=True)
+class RowOptions(WorkerOptions):
+    """Options of commands whose rows stay in a file, so that a stopped command goes on."""
+
+    resume: bool = False
+    """Keep the rows in the file, and do only what is missing."""
+    overwrite: bool = False
+    """Replace the rows in the file."""
+
+    def file_of(self, path: Path, resumes: bool = True) -> RowFile:
+        """Return the file of the rows, a context that refuses to replace any; resumes: whether --resume helps."""
+        kept = "--resume keeps them and goes on, " * resumes
+        advice = "" if self.overwrite else f"{kept}--overwrite replaces them, another --out leaves them alone"
+        return RowFile(path, self.resume, advice)

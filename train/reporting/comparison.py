@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -22,22 +22,15 @@ _COMPARED = (
 )  # fmt: skip
 
 
-def _text(value: object) -> bool:
-    return isinstance(value, str)
+def _fits(name: str, value: object) -> bool:
+    """Return whether a field of a row holds what can be compared."""
+    if name in ("robots", "seed"):
+        return isinstance(value, int) and not isinstance(value, bool)
+    if name in _COMPARED:
+        return value is None or (isinstance(value, (int, float)) and abs(value) < 1e150)  # whose squares can be added
+    return isinstance(value, str) or (name == "disturbance" and value is None)
 
 
-def _whole(value: object) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool)
-
-
-def _measured(value: object) -> bool:
-    return value is None or (isinstance(value, (int, float)) and abs(value) < 1e150)  # whose squares can be added
-
-
-_FITS: dict[str, Callable[[object], bool]] = {
-    **dict.fromkeys(("policy", "layout", "tasks"), _text), **dict.fromkeys(("robots", "seed"), _whole),
-    "disturbance": lambda value: value is None or _text(value), **dict.fromkeys(_COMPARED, _measured),
-}  # fmt: skip
 _MORE_IS_BETTER = ("goals_per_robot_hour", "orders_per_hour")
 _NEITHER = ("station_utilisation",)  # measures of which more is neither better nor worse
 NOTE = (
@@ -117,7 +110,8 @@ def _rows(file: Path) -> list[Row]:
     if not rows or missing:
         lack = f"its rows lack {missing[0]!r}" if missing else "it is empty"
         raise WarehouseError(f"{file} holds no rows of `warehouse evaluate`: {lack}")
-    wrong = next((name for row in rows for name in _FITS if not _FITS[name](row.get(name))), None)
+    checked = ("policy", "layout", "tasks", "robots", "seed", "disturbance", *_COMPARED)
+    wrong = next((name for row in rows for name in checked if not _fits(name, row.get(name))), None)
     if wrong is not None:
         raise WarehouseError(f"{file} holds no rows of `warehouse evaluate`: a {wrong} is none")
     for key, own in grouped(rows, ("policy", *EPISODE)).items():

@@ -135,12 +135,6 @@ class RowFile:
         return f"{self.count} rows are kept in {self.path}"
 
 
-def instead(overwrite: bool, resumes: bool = True) -> str:
-    """Return the advice for a RowFile that refuses to replace rows; empty if it may."""
-    goes_on = "--resume keeps them and goes on, " * resumes
-    return "" if overwrite else f"{goes_on}--overwrite replaces them, another --out leaves them alone"
-
-
 def read_rows(path: Path) -> list[Row]:
     """Return the rows of a JSON-lines file; raises WarehouseError naming the file and line of a damaged one."""
     rows = []

@@ -10,8 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from train.evaluation.workers import RowOptions
 from train.reporting.report import Table, evaluation_table, number, summarise, with_interval
-from train.reporting.rows import Interval, RowFile, instead, mean_interval, read_rows, t_quantile, wilson_interval
+from train.reporting.rows import Interval, RowFile, mean_interval, read_rows, t_quantile, wilson_interval
 from warehouse_env.errors import WarehouseError
 from warehouse_env.traffic_spec import TrafficSpec
 
@@ -171,11 +172,11 @@ def test_rows_are_replaced_only_where_that_is_said(tmp_path: Path) -> None:
     path = tmp_path / "rows.jsonl"
     RowFile(path).add([{"a": 1}, {"a": 2}])
     with pytest.raises(WarehouseError, match=r"rows.jsonl holds 2 rows already: --resume .* --overwrite"):
-        RowFile(path, instead=instead(overwrite=False)).__enter__()
+        RowOptions().file_of(path).__enter__()
     assert [one["a"] for one in read_rows(path)] == [1, 2]
     assert {one.name for one in tmp_path.iterdir()} == {"rows.jsonl"}  # and the lock is gone
-    with RowFile(path, keep=True, instead=instead(overwrite=False)) as file:
+    with RowOptions(resume=True).file_of(path) as file:
         file.add([{"a": 3}])
-    with RowFile(path, instead=instead(overwrite=True)) as file:
+    with RowOptions(overwrite=True).file_of(path) as file:
         file.add([{"a": 4}])
     assert [one["a"] for one in read_rows(path)] == [4]
