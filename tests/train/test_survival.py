@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import os
-import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 from typing import Any
 
@@ -23,51 +20,18 @@ from warehouse_env.config import EnvConfig
 from warehouse_env.errors import WarehouseError
 
 ROOT = Path(__file__).parents[2]
-REINFORCE = (sys.executable, "-m", "train.cli", "train", "reinforce")
-KILLS = int(os.environ.get("WAREHOUSE_TEST_KILLS", "3"))
 
 
 def weights(folder: Path) -> dict[str, np.ndarray[Any, Any]]:
     return load_file(folder / "weights.safetensors")
 
 
-def arguments(config: ReinforceConfig) -> list[str]:
-    """Return a command line that begins the training `config`."""
-    words = [*REINFORCE, "--out", str(config.out), "--steps", str(config.steps)]
-    for name, value in SMALL.items():
-        if name != "progress":
-            words += [f"--{name.replace('_', '-')}", *map(str, value if isinstance(value, tuple) else (value,))]
-    return [*words, "--no-progress"]
-
-
 @pytest.mark.nightly
-def test_killed_again_and_again_it_comes_to_the_same_bits(tmp_path: Path) -> None:
-    """In each round it is killed 0 to 0.1 s after its first save: between saves, in one, or some updates later.
-
-    The first round begins it, and its first save comes before any update; the others resume, and so does the end.
-    """
-    steps = 48 * 8 * (KILLS + 4)
-    whole = reinforce.train(ReinforceConfig(out=tmp_path / "whole", steps=steps, **SMALL))
-    config = ReinforceConfig(out=tmp_path / "killed", steps=steps)
-    folder, rng, begun = config.directory, np.random.default_rng(0), arguments(config)
-    for _ in range(KILLS):
-        state = folder / "checkpoint" / "state.json"
-        again = [*REINFORCE, "--resume", str(folder), "--no-progress"]
-        before = state.stat().st_mtime_ns if state.is_file() else None
-        process = subprocess.Popen(again if before else begun, cwd=ROOT, stderr=subprocess.PIPE)
-        deadline = time.monotonic() + 120.0  # until it has saved, so that every round gets on
-        while process.poll() is None and time.monotonic() < deadline:
-            if state.is_file() and state.stat().st_mtime_ns != before:
-                break
-            time.sleep(0.005)
-        time.sleep(rng.uniform(0.0, 0.1))
-        process.send_signal(signal.SIGKILL)
-        _, said = process.communicate()
-        assert b"Error" not in said, said
-        assert process.returncode == -signal.SIGKILL  # not through yet
-    assert reinforce.train(ReinforceConfig(resume=folder, progress=False)) == folder
-    for name, tensor in weights(whole).items():
-        np.testing.assert_array_equal(weights(folder)[name], tensor)
+def test_killed_again_and_again_commands_come_to_the_same_files() -> None:
+    command = [sys.executable, "-m", "tests.kills", "--kills", "8"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "to the same files as undisturbed" in done.stdout
 
 
 def test_weights_that_are_no_numbers_are_not_saved(tmp_path: Path) -> None:
