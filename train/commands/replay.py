@@ -73,6 +73,7 @@ def row_of(experiment: Experiment, episode: Episode) -> dict[str, object]:
 
 
 FLUENT = 25.0  # frames a second that a video is to come near
+PIXELS = 736  # of the longest side of a floor in a video
 
 
 @dataclass(frozen=True)
@@ -87,8 +88,6 @@ class ReplayCommand(Checked):
     """Write a video, .mp4 or .gif."""
     speed: float = 4.0
     """Simulated seconds per second of the video."""
-    pixels: int = 736
-    """Longest side of a floor in the video [px]."""
     seed: int | None = None
     """Seed of the world to show (default: the first world)."""
     planner: tuple[str, ...] = ()
@@ -101,7 +100,6 @@ class ReplayCommand(Checked):
     def __post_init__(self) -> None:
         super().__post_init__()
         self._between(0.01, 1000.0, "speed")
-        self._between(64, 8192, "pixels")
 
     def run(self) -> None:
         """Load the episodes, show them, and print what was written."""
@@ -150,7 +148,7 @@ class ReplayCommand(Checked):
         every, fps = pace(episodes, self.speed)
         with VideoWriter(path, fps) as video, make_progress() as progress:
             bar = progress.add_task("video", total=1 + int(max(map(seconds_of, episodes)) / every + 1e-6))
-            for frame in frames(episodes, worlds, names, every, self.pixels):
+            for frame in frames(episodes, worlds, names, every):
                 video.add(frame)
                 progress.advance(bar)
         print(f"wrote the video to {path}: {video.frames / fps:.0f} s at {self.speed:g} times the speed")
@@ -189,13 +187,13 @@ def pace(episodes: Sequence[Episode], speed: float) -> tuple[float, float]:
 
 
 def frames(
-    episodes: Sequence[Episode], worlds: Sequence[int], names: Sequence[str], every: float, pixels: int
+    episodes: Sequence[Episode], worlds: Sequence[int], names: Sequence[str], every: float
 ) -> Iterator[NDArray[np.uint8]]:
     """Yield pictures uint8[H, W, 3] of all episodes side by side; a finished one shows its last frame."""
     from warehouse_env.render.floor import scale_for
     from warehouse_env.render.frame import draw
 
-    scale = min(scale_for(episode.grid, pixels, most=64.0) for episode in episodes)
+    scale = min(scale_for(episode.grid, PIXELS, most=64.0) for episode in episodes)
     films = [_film(*one, every) for one in zip(episodes, worlds, names, strict=True)]
     last: list[NDArray[np.uint8]] = [np.empty((0, 0, 3), np.uint8)] * len(films)
     for scenes in itertools.zip_longest(*films):

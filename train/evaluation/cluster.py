@@ -12,8 +12,6 @@ import importlib.util
 import os
 import platform
 import re
-import secrets
-import shutil
 import signal
 import socket
 import sys
@@ -30,12 +28,11 @@ from train.reporting.report import tell
 from warehouse_env import __version__
 from warehouse_env.errors import ConfigError, WarehouseError, counted, shown
 
-AUTO, LOCAL = "auto", "local"
+AUTO = "auto"
 _ADDRESS = re.compile(r"[^\s:/]+:\d{1,5}|\[[0-9a-fA-F:]+\]:\d{1,5}")
 _TRIES = 4  # of a job whose worker or node is lost
 _WAIT = 0.2  # [s] between two looks at the tasks
 _CONNECT_SECONDS = 10.0
-_LONGEST_FOLDER = 20  # letters of a temporary folder's name, which leave room for the 107 of a socket's
 _PACKAGES = ("warehouse_env", "agents", "train")
 _LIBRARIES = ("numpy", "numba", "llvmlite", "torch")
 
@@ -47,7 +44,7 @@ class Cluster:
     """The cores of a cluster, connected to at the first job (see `Workers`). Ray repeats the jobs of lost workers."""
 
     def __init__(self, address: str, prepare: Callable[[], None] | None = None) -> None:
-        """Take a cluster: LOCAL, one of this machine alone; AUTO, the one that this machine belongs to; or HOST:PORT.
+        """Take a cluster: AUTO, the one that this machine belongs to; or HOST:PORT.
 
         prepare: called once on each node before any job, as to compile kernels.
         """
@@ -92,7 +89,7 @@ class Cluster:
             raise lost_jobs(lost, len(jobs), _TRIES)
 
     def close(self) -> None:
-        """Cancel all jobs and leave the cluster; one of this machine alone ends, and leaves nothing behind."""
+        """Cancel all jobs and leave the cluster."""
         for reference in self._under_way:
             self._ray.cancel(reference, force=True)
         self._under_way.clear()
@@ -102,8 +99,8 @@ class Cluster:
 
 def check_address(ray: str) -> None:
     """Raise ConfigError for a wrong address of a cluster, or if Ray is not installed."""
-    if ray not in (AUTO, LOCAL) and not _ADDRESS.fullmatch(ray):
-        raise ConfigError(f"--ray {shown(ray)} must be {AUTO}, {LOCAL} or HOST:PORT")
+    if ray != AUTO and not _ADDRESS.fullmatch(ray):
+        raise ConfigError(f"--ray {shown(ray)} must be {AUTO} or HOST:PORT; --processes is for this machine alone")
     if importlib.util.find_spec("ray") is None:
         raise ConfigError('--ray needs the package ray: pip install "warehouse-env[ray]"')
 
@@ -112,8 +109,7 @@ def check_address(ray: str) -> None:
 def connected(address: str) -> Iterator[Any]:
     """Connect this process to a cluster; yields the library. Raises WarehouseError in one sentence if it cannot.
 
-    A cluster of this machine alone ends with the context; its token and its files stay out of the user's home. Where
-    this process is connected already, that connection is used, and stays.
+    Where this process is connected already, that connection is used, and stays.
     """
     if "ray" in sys.modules and (ray := sys.modules["ray"]).is_initialized():
         yield ray
@@ -123,23 +119,16 @@ def connected(address: str) -> Iterator[Any]:
     os.environ.setdefault("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")  # else it warns of what a later version will do
     os.environ.setdefault("RAY_task_oom_retries", str(_TRIES - 1))  # else a job that needs too much memory never ends
     with contextlib.ExitStack() as stack:
-        options: dict[str, Any] = {"address": address}
-        usual = tempfile.gettempdir()
-        folder = tempfile.mkdtemp(prefix="warehouse-", dir=usual if len(usual) <= _LONGEST_FOLDER else "/tmp")
-        stack.callback(shutil.rmtree, folder, ignore_errors=True)
-        if address == LOCAL:
-            if "RAY_AUTH_MODE" not in os.environ:  # for good: Ray reads the token once in a process
-                os.environ.update(RAY_AUTH_MODE="token", RAY_AUTH_TOKEN=secrets.token_hex(32))
-            options = {"address": LOCAL, "include_dashboard": False, "_temp_dir": folder}
+        folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="warehouse-", ignore_cleanup_errors=True))
         import ray
 
         before = signal.getsignal(signal.SIGTERM)
         try:
             with contextlib.chdir(folder):  # Ray has workers look for modules here first: nowhere is best
-                ray.init(log_to_driver=False, configure_logging=False, **options)
+                ray.init(address, log_to_driver=False, configure_logging=False)
         except (OSError, RuntimeError, ValueError) as error:  # ConnectionError is an OSError
-            joins = "; this machine must belong to the cluster: `ray start --address HOST:PORT` has it join one"
-            raise WarehouseError(f"--ray {address}: {_first_line(error)}{joins * (address != LOCAL)}") from None
+            joins = "this machine must belong to the cluster: `ray start --address HOST:PORT` has it join one"
+            raise WarehouseError(f"--ray {address}: {_first_line(error)}; {joins}") from None
         stack.callback(ray.shutdown)
         if before is not None:
             with contextlib.suppress(ValueError):  # not in the main thread
@@ -149,7 +138,7 @@ def connected(address: str) -> Iterator[Any]:
 
 def _check_there(address: str) -> None:
     """Raise WarehouseError where nobody answers at HOST:PORT, which Ray itself finds out in minutes."""
-    if address in (AUTO, LOCAL):
+    if address == AUTO:
         return
     host, _, port = address.rpartition(":")
     try:

@@ -23,7 +23,7 @@ class WorkerOptions(Checked):
     """Number of processes that do jobs side by side; rows do not depend on it, except for times (default: 1 for
     evaluate, robust and audit, else the number of cores)."""
     ray: str | None = None
-    """Do the jobs on a Ray cluster: auto (the one this machine belongs to), HOST:PORT, or local (this machine)."""
+    """Do the jobs on a Ray cluster: auto (the one that this machine belongs to) or HOST:PORT."""
 
     usual_processes: ClassVar[int] = 1
 

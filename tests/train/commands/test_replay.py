@@ -65,7 +65,7 @@ def test_a_video_lasts_as_long_as_it_says(
     imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg")
     pytest.importorskip("pygame")
     path = tmp_path / "clip.mp4"
-    said = run(capsys, *files, "--video", path, "--speed", "3", "--pixels", "200")
+    said = run(capsys, *files, "--video", path, "--speed", "3")
     assert said == f"wrote the video to {path}: 2 s at 3 times the speed\n"
     count, seconds = imageio_ffmpeg.count_frames_and_secs(str(path))
     assert count == 61

@@ -6,7 +6,6 @@ import os
 import signal
 import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -91,20 +90,3 @@ def test_a_driver_that_is_killed_goes_on(tmp_path: Path, connected_nodes: Any) -
         driver.send_signal(signal.SIGKILL)
     assert 0 < len(read_rows(path)) < 10
     assert driven(path.parent, "--ray", connected_nodes.address, "--resume") == driven(tmp_path / "here")
-
-
-@pytest.mark.nightly
-def test_a_cluster_of_this_machine_leaves_nothing_behind(tmp_path: Path) -> None:
-    home, work = tmp_path / "home", Path(tempfile.mkdtemp(prefix="t-"))
-    home.mkdir()
-    settings = {name: value for name, value in os.environ.items() if not name.startswith("RAY_")}
-    environment = {**settings, "HOME": str(home), "TMPDIR": str(work)}
-    command = [*DRIVE, "--episodes", "1", "--out", str(tmp_path / "rows"), "--ray", "local"]
-    run = subprocess.run(
-        [sys.executable, "-m", "train.cli", *command], cwd=tmp_path, env=environment, capture_output=True, text=True,
-        check=False,
-    )  # fmt: skip
-    assert run.returncode == 0, run.stderr
-    assert "1 node with" in run.stderr
-    assert not [path for path in home.rglob("*") if "ray" in path.name]
-    work.rmdir()  # which is empty

@@ -182,7 +182,7 @@ def test_a_node_with_other_code_is_an_error() -> None:
     ("options", "sentence"),
     [
         (("--ray", "auto", "--processes", "2"), "--processes 2 must be left out with --ray"),
-        (("--ray", "somewhere"), "--ray 'somewhere' must be auto, local or HOST:PORT"),
+        (("--ray", "somewhere"), "--ray 'somewhere' must be auto or HOST:PORT"),
     ],
 )
 def test_wrong_options_are_said_in_one_sentence(
