@@ -79,9 +79,7 @@ class LearnedPolicy:
         """Whether actions are drawn, rather than the most probable ones."""
         return self.record.mode == "sample"
 
-    def preferences(self, observation: Observation) -> NDArray[np.float32]:
-        """Return the logits of discrete actions, float32[..., A] from float32[..., D]."""
-        return self.output(observation)
+    preferences = output  # the logits of discrete actions
 
     def act(self, observation: Observation, rng: np.random.Generator) -> Action:
         """Choose actions by the mode of config.json: drawn with `rng`, or the most probable (shapes: `Policy.act`)."""

@@ -5,13 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
-from numpy.typing import NDArray
 from stable_baselines3 import DQN, PPO
 from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.torch_layers import FlattenExtractor
 from stable_baselines3.dqn.policies import DQNPolicy
 from torch import nn
 
+from agents.networks import tensors_of
 from agents.weights_folder import Activation, Mode, Network, PolicyRecord, save_policy
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, WeightsError
@@ -39,14 +39,13 @@ def save_model(
         raise ConfigError("the model has no environment; say as config=EnvConfig(...) in which one it was trained")
     layers = _layers(model)
     tensors = {
-        f"{part}.{k}.{kind}": _array(getattr(layer, kind))
+        f"{part}.{name}": array
         for part, found in layers.items()
-        for k, layer in enumerate(found)
-        for kind in ("weight", "bias")
+        for name, array in tensors_of(nn.ModuleList(found)).items()
     }
     greedy, real = isinstance(model, DQN), getattr(model.policy, "log_std", None)
     if real is not None:
-        tensors["log_std"] = _array(real)
+        tensors["log_std"] = real.detach().cpu().numpy()
     sizes = {part: tuple(layer.out_features for layer in found) for part, found in layers.items()}
     critic = None if greedy else sizes["critic"][:-1]
     *hidden, actions = sizes["actor"]
@@ -74,11 +73,6 @@ def _layers(model: BaseAlgorithm) -> dict[str, list[nn.Linear]]:
 
 def _linear(*modules: nn.Module) -> list[nn.Linear]:
     return [layer for module in modules for layer in module.modules() if isinstance(layer, nn.Linear)]
-
-
-def _array(tensor: Any) -> NDArray[Any]:
-    found: NDArray[Any] = tensor.detach().cpu().numpy()
-    return found
 
 
 def _activation(policy: Any) -> Activation:

@@ -1,4 +1,4 @@
-"""`orca`: the library's velocities where the answer is known, and the sentence where it is missing."""
+"""`orca`: the library's velocities where the answer is known."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from tests.agents.test_potential_field import seen
 from warehouse_env.config import EnvConfig
 from warehouse_env.observation import observation_layout
 
+pytest.importorskip("pyrvo")
 RNG = np.random.default_rng(0)
 
 
 def test_alone_it_cruises_along_the_route(observe: Observe) -> None:
-    pytest.importorskip("pyrvo")
     config = EnvConfig()
     policy = Reciprocal(config)
     assert policy.velocity(seen(observe, config, (1.2, 1.6)))[0, 0] == pytest.approx([0.9, 1.2])
@@ -27,7 +27,6 @@ def test_half_of_the_change_is_the_own_one(observe: Observe) -> None:
 
     Half of that, .25 m/s, at right angles to the leg, is the own share: slower by .25^2, and to the right.
     """
-    pytest.importorskip("pyrvo")
     config = EnvConfig(speed_levels=(0.0, 1.0))
     observation = seen(observe, config, speed=1.0, other=(4.0, 0.0), turn=np.pi)
     observation[..., observation_layout(config).slices["neighbours"].start + 4] = -2.0 / config.robot.max_speed

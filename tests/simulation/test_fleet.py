@@ -67,11 +67,11 @@ def differ(name: str) -> list[str]:
     spoiled = Simulator(mixed)
     for limit in OWN:
         spoiled._params[limit] = spoiled._true_params[limit] = np.nan
-    found = (
-        [] if outcome(spoiled) == outcome(Simulator(mixed)) else ["the world's record is asked for what is one's own"]
-    )
-    alike = outcome(Simulator(config.replace(fleet=parts(RobotSpec())))) == outcome(Simulator(config))
-    return found if alike else [*found, "parts that are as all others make a difference"]
+    pairs = {
+        "spoiled": (spoiled, Simulator(mixed)),  # the world's record is asked for what is one's own
+        "alike": (Simulator(config.replace(fleet=parts(RobotSpec()))), Simulator(config)),
+    }
+    return [name for name, (one, other) in pairs.items() if outcome(one) != outcome(other)]
 
 
 @pytest.mark.parametrize("name", ["all rules", pytest.param("errors", marks=pytest.mark.nightly)])

@@ -14,8 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tests.simulation.reference import FRONT, LENGTH, WIDTH
 from warehouse_env.config import EnvConfig
 from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.simulation.physics.geometry import Rectangle
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.state import NOBODY, OWNER
 
@@ -73,6 +75,14 @@ def lay(simulator: Simulator, *corners: tuple[float, float]) -> None:
     simulator.routes[0, 0, : len(points)] = points
     (x, y), (row, column) = points[-1], simulator.grid.cell(points[-1])
     write(simulator.robots[0, 0], points=len(points), spacing=0.5, goal_x=x, goal_y=y, goal_row=row, goal_col=column)
+
+
+def body_at(
+    x: float, y: float, heading: float, length: float = LENGTH, width: float = WIDTH, front: float = FRONT
+) -> Rectangle:
+    """The simulator's rectangle of a robot whose front axle is at (x, y), rounded to float32."""
+    c, s, back = math.cos(heading), math.sin(heading), length / 2 - front
+    return Rectangle(*map(np.float32, (x - back * c, y - back * s, c, s, length / 2, width / 2)))
 
 
 def raw(simulator: Simulator, *commands: tuple[float, float]) -> NDArray[np.float32]:

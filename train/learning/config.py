@@ -220,7 +220,7 @@ class TrainingConfig(Checked):
             return data
         usual = cls().traffic_spec
         after = data.get("right_of_way_after", usual.right_of_way_after if usual.right_of_way else None)
-        old = {"protective_field": bool(usual.shield), "reroute": bool(usual.routes)}
+        old: dict[str, Any] = {"protective_field": bool(usual.shield), "reroute": bool(usual.routes)}
         old |= {name: data[name] for name in _OLD & data.keys()}
         old |= {"right_of_way": after is not None, "right_of_way_after": after or 0.0}
         text = written_traffic(EnvConfig.from_dict(old).traffic_spec)

@@ -81,11 +81,8 @@ def test_who_brakes_before_an_end_stands_there_and_never_beyond(way: float, spee
 
 
 def test_the_observation_tells_the_goal_where_robots_stop_and_is_the_same_before_it() -> None:
-    passing, stopping = (
-        EnvConfig(traffic=TrafficSpec(shield=True)),
-        EnvConfig(traffic=TrafficSpec(shield=True), arrival="stop"),
-    )
-    one, two = observation_layout(passing), observation_layout(stopping)
+    passing = EnvConfig(traffic=TrafficSpec(shield=True))
+    one, two = observation_layout(passing), observation_layout(passing.replace(arrival="stop"))
     assert two.size == one.size + GOAL
     assert {name: two.slices[name] for name in one.slices} == one.slices
     sim = simulator(arrival="stop")

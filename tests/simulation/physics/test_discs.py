@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 
 from tests.simulation.reference import OFFSET, on_arcs
 from tests.simulation.senses.test_sensing import centre, expected_lidar, lidar
-from tests.simulation.worlds import put, stage
+from tests.simulation.worlds import body_at, put, stage
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.simulation.physics.discs import keeps_off_disc
 from warehouse_env.simulation.physics.floor import floor_of
 from warehouse_env.simulation.physics.footprint import body_touches_shelf
-from warehouse_env.simulation.physics.geometry import Rectangle
 from warehouse_env.simulation.physics.sweep import Sweep
 from warehouse_env.simulation.simulator import Simulator
 
@@ -39,17 +38,13 @@ def gaps(x: float, y: float, heading: float, discs: NDArray[np.float64] = DISCS)
     return outside + np.minimum(np.maximum(beyond, aside), 0.0) - discs[:, 2]
 
 
-def touches(cx: float, cy: float, heading: float) -> bool:
-    body = Rectangle(*map(F, (cx, cy, math.cos(heading), math.sin(heading), 0.45, 0.3)))
-    return bool(body_touches_shelf(body, FLOOR))
-
-
 @given(inside, st.floats(-math.pi, math.pi))
 def test_body_against_discs_agrees_with_the_distance(point: tuple[float, float], heading: float) -> None:
     cx, cy = point
-    apart = gaps(cx + OFFSET * math.cos(heading), cy + OFFSET * math.sin(heading), heading).min()
+    axle = (cx + OFFSET * math.cos(heading), cy + OFFSET * math.sin(heading), heading)
+    apart = gaps(*axle).min()
     assume(abs(apart) > 5e-6 and not touches_shelf_or_rim(cx, cy))
-    assert touches(cx, cy, heading) == (apart < 0)
+    assert body_touches_shelf(body_at(*axle), FLOOR) == (apart < 0)
 
 
 def touches_shelf_or_rim(cx: float, cy: float) -> bool:
@@ -75,13 +70,9 @@ def test_a_body_touches_a_disc_between_samples_where_dense_sampling_says_so(seed
     apart = np.array([gaps(*pose, disc)[0] for pose in poses])
     if min(apart[0], apart[-1]) <= 1e-5:
         return
-    ends = []
-    for x, y, heading in poses[[0, -1]]:
-        c, s = math.cos(heading), math.sin(heading)
-        ends.append(Rectangle(*map(F, (x - OFFSET * c, y - OFFSET * s, c, s, 0.45, 0.3))))
     bend = abs(math.tan(steer[0])) / 0.6
     way = abs(speed[0]) * dt * (1.0 + float(p["far"]) * bend)
-    off = keeps_off_disc(*np.float32(disc[0]), Sweep(*ends, F(0.0)), F(way), p)
+    off = keeps_off_disc(*np.float32(disc[0]), Sweep(*(body_at(*pose) for pose in poses[[0, -1]]), F(0.0)), F(way), p)
     if apart.min() < -1e-5:
         assert not off
     if apart.min() > 2e-5:

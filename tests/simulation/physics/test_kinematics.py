@@ -94,3 +94,17 @@ def test_the_steered_wheels_of_a_front_steered_vehicle_roll_where_they_point(ste
     (x, y, heading), (to_x, to_y, to_heading) = places
     way = math.atan2(to_y - y, to_x - x)  # of the steered axle: a chord, so along the mean heading
     assert math.remainder(way - (heading + to_heading) / 2 + steering, 2 * math.pi) == pytest.approx(0.0, abs=1e-3)
+
+
+def test_a_robot_that_breaks_down_brakes_and_stands_whatever_its_commands() -> None:
+    simulator = stage(room(3, 20), (2.0, 1.5, 0.0, 1.5, 0.2))
+    simulator.break_down(0, 0)
+    for _ in range(15):  # 1.5 m/s at 1 m/s^2
+        assert simulator.state.speed[0, 0] > 0
+        simulator.step(raw(simulator, (1.0, 1.5)))
+    stands = simulator.state.pose.copy()
+    assert np.hypot(*(stands[0, 0, :2] - [2.0, 1.5])) == pytest.approx(1.5**2 / 2, abs=0.02)
+    for _ in range(20):
+        simulator.step(raw(simulator, (1.0, -1.5)))
+        np.testing.assert_array_equal(simulator.state.pose, stands)
+    assert (simulator.state.speed[0, 0], simulator.state.steer[0, 0]) == (0.0, np.float32(0.2))

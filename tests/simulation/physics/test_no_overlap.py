@@ -7,7 +7,6 @@ import math
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from tests.simulation.reference import bodies, deepest_overlap, rectangle, separation, shelves
 from tests.simulation.worlds import drawn, room, stage
@@ -35,11 +34,6 @@ def crowd(rng: np.random.Generator, grid: GridMap, most: int, gap: float) -> lis
     return poses
 
 
-def assert_apart(simulator: Simulator, walls: NDArray[np.float64]) -> None:
-    pose = simulator.state.pose[0].astype(np.float64)
-    assert deepest_overlap(*pose.T, walls) < DEEP
-
-
 def shake(simulator: Simulator, rng: np.random.Generator, steps: int, hold: int) -> tuple[int, int]:
     """Drive all robots by random full commands, each held for about `hold` steps; return (contacts, chains) seen."""
     walls = shelves(simulator.grid.occupied, simulator.grid.cell_size)
@@ -49,7 +43,7 @@ def shake(simulator: Simulator, rng: np.random.Generator, steps: int, hold: int)
         fresh = rng.choice([-1.0, 0.0, 1.0], commands.shape, p=[0.25, 0.15, 0.6])
         commands = np.where(rng.random((1, simulator.num_agents, 1)) < 1 / hold, fresh, commands)
         simulator.step(commands)
-        assert_apart(simulator, walls)
+        assert deepest_overlap(*simulator.state.pose[0].astype(np.float64).T, walls) < DEEP
         contacts += int(simulator.events.touching[0].sum())
         chains += int(simulator.events.touching[0].sum() > 2)
     return contacts, chains

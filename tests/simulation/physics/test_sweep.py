@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 
 from tests.simulation.physics.test_no_overlap import DEEP, MAZE, crowd
 from tests.simulation.reference import bodies, deepest_overlap, on_arcs, separation, shelves
-from tests.simulation.worlds import drawn, raw, room, stage
+from tests.simulation.worlds import body_at, drawn, raw, room, stage
 from warehouse_env.config import EnvConfig, RobotSpec
-from warehouse_env.simulation.physics.geometry import Rectangle
 from warehouse_env.simulation.physics.sweep import Sweep, touch_between
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.state import parameters_of
@@ -79,12 +78,7 @@ def test_bodies_touch_between_samples_where_dense_sampling_says_so(
         return
     sweeps = []
     for robot, kind in enumerate(kinds):
-        ends = []
-        for x, y, heading in poses[[0, -1], robot]:
-            c, s, back = math.cos(heading), math.sin(heading), kind.length / 2 - kind.front_overhang
-            ends.append(
-                Rectangle(*map(np.float32, (x - back * c, y - back * s, c, s, kind.length / 2, kind.width / 2)))
-            )
+        ends = (body_at(*pose, kind.length, kind.width, kind.front_overhang) for pose in poses[[0, -1], robot])
         sweeps.append(Sweep(*ends, np.float32(0.0)))
     found = touch_between(*sweeps, q["offset"], p, q)
     if apart.min() < -DEEP:

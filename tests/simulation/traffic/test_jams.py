@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.simulation.worlds import Pose, room, stage
+from tests.simulation.worlds import Pose, room, stage, write
 from warehouse_env.simulation.record.deadlocks import DeadlockCounter
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.state import NOBODY
@@ -56,10 +56,7 @@ def test_only_who_stands_waits() -> None:
 @pytest.mark.parametrize(("refused_by", "yields_to", "answer"), [(2, NOBODY, 2), (NOBODY, 2, 2), (2, 1, 2)])
 def test_who_has_refused_it_or_goes_first_is_waited_for(refused_by: int, yields_to: int, answer: int) -> None:
     simulator = standing(*QUEUE, goals=[(6, 10), (6, 11), (6, 9)])
-    simulator.robots["shield"]["vetoed_by"][0, 0], simulator.robots["traffic"]["yields_to"][0, 0] = (
-        refused_by,
-        yields_to,
-    )
+    write(simulator.robots[0, 0], vetoed_by=refused_by, yields_to=yields_to)
     assert waits(simulator) == [answer, NOBODY, NOBODY]
     simulator.robots["clocks"]["waiting_time"] = 0.0  # yet who drives waits for nobody
     assert waits(simulator) == [NOBODY] * 3

@@ -12,7 +12,7 @@ import pytest
 
 from train.evaluation.workers import RowOptions
 from train.reporting.report import Table, evaluation_table, number, summarise, with_interval
-from train.reporting.rows import Interval, RowFile, mean_interval, read_rows, t_quantile, wilson_interval
+from train.reporting.rows import Interval, RowFile, mean_interval, read_rows, t_quantile, whole_rows, wilson_interval
 from warehouse_env.errors import WarehouseError
 from warehouse_env.traffic_spec import TrafficSpec
 
@@ -180,3 +180,20 @@ def test_rows_are_replaced_only_where_that_is_said(tmp_path: Path) -> None:
     with RowOptions(overwrite=True).file_of(path) as file:
         file.add([{"a": 4}])
     assert [one["a"] for one in read_rows(path)] == [4]
+
+
+def test_a_torn_last_line_is_cut_off_so_that_the_file_can_grow(tmp_path: Path) -> None:
+    path = tmp_path / "rows.jsonl"
+    assert whole_rows(path) == []
+    path.write_text('{"a": 1}\n{"a": 2')
+    assert whole_rows(path) == [{"a": 1}]
+    RowFile(path, keep=True).add([{"a": 3}])
+    assert read_rows(path) == [{"a": 1}, {"a": 3}]
+
+
+def test_a_damaged_line_is_named_and_left_in_the_file(tmp_path: Path) -> None:
+    path = tmp_path / "rows.jsonl"
+    path.write_text('{"a": 1}\n[1]\n')
+    with pytest.raises(WarehouseError, match="line 2"):
+        whole_rows(path)
+    assert path.read_text() == '{"a": 1}\n[1]\n'
