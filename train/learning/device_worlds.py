@@ -36,7 +36,8 @@ class TrainingDevice(DeviceSimulator):
         self._jam_seconds, self._shared = jam_seconds, shared
         self.fields: dict[str, dict[str, Tensor]] = {owner: {} for owner in OWNER.values()}
         for name, owner in OWNER.items():
-            self.fields[owner][name] = field_on_device(self.robots, name)
+            erring = self._errs and owner == "motion"  # `robots` would be a copy, which the next step leaves behind
+            self.fields[owner][name] = field_on_device(self._tensors["actual" if erring else "robots"], name)
         self.stuck, self.ends = torch.zeros(()), list[bool]()
         self._jammed = torch.zeros(num_worlds, dtype=torch.bool, pin_memory=self.device.type == "cuda")
 

@@ -20,7 +20,10 @@ from train.learning.config import ReinforceConfig, ThreadedConfig, ThreadedPPOCo
 from train.learning.device_worlds import DeviceWorlds, TrainingDevice
 from train.learning.threaded import ThreadedTrainer, shares
 from train.learning.worlds import TrainingSimulator, TrainingWorlds
-from warehouse_env.config import RewardWeights
+from warehouse_env.config import EnvConfig, RewardWeights
+from warehouse_env.simulation.device.memory import field_on_device
+from warehouse_env.simulation.state import OWNER
+from warehouse_env.traffic_spec import UncertaintySpec
 
 T = TypeVar("T")
 SIXTEEN = SMALL | {"rows": 16, "steps": 16 * 6 * 8, "traffic": "none:shield=true"}
@@ -89,3 +92,13 @@ def test_a_device_trains_in_the_worlds_of_the_cpu() -> None:
     assert rows.tolist() == list(range(8, 24))
     assert there.simulators[0].steps.tolist() == [here.simulators[0].steps[0] + 1, 0, 0]
     assert not torch.equal(there.observation[rows], final)
+
+
+@pytest.mark.parametrize("errors", [UncertaintySpec(), UncertaintySpec(pose_error=0.05, actuation_error=0.1)])
+def test_a_training_on_a_device_judges_robots_as_they_are_now(errors: UncertaintySpec) -> None:
+    worlds = TrainingDevice(EnvConfig(num_agents=4, layout="paper46", uncertainty=errors), 2, 0.0, 0.0, "cpu")
+    worlds.reset(0)
+    for _ in range(5):
+        worlds.step(torch.full((2, 4), 8))
+    for name in ("x", "speed", "stalled_time"):
+        assert torch.equal(worlds.fields[OWNER[name]][name], field_on_device(worlds.robots, name))
