@@ -6,6 +6,7 @@ from statistics import fmean
 
 from train.evaluation.rollout import make_experiment, run
 from train.learning.config import TrainingConfig
+from train.learning.floors import HELD_OUT_FLOORS, floor_of
 from train.learning.progress import FIGURES
 
 SEED = 900_000_000  # far above those of trainings and those that `warehouse evaluate` begins with
@@ -19,6 +20,7 @@ def held_out(config: TrainingConfig) -> dict[str, float]:
     """
     rows = []
     for number in range(_EPISODES):
-        base = config.env(config.layouts[number % len(config.layouts)], max(config.robots))
+        floor = floor_of(config.layouts[number % len(config.layouts)], HELD_OUT_FLOORS + number)
+        base = config.env(floor, max(config.robots))
         rows += run(make_experiment(str(config.directory), base, 1, config.episode_seconds, SEED + number))
     return {name: fmean(row[name] for row in rows) for name in FIGURES}

@@ -19,11 +19,14 @@ from stable_baselines3.common.vec_env import VecEnvWrapper
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepReturn
 
 from agents.networks import first_actor_critic, tensors_of
+from train.books import book_of
 from train.held_out import held_out
 from train.learning.config import PPOConfig
+from train.learning.floors import check_fixed
+from train.learning.tally import TrainingTally
 from train.learning.trainer import Split, Tensors, Trainer, network_of, set_threads
 from train.learning.training_run import run_training
-from train.learning.worlds import TrainingSimulator, TrainingTally
+from train.learning.worlds import TrainingSimulator
 from warehouse_env.envs.vector import WarehouseVecEnv
 
 
@@ -55,7 +58,8 @@ class Ppo(Trainer):
         mixes = config.worlds(config.rows)
         self.env = mixes[0][0]
         with self.split.measure("simulator_s"):
-            self._simulators = [TrainingSimulator(*one, config.jam_seconds, config.shared) for one in mixes]
+            rest = config.jam_seconds, config.shared
+            self._simulators = [TrainingSimulator(*one, *rest, book_of(one[0])) for one in mixes]
             self._tally = TrainingTally(self._simulators)
             worlds = WarehouseVecEnv(self._simulators)
             worlds.seed(config.seed)
@@ -133,4 +137,5 @@ class Ppo(Trainer):
 
 def train(config: PPOConfig) -> Path:
     """Train by `config`; return the run's folder, a policy folder (errors: `run_training`)."""
+    check_fixed(config.layouts)
     return run_training(config, Ppo, held_out)

@@ -47,7 +47,8 @@ def test_it_holds_the_routes_of_the_cache_while_it_grows(robot: RobotSpec | None
 def test_one_that_is_too_full_begins_anew_but_only_when_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(route_table, "MOST", 20)
     grid = GridMap(np.zeros((3, 3), dtype=bool), name="empty")
-    table = RouteBook(grid, make_planner("astar")).table(None)
+    book = RouteBook(grid, make_planner("astar"))
+    table = book.table(None)
     keys = np.array(keys_between(9, table.lines))
     table.fill(keys)
     assert table.count == 81
@@ -60,6 +61,7 @@ def test_one_that_is_too_full_begins_anew_but_only_when_told(monkeypatch: pytest
 
 def test_a_goal_without_a_path_is_named() -> None:
     grid = GridMap(np.array([[False, False, False, True, False]] * 3), name="split")
-    table = RouteBook(grid, make_planner("astar")).table(None)
+    book = RouteBook(grid, make_planner("astar"))
+    table = book.table(None)
     with pytest.raises(PlanError, match=r"found no path from \(0, 0\) to \(0, 4\)"):
         table.fill(np.array([entry(0, 4, 0, 15, table.lines)[0]]))

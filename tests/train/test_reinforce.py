@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,8 @@ from tests.train.trainings import SMALL
 from train import reinforce
 from train.learning.config import HELD_OUT_SEED, ReinforceConfig
 from train.learning.experience import advantages
-from train.learning.worlds import TrainingSimulator, TrainingTally, TrainingWorlds
+from train.learning.tally import TrainingTally
+from train.learning.worlds import TrainingSimulator, TrainingWorlds
 from train.reinforce import policy_loss
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, WeightsError
@@ -73,8 +75,9 @@ def test_a_training_leaves_a_policy_that_acts(config: ReinforceConfig) -> None:
 def test_contacts_go_on_in_worlds_that_are_brought_back() -> None:
     """A contact episode that lasts is not counted once more, though a first episode began with some age."""
     config = EnvConfig(num_agents=16, layout="paper46", planner="astar", max_steps=900)
-    simulator, its = (TrainingSimulator(config, 3, 1e6, 0.0) for _ in range(2))
-    worlds, twin = TrainingWorlds([simulator], [0]), TrainingWorlds([its], [0])
+    make = partial(TrainingSimulator, jam_seconds=1e6, shared=0.0)
+    worlds, twin = (TrainingWorlds(make, [(config, 3)], [0]) for _ in range(2))
+    simulator, its = worlds.simulators[0], twin.simulators[0]
     onwards = torch.full((worlds.rows,), int(simulator.cruise_action))
     for _ in range(250):
         worlds.step(onwards)
@@ -131,10 +134,9 @@ def test_the_tally_counts_what_the_episode_counts() -> None:
 def test_robots_that_are_stuck_and_worlds_that_jam_are_told_apart_from_goals() -> None:
     """Nobody moves: after a second all are stuck, after two a world has jammed; the last ends before, by its age."""
     config = EnvConfig(layout="open", num_agents=5, planner="astar", max_steps=100, stuck_after=1.05)
-    simulator = TrainingSimulator(config, 4, jam_seconds=2.05, shared=0.0)
-    worlds = TrainingWorlds([simulator], [0, 0])
+    worlds = TrainingWorlds(partial(TrainingSimulator, jam_seconds=2.05, shared=0.0), [(config, 4)], [0, 0])
     stand = torch.full((worlds.rows,), 5)  # 0 m/s
-    simulator.steps[:] = [0, 0, 0, 95]  # the last world has five steps left
+    worlds.simulators[0].steps[:] = [0, 0, 0, 95]  # the last world has five steps left
     for _ in range(10):
         worlds.step(stand)
     young = worlds.tally.take().figures(0.1)
@@ -149,7 +151,8 @@ def test_robots_that_are_stuck_and_worlds_that_jam_are_told_apart_from_goals() -
 
 
 def test_training_worlds_end_spread_and_draw_seeds_below_the_held_out_ones(config: ReinforceConfig) -> None:
-    worlds = TrainingWorlds([TrainingSimulator(config.env("open", 2), 5, 100.0, 0.0)], [0, 0])
+    make = partial(TrainingSimulator, jam_seconds=100.0, shared=0.0)
+    worlds = TrainingWorlds(make, [(config.env("open", 2), 5)], [0, 0])
     ends = []
     for step in range(15):
         ends += [step for _ in worlds.step(torch.full((worlds.rows,), 15))]

@@ -16,6 +16,7 @@ import tyro
 
 from agents.weights_folder import Mode
 from train.kinds import Kinds
+from train.learning.floors import check_fixed
 from warehouse_env.checked import Checked
 from warehouse_env.config import ActionType, EnvConfig, RewardWeights, SensorSpec
 from warehouse_env.traffic_spec import TrafficSpec, read_traffic, written_traffic
@@ -48,7 +49,7 @@ class TrainingConfig(Checked):
     """Budget of agent-steps (one decision of one robot); 45 million without MINUTES."""
     layouts: _Floors = ("paper46", "narrow", "single_lane", *DRAWN[:4])
     """Floors to train on: names of `warehouse layouts`, files NAME.map or NAME.yaml, or your own, FILE.py:FUNCTION;
-    each is mixed with each robot count."""
+    each is mixed with each robot count. seed=new, as in aisles:seed=new, draws new floors as the training goes on."""
     robots: tuple[int, ...] = (16, 32)
     """Robots in a world."""
     fleet: Annotated[Kinds | None, tyro.conf.Suppress] = None
@@ -233,16 +234,20 @@ class ThreadedConfig(TrainingConfig):
 
     critic_factor: float = 4.0
     """The critic's step size, as a multiple of the actor's."""
+    floor_episodes: int = 2
+    """Episodes on a floor that seed=new drew, until it draws the next."""
     device: str | None = None
     """Keep worlds, rollouts and updates on a device: cuda, cuda:1, or cpu, which needs no GPU (docs/how_to/gpu.md)."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
         self._between(0.0, 1e9, "critic_factor")
+        self._between(1, 1_000_000, "floor_episodes")
         if self.device is not None:
             from warehouse_env.simulation.device.memory import memory_of
             from warehouse_env.simulation.device.simulator import check_device
 
+            check_fixed(self.layouts)
             memory_of(self.device)
             check_device(self.env("open", self.robots[0]))
 

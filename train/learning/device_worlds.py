@@ -13,10 +13,10 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from train.books import book_of
 from train.learning import checkpoint
 from train.learning.worlds import TrainingWorlds, jammed_worlds, shape_reward, spread_ends
 from warehouse_env.config import EnvConfig
+from warehouse_env.routes.book import RouteBook
 from warehouse_env.simulation.device.memory import field_on_device
 from warehouse_env.simulation.device.simulator import DeviceSimulator
 from warehouse_env.simulation.state import OWNER
@@ -30,9 +30,12 @@ class TrainingDevice(DeviceSimulator):
         stuck, ends: see TrainingSimulator; `stuck` is a tensor.
     """
 
-    def __init__(self, config: EnvConfig, num_worlds: int, jam_seconds: float, shared: float, device: str) -> None:
+    def __init__(
+        self, config: EnvConfig, num_worlds: int, jam_seconds: float, shared: float, device: str,
+        routes: RouteBook | None = None,
+    ) -> None:  # fmt: skip
         """Make the worlds (see TrainingSimulator); device: by torch's name of it."""
-        super().__init__(config, num_worlds, device=device, routes=book_of(config))
+        super().__init__(config, num_worlds, device=device, routes=routes)
         self._jam_seconds, self._shared = jam_seconds, shared
         self.fields: dict[str, dict[str, Tensor]] = {owner: {} for owner in OWNER.values()}
         for name, owner in OWNER.items():

@@ -7,6 +7,7 @@ from functools import partial
 
 from train.books import book_of
 from train.learning.config import TrainingConfig
+from train.learning.floors import draws_floors
 from train.reporting.report import make_progress, tell
 from warehouse_env.simulation.traffic.live import live_planner
 
@@ -20,7 +21,7 @@ def plan_ahead(config: TrainingConfig) -> None:
     Live routes of the same planner need no plans.
     """
     mixes = [env for env, _ in config.worlds(config.rows)]
-    for layout in config.layouts:
+    for layout in (one for one in config.layouts if not draws_floors(one)):
         env = next(env for env in mixes if env.layout == layout)
         seconds = _decisions(config) / len(config.layouts) * env.time_step * env.action_repeat
         book = book_of(env)

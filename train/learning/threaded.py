@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from typing import Any, TypeVar
 
 import torch
@@ -22,8 +23,9 @@ from agents.networks import first_actor_critic, tensors_of
 from train.learning import checkpoint
 from train.learning.config import ThreadedConfig
 from train.learning.experience import Rollout, RolloutWorker
+from train.learning.tally import Counts
 from train.learning.trainer import Tensors, Trainer, network_of, rng_of, set_threads, shuffled
-from train.learning.worlds import Counts, TrainingSimulator, TrainingWorlds
+from train.learning.worlds import TrainingSimulator, TrainingWorlds
 from warehouse_env.config import EnvConfig
 
 T = TypeVar("T")
@@ -156,10 +158,12 @@ def _worlds(config: ThreadedConfig) -> Iterator[TrainingWorlds]:
         from train.learning.device_worlds import DeviceWorlds, TrainingDevice
 
         mixes = config.worlds(config.rows)
-        yield DeviceWorlds([TrainingDevice(*one, jam_seconds, shared, device) for one in mixes], [config.seed, 0])
+        there = partial(TrainingDevice, jam_seconds=jam_seconds, shared=shared, device=device)
+        yield DeviceWorlds(there, mixes, [config.seed, 0])
         return
+    here = partial(TrainingSimulator, jam_seconds=jam_seconds, shared=shared)
     for number, mixes in enumerate(shares(config)):
-        yield TrainingWorlds([TrainingSimulator(*one, jam_seconds, shared) for one in mixes], [config.seed, number])
+        yield TrainingWorlds(here, mixes, [config.seed, number], config.floor_episodes)
 
 
 def shares(config: ThreadedConfig) -> list[list[tuple[EnvConfig, int]]]:

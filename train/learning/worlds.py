@@ -2,16 +2,15 @@
 
 A world is reset after a fixed number of steps, with a seed that depends only on (training seed, world, episode). The
 ends are spread evenly over time, so that a batch holds fresh and crowded worlds. The actions since the last resets are
-therefore enough to restore the state; a checkpoint keeps them. Rewards and counts are written for arrays and for a
-device's tensors alike (device_worlds.py).
+therefore enough to restore the state; a checkpoint keeps them. The floors of `seed=new` follow from the number of steps
+(floors.py). Rewards and counts are written for arrays and for a device's tensors alike (device_worlds.py).
 """
 
 from __future__ import annotations
 
 import itertools
 from collections import deque
-from collections.abc import Sequence
-from dataclasses import astuple, dataclass
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -21,13 +20,15 @@ from torch import Tensor
 
 from train.books import book_of
 from train.learning.config import HELD_OUT_SEED
+from train.learning.floors import FloorSchedule
+from train.learning.tally import TrainingTally
 from warehouse_env.config import EnvConfig, RewardWeights
+from warehouse_env.routes.book import RouteBook
 from warehouse_env.simulation.senses.rewards import REWARD_TERMS
 from warehouse_env.simulation.simulator import Simulator
 
 _COLLISION, _CONTACT = REWARD_TERMS.index("collision"), REWARD_TERMS.index("contact")
 _JAM_SHARE = 0.2  # of a world's robots
-_ENDS = 50  # worlds that ended last, of which the share of jammed ones is told
 NEAR = 6.0  # [m] within which robots share rewards
 
 
@@ -76,7 +77,9 @@ class TrainingSimulator(Simulator):
         ends: for each world that ended with the last step, whether it had jammed.
     """
 
-    def __init__(self, config: EnvConfig, num_worlds: int, jam_seconds: float, shared: float) -> None:
+    def __init__(
+        self, config: EnvConfig, num_worlds: int, jam_seconds: float, shared: float, routes: RouteBook | None = None
+    ) -> None:
         """Make the worlds.
 
         Args:
@@ -84,8 +87,9 @@ class TrainingSimulator(Simulator):
             num_worlds: how many.
             jam_seconds: a world is truncated once a fifth of its robots have not come forward for this long [s].
             shared: see shape_reward.
+            routes: shared with other simulators on the floor; None: its own.
         """
-        super().__init__(config, num_worlds, routes=book_of(config))
+        super().__init__(config, num_worlds, routes=routes)
         self._shared, self._jam_seconds, self.fields = shared, jam_seconds, self.robots
         self.stuck, self.ends = 0, list[bool]()
 
@@ -111,70 +115,6 @@ class TrainingSimulator(Simulator):
         return sum(one.driven for one in self.arrivals), sum(one.planned for one in self.arrivals)
 
 
-@dataclass
-class Counts:
-    """Sums over agent-steps; pairs count once."""
-
-    steps: float = 0.0
-    goals: float = 0.0
-    collisions: float = 0.0
-    metres: float = 0.0
-    driven: float = 0.0  # [m], for the goals reached
-    planned: float = 0.0  # [m], likewise
-    reward: float = 0.0
-    stuck: float = 0.0
-    ends: tuple[bool, ...] = ()  # of the last worlds that ended, whether each had jammed
-
-    def __add__(self, other: Counts) -> Counts:
-        return Counts(*(a + b for a, b in zip(astuple(self), astuple(other), strict=True)))
-
-    def figures(self, decision_seconds: float) -> dict[str, float]:
-        """Return what the progress bar and the log show."""
-        hours = self.steps * decision_seconds / 3600.0
-        return {
-            "reward": self.reward / max(self.steps, 1),
-            "goals_per_robot_hour": self.goals / hours if hours else 0.0,
-            "collisions_per_km": 1000.0 * self.collisions / max(self.metres, 1.0),
-            "path_length_ratio": self.driven / max(self.planned, 1.0),
-            "stuck": self.stuck / max(self.steps, 1),
-            "worlds_jammed": sum(self.ends) / max(len(self.ends), 1),  # a share of
-            "worlds_ended": float(len(self.ends)),
-        }
-
-
-class TrainingTally:
-    """Counts what happens in some simulators."""
-
-    def __init__(self, simulators: Sequence[Any]) -> None:
-        self._simulators = simulators
-        self._counts = Counts()
-        self._ends = deque[bool](maxlen=_ENDS)
-
-    def add(self) -> None:
-        """Count the step just made; on a device without waiting for it."""
-        counts = self._counts
-        for simulator in self._simulators:
-            events = simulator.fields["events"]
-            counts.steps += simulator.num_worlds * simulator.num_agents
-            counts.goals += events["arrived"].sum()
-            counts.collisions += events["hit_robot"].sum() / 2 + events["hit_shelf"].sum() + events["hit_person"].sum()
-            counts.metres += events["driven"].sum()
-            counts.reward += simulator.reward.sum()
-            driven, planned = simulator.lengths()
-            counts.driven += driven
-            counts.planned += planned
-            counts.stuck += simulator.stuck
-            self._ends.extend(simulator.ends)
-
-    def take(self) -> Counts:
-        """Return the counts since the last call, and start again from 0."""
-        *sums, _ = astuple(self._counts)
-        self._counts = Counts()
-        taken = Counts(*map(float, sums))  # type: ignore[arg-type]
-        taken.ends = tuple(self._ends)  # few end between two calls, so the last ones of before count again
-        return taken
-
-
 class TrainingWorlds:
     """Rows are the robots of all worlds of all simulators, in order.
 
@@ -186,27 +126,46 @@ class TrainingWorlds:
 
     replays = True  # its last actions restore the state
 
-    def __init__(self, simulators: Sequence[Any], seed: list[int]) -> None:
-        """Reset all worlds.
+    def __init__(
+        self, make: Callable[..., Any], mixes: Sequence[tuple[EnvConfig, int]], seed: list[int], floor_episodes: int = 1
+    ) -> None:
+        """Make and reset all worlds.
 
         Args:
-            simulators: TrainingSimulators; all with the same observation, action and max_steps.
+            make: makes a TrainingSimulator of an environment, a number of worlds and `routes`.
+            mixes: environments and worlds of each; all with the same observation, action and max_steps.
             seed: of the training, and what tells these worlds from others.
+            floor_episodes: episodes of max_steps after which a layout with `seed=new` gets a new floor.
         """
-        self.simulators, self._seed = simulators, seed
+        self._make, self._seed, self._floors = make, seed, FloorSchedule(mixes, seed, floor_episodes)
+        counts = [worlds for _, worlds in self._floors.mixes]
+        self._first = np.cumsum([0, *counts]).tolist()  # world of each simulator
+        self._world = [(number, world) for number, worlds in enumerate(counts) for world in range(worlds)]
+        self._episode = np.zeros(len(self._world), np.int64)
+        self.simulators = simulators = [self._simulator(number) for number in range(len(counts))]
         self.tally = TrainingTally(simulators)
-        self._first = np.cumsum([0, *(simulator.num_worlds for simulator in simulators)]).tolist()  # world of each
-        self._world = [(s, w) for s, simulator in enumerate(simulators) for w in range(simulator.num_worlds)]
         starts = np.cumsum([0, *(simulator.num_worlds * simulator.num_agents for simulator in simulators)]).tolist()
         self._blocks = [slice(a, b) for a, b in itertools.pairwise(starts)]
         self.rows = starts[-1]
         seen = torch.as_tensor(simulators[0].observation)
         self.observation, self.reward = seen.new_zeros((self.rows, seen.shape[-1])), seen.new_zeros(self.rows)
         self._actions = deque[Tensor](maxlen=simulators[0].config.max_steps if self.replays else 0)
-        self._episode = np.zeros(len(self._world), np.int64)
-        for number, simulator in enumerate(simulators):
-            simulator.reset([self._world_seed(world) for world in range(*self._first[number : number + 2])])
+        for number in self._floors.drawn:
+            simulators[number].steps[:] = self._floors.first_age(number)
         self._observe()
+
+    def _simulator(self, number: int) -> Any:
+        """Return a new simulator on the floor that is due, with its worlds reset."""
+        env = self._floors.env(number)
+        routes = None if number in self._floors.drawn else book_of(env)  # so a drawn floor's routes end with it
+        simulator = self._make(env, self._floors.mixes[number][1], routes=routes)
+        simulator.reset([self._world_seed(world) for world in range(*self._first[number : number + 2])])
+        return simulator
+
+    def _change_floor(self, number: int) -> None:
+        old, new = self.simulators[number], self._simulator(number)
+        new.steps[:], new.reward_weights = 0, old.reward_weights
+        self.simulators[number] = new
 
     def _world_seed(self, world: int) -> int:
         """Return the seed of a world's present episode, below the held-out ones."""
@@ -234,6 +193,7 @@ class TrainingWorlds:
         """
         self._actions.append(actions.clone())
         self._step_simulators(actions)
+        self._floors.steps += 1
         for simulator, block in zip(self.simulators, self._blocks, strict=True):
             self.reward[block] = torch.as_tensor(simulator.reward).flatten()
         self.tally.add()
@@ -243,12 +203,17 @@ class TrainingWorlds:
     def _end_worlds(self) -> list[tuple[Tensor, Tensor]]:
         ended = []
         for number, (simulator, block) in enumerate(zip(self.simulators, self._blocks, strict=True)):
-            worlds, robots = np.flatnonzero(simulator.truncated), simulator.num_agents
+            floor_ends, robots = self._floors.ends(number), simulator.num_agents
+            worlds = np.flatnonzero(simulator.truncated | floor_ends)
             if len(worlds):
                 rows = torch.from_numpy((block.start + worlds[:, None] * robots + np.arange(robots)).ravel())
                 rows = rows.to(self.observation.device)
                 ended.append((rows, self.observation[rows]))
-                self._restart(number, worlds)
+                if floor_ends:
+                    self._episode[self._first[number] + worlds] += 1
+                    self._change_floor(number)
+                else:
+                    self._restart(number, worlds)
         if ended:
             self._observe()
         return ended
@@ -264,15 +229,19 @@ class TrainingWorlds:
             simulator.reward_weights = weights
 
     def history(self) -> dict[str, NDArray[Any]]:
-        """Return what `replay` needs: the last actions, and every world's age in steps and episode number."""
+        """Return what `replay` needs: last actions, steps so far, and each world's age in steps and episode number."""
         age = np.concatenate([simulator.steps for simulator in self.simulators])
         actions = torch.stack(list(self._actions)).numpy() if self._actions else np.empty(0)
-        return {"actions": actions, "age": age, "episode": self._episode.copy()}
+        steps = np.array([self._floors.steps])
+        return {"actions": actions, "age": age, "episode": self._episode.copy(), "steps": steps}
 
     def replay(self, history: dict[str, NDArray[Any]]) -> None:
         """Bring all worlds, just made with the same arguments, to where they stood when `history` was taken."""
         actions, age = history["actions"], history["age"]
         self._episode[:] = history["episode"]
+        self._floors.steps = int(history.get("steps", [0])[0])  # not in files of versions that drew no floors
+        for number in self._floors.drawn:
+            self._change_floor(number)
         begun = np.where(self._episode > 0, len(actions) - age, 0)  # the step before which a world was last reset
         for step in range(len(actions) + 1):
             for world in np.flatnonzero(begun == step).tolist():

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import weakref
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from threading import Lock
@@ -187,12 +188,16 @@ class RouteBook(Portable):
         return self._faces[goal, robot]
 
     def table(self, robot: RobotSpec | None) -> RouteTable:
-        """Return the table of routes to the poses at which a robot serves endpoints; None: to the cells' centres."""
+        """Return the table of routes to the poses at which a robot serves endpoints; None: to the cells' centres.
+
+        It lives no longer than the book, whose memory is free as soon as nothing else holds it.
+        """
         with self._lock:
             if robot not in self._tables:
+                me = weakref.proxy(self)
                 self._tables[robot] = RouteTable(
-                    lambda start, goal, behind: self._make(
-                        start, goal, behind, () if robot is None else self.ends(goal, robot)
+                    lambda start, goal, behind: me._make(
+                        start, goal, behind, () if robot is None else me.ends(goal, robot)
                     ),
                     self.grid.shape,
                 )

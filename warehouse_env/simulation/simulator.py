@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import weakref
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -176,9 +177,10 @@ class Simulator(Portable):
         self._zones = zones_of(self.grid, planned_config(self.config))
         self._rays = unit_vectors(self.config.sensor.rays)
         self._compiled: dict[Callable[..., Any], Callable[..., Any]] = {}  # kernels, compiled when first called
+        me = weakref.proxy(self)
         self._scratch = ThreadScratch(
-            lambda: make_scratch(self.setup, self.num_agents, self._decides),
-            lambda: make_search_scratch(self.num_agents, self.config.people, POSES),
+            lambda: make_scratch(me.setup, me.num_agents, me._decides),
+            lambda: make_search_scratch(me.num_agents, me.config.people, POSES),
         )
         self._collect()
 

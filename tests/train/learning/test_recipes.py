@@ -22,7 +22,7 @@ SHIPPED: dict[str, tuple[type[TrainingConfig], str]] = {
     "unshielded": (ThreadedPPOConfig, "unshielded"),
 }
 # What a user chooses anew: where it goes, for how long, on what machine, and what shows itself or is judged.
-FREE = {"out", "seed", "minutes", "threads", "progress", "resume", "evaluation_seconds"}
+FREE = {"out", "seed", "minutes", "threads", "progress", "resume", "evaluation_seconds", "floor_episodes"}
 
 
 def test_every_shipped_policy_has_a_recipe() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from types import ModuleType
 from typing import TypeVar
@@ -36,7 +37,8 @@ def test_a_resumed_run_gives_the_same_bits_as_an_unbroken_one(
     module: ModuleType, options: type[ThreadedConfig], threads: int, device: str | None, tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
-    config = options(out=tmp_path, device=device, **SIXTEEN | {"threads": threads})
+    layouts = ("open",) if device else ("open", "aisles:seed=new")
+    config = options(out=tmp_path, device=device, **SIXTEEN | {"threads": threads, "layouts": layouts})
     whole = load_file(module.train(replace(config, name="whole")) / "weights.safetensors")
     update, calls = ThreadedTrainer.update, []
 
@@ -72,8 +74,8 @@ def test_whole_mixes_are_dealt_out_where_they_go_round() -> None:
 def test_a_device_trains_in_the_worlds_of_the_cpu() -> None:
     """The same observations, rewards and counts until a world ends; a jam ends it one step later."""
     env = ReinforceConfig(planner="astar_turns", traffic="none:shield=true", episode_seconds=60.0).env("narrow", 8)
-    here = TrainingWorlds([TrainingSimulator(env, 3, 8.0, 0.3)], [5])
-    there = DeviceWorlds([TrainingDevice(env, 3, 8.0, 0.3, "cpu")], [5])
+    here = TrainingWorlds(partial(TrainingSimulator, jam_seconds=8.0, shared=0.3), [(env, 3)], [5])
+    there = DeviceWorlds(partial(TrainingDevice, jam_seconds=8.0, shared=0.3, device="cpu"), [(env, 3)], [5])
     actions = torch.full((24,), int(here.simulators[0].cruise_action))
     mine: object = None
     actions[8:] = 5  # two worlds stand

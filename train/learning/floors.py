@@ -1,0 +1,74 @@
+"""Floors drawn anew while a policy trains: those of a layout with `seed=new`, as in "aisles:seed=new".
+
+Such a floor holds some worlds, whose episodes begin and end together. It follows from the number of steps alone, so a
+resumed training finds it again.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from warehouse_env.config import EnvConfig
+from warehouse_env.errors import ConfigError
+
+FIRST_SEED = 1_000_000  # of a floor to train on; smaller seeds are for tests, choices and reports
+HELD_OUT_FLOORS = 900_000_000  # seeds from here on are for the evaluations during a training
+_ROBOTS = 64  # on a floor, about: simulators of fewer take longer
+_NEW = re.compile(r"(?<=[:,])seed=new(?=,|$)")
+
+
+def draws_floors(layout: str) -> bool:
+    """Tell whether a layout names a new floor each time."""
+    return bool(_NEW.search(layout))
+
+
+def floor_of(layout: str, seed: int) -> str:
+    """Return the layout with a seed in place of `new`."""
+    return _NEW.sub(f"seed={seed}", layout)
+
+
+def check_fixed(layouts: Iterable[str]) -> None:
+    """Raise ConfigError if a layout draws floors."""
+    for layout in filter(draws_floors, layouts):
+        known = floor_of(layout, 1)
+        raise ConfigError(f"{layout} needs threaded_ppo or reinforce on the CPU: choose seeds, as in {known}")
+
+
+class FloorSchedule:
+    """Tells the floor of each simulator of a training.
+
+    Attributes:
+        mixes: (environment, number of worlds) of each simulator; a layout with `seed=new` has one for each floor.
+        steps: of the training so far.
+    """
+
+    def __init__(self, mixes: Iterable[tuple[EnvConfig, int]], seed: Sequence[int], episodes: int) -> None:
+        """seed: of the floors drawn. episodes: of max_steps, on each of these."""
+        self.mixes, self.steps, self._seed = list[tuple[EnvConfig, int]](), 0, seed
+        for env, worlds in mixes:
+            floors = worlds * env.num_agents // _ROBOTS if draws_floors(env.layout) else 1
+            shares = np.array_split(np.arange(worlds), min(max(floors, 1), worlds))
+            self.mixes += [(env, len(share)) for share in shares]
+        self.drawn = [number for number, (env, _) in enumerate(self.mixes) if draws_floors(env.layout)]
+        self._lasts = episodes * self.mixes[0][0].max_steps
+        self._ahead = {number: self._lasts * turn // len(self.drawn) for turn, number in enumerate(self.drawn)}
+
+    def first_age(self, number: int) -> int:
+        """Return the age [steps] at which the worlds of a drawn floor begin, so that floors end evenly over time."""
+        return self._ahead[number] % self.mixes[number][0].max_steps
+
+    def ends(self, number: int) -> bool:
+        """Tell whether a simulator's floor ends with the last step."""
+        return number in self._ahead and (self.steps + self._ahead[number]) % self._lasts == 0
+
+    def env(self, number: int) -> EnvConfig:
+        """Return the environment of a simulator on its present floor."""
+        env = self.mixes[number][0]
+        if number not in self._ahead:
+            return env
+        entropy = [*self._seed, number, (self.steps + self._ahead[number]) // self._lasts]
+        drawn = int(np.random.SeedSequence(entropy).generate_state(1)[0])
+        return env.replace(layout=floor_of(env.layout, FIRST_SEED + drawn % (HELD_OUT_FLOORS - FIRST_SEED)))
