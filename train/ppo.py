@@ -23,7 +23,7 @@ from train.books import book_of
 from train.held_out import held_out
 from train.learning.config import PPOConfig
 from train.learning.floors import check_fixed
-from train.learning.tally import TrainingTally
+from train.learning.tally import TrainingTally, figures_of
 from train.learning.trainer import Split, Tensors, Trainer, network_of, set_threads
 from train.learning.training_run import run_training
 from train.learning.worlds import TrainingSimulator
@@ -108,7 +108,7 @@ class Ppo(Trainer):
 
     def take_figures(self) -> dict[str, float]:
         """Return what happened since the last call (see `Trainer.take_figures`)."""
-        return self._tally.take().figures(self.env.time_step * self.env.action_repeat)
+        return figures_of([self._tally], self.env.time_step * self.env.action_repeat)
 
     def policy_tensors(self) -> Tensors:
         """Return the library's network under our names (see `Trainer.policy_tensors`)."""

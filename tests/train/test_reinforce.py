@@ -18,7 +18,7 @@ from tests.train.trainings import SMALL
 from train import reinforce
 from train.learning.config import HELD_OUT_SEED, ReinforceConfig
 from train.learning.experience import advantages
-from train.learning.tally import TrainingTally
+from train.learning.tally import TrainingTally, figures_of
 from train.learning.worlds import TrainingSimulator, TrainingWorlds
 from train.reinforce import policy_loss
 from warehouse_env.config import EnvConfig
@@ -124,11 +124,11 @@ def test_the_tally_counts_what_the_episode_counts() -> None:
     for _ in range(400):
         simulator.step(np.full((1, 8), simulator.cruise_action))
         tally.add()
-    figures, metrics = tally.take().figures(0.1), simulator.episode_metrics()
+    figures, metrics = figures_of([tally], 0.1), simulator.episode_metrics()
     for name in ("goals_per_robot_hour", "collisions_per_km", "path_length_ratio"):
         assert figures[name] == pytest.approx(metrics[name], rel=1e-5)
         assert figures[name] > 0
-    assert set(tally.take().figures(0.1).values()) == {0.0}
+    assert set(figures_of([tally], 0.1).values()) == {0.0}
 
 
 def test_robots_that_are_stuck_and_worlds_that_jam_are_told_apart_from_goals() -> None:
@@ -139,15 +139,15 @@ def test_robots_that_are_stuck_and_worlds_that_jam_are_told_apart_from_goals() -
     worlds.simulators[0].steps[:] = [0, 0, 0, 95]  # the last world has five steps left
     for _ in range(10):
         worlds.step(stand)
-    young = worlds.tally.take().figures(0.1)
+    young = figures_of([worlds.tally], 0.1)
     assert (young["stuck"], young["worlds_jammed"]) == (0.0, 0.0)
     for _ in range(12):
         worlds.step(stand)
-    figures = worlds.tally.take().figures(0.1)
+    figures = figures_of([worlds.tally], 0.1)
     # steps 11 to 21 of three worlds of four count as stuck (the 21st ends them), 6 to 12 of the other
     assert figures["stuck"] == pytest.approx((3 * 11 + 7) / (4 * 12))
     assert (figures["worlds_jammed"], figures["worlds_ended"]) == (pytest.approx(3 / 4), 4.0)
-    assert worlds.tally.take().figures(0.1)["worlds_jammed"] == pytest.approx(3 / 4)  # of the last that ended
+    assert figures_of([worlds.tally], 0.1)["worlds_jammed"] == pytest.approx(3 / 4)  # of the last that ended
 
 
 def test_training_worlds_end_spread_and_draw_seeds_below_the_held_out_ones(config: ReinforceConfig) -> None:
@@ -200,6 +200,8 @@ def test_the_policy_asks_for_right_of_way_that_its_training_goes_without(config:
         ({"robots": ()}, r"robots=\(\)"),
         ({"name": "a/b"}, "name='a/b'"),
         ({"layouts": ("opne",)}, "did you mean open"),
+        ({"layouts": ("paper46:seed=new",)}, "unknown parameter of layout 'paper46': 'seed'"),
+        ({"layouts": ("aisles:seed=new",), "traffic": "none", "device": "cpu"}, "choose seeds, as in aisles:seed=1$"),
         ({"planner": "asta"}, "did you mean astar"),
         ({"device": "cpu"}, "does not simulate live routes yet: leave that out .* --traffic "),
     ],

@@ -20,9 +20,8 @@ def plan_ahead(config: TrainingConfig) -> None:
 
     Live routes of the same planner need no plans.
     """
-    mixes = [env for env, _ in config.worlds(config.rows)]
     for layout in (one for one in config.layouts if not draws_floors(one)):
-        env = next(env for env in mixes if env.layout == layout)
+        env = config.env(layout, config.robots[0])
         seconds = _decisions(config) / len(config.layouts) * env.time_step * env.action_repeat
         book = book_of(env)
         places = len(book.grid.endpoints[2])

@@ -23,7 +23,7 @@ from agents.networks import first_actor_critic, tensors_of
 from train.learning import checkpoint
 from train.learning.config import ThreadedConfig
 from train.learning.experience import Rollout, RolloutWorker
-from train.learning.tally import Counts
+from train.learning.tally import figures_of
 from train.learning.trainer import Tensors, Trainer, network_of, rng_of, set_threads, shuffled
 from train.learning.worlds import TrainingSimulator, TrainingWorlds
 from warehouse_env.config import EnvConfig
@@ -120,8 +120,7 @@ class ThreadedTrainer(Trainer):
 
     def take_figures(self) -> dict[str, float]:
         """Return what happened since the last call (see `Trainer.take_figures`)."""
-        counts = sum((worker.worlds.tally.take() for worker in self._workers), Counts())
-        return counts.figures(self.env.time_step * self.env.action_repeat)
+        return figures_of([one.worlds.tally for one in self._workers], self.env.time_step * self.env.action_repeat)
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """Return network, optimizer and the worlds' histories (see `Trainer.arrays`)."""

@@ -150,8 +150,6 @@ class TrainingWorlds:
         seen = torch.as_tensor(simulators[0].observation)
         self.observation, self.reward = seen.new_zeros((self.rows, seen.shape[-1])), seen.new_zeros(self.rows)
         self._actions = deque[Tensor](maxlen=simulators[0].config.max_steps if self.replays else 0)
-        for number in self._floors.drawn:
-            simulators[number].steps[:] = self._floors.first_age(number)
         self._observe()
 
     def _simulator(self, number: int) -> Any:

@@ -188,13 +188,10 @@ class RouteBook(Portable):
         return self._faces[goal, robot]
 
     def table(self, robot: RobotSpec | None) -> RouteTable:
-        """Return the table of routes to the poses at which a robot serves endpoints; None: to the cells' centres.
-
-        It lives no longer than the book, whose memory is free as soon as nothing else holds it.
-        """
+        """Return the table of routes to the poses at which a robot serves endpoints; None: to the cells' centres."""
         with self._lock:
             if robot not in self._tables:
-                me = weakref.proxy(self)
+                me = weakref.proxy(self)  # no cycle, so a book that nobody uses is freed at once
                 self._tables[robot] = RouteTable(
                     lambda start, goal, behind: me._make(
                         start, goal, behind, () if robot is None else me.ends(goal, robot)

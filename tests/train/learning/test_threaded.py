@@ -19,6 +19,7 @@ from train import reinforce, threaded_ppo
 from train.held_out import held_out
 from train.learning.config import ReinforceConfig, ThreadedConfig, ThreadedPPOConfig
 from train.learning.device_worlds import DeviceWorlds, TrainingDevice
+from train.learning.tally import figures_of
 from train.learning.threaded import ThreadedTrainer, shares
 from train.learning.worlds import TrainingSimulator, TrainingWorlds
 from warehouse_env.config import EnvConfig, RewardWeights
@@ -87,7 +88,7 @@ def test_a_device_trains_in_the_worlds_of_the_cpu() -> None:
         assert not there.step(actions)
         assert there.reward.tolist() == pytest.approx(here.reward.tolist(), abs=1e-6)
     assert here.simulators[0].ends == [True, True]
-    counted, its = (worlds.tally.take().figures(0.2) for worlds in (here, there))
+    counted, its = (figures_of([worlds.tally], 0.2) for worlds in (here, there))
     assert its == pytest.approx(counted | {"worlds_ended": 0.0, "worlds_jammed": 0.0}, rel=1e-5)
     [(rows, final)] = there.step(actions)
     assert there.simulators[0].ends == [True, True]
