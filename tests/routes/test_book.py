@@ -238,9 +238,9 @@ def test_plans_prepared_side_by_side_are_those_made_one_by_one(tmp_path: Path, m
         set_num_threads(threads)
         try:
             routes_of = RouteBook(grid, make_planner("pf_aco", ants=10, iterations=8))
-            routes_of.prepare(tasks)
-            assert len(routes_of._fresh) == (0 if threads == 1 else len(set(tasks)))
-            books.append([routes_of.cells(*task) for task in tasks])
+            routes_of.prepare([(*task, ()) for task in tasks])
+            assert len(routes_of._routes) == (0 if threads == 1 else len(set(tasks)))
+            books.append([routes_of.route(*task).line for task in tasks])
         finally:
             set_num_threads(2)
     for one, two in zip(*books, strict=True):
@@ -252,8 +252,8 @@ def test_a_task_without_a_path_is_named_when_its_route_is_asked_for(tmp_path: Pa
         np.array([[False, False, True, False, False]]), picks=np.array([[0, 0]]), stations=np.array([[0, 1]])
     )
     routes_of = book(grid, "pf_aco")
-    routes_of.prepare([((0, 0), (0, 4)), ((0, 0), (0, 1)), ((0, 1), (0, 4))])
-    assert routes_of.cells((0, 0), (0, 1)).tolist() == [[0, 0], [0, 1]]
+    routes_of.prepare([((0, 0), (0, 4), ()), ((0, 0), (0, 1), ()), ((0, 1), (0, 4), ())])
+    assert routes_of.route((0, 0), (0, 1)).cells.tolist() == [[0, 0], [0, 1]]
     with pytest.raises(PlanError, match=r"no path from \(0, 0\) to \(0, 4\)"):
         routes_of.route((0, 0), (0, 4))
 

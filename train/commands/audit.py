@@ -59,9 +59,6 @@ class AuditCommand(Episodes):
         if faults:
             raise SystemExit(1)
 
-    def _disturbances(self) -> tuple[str | None, ...]:
-        return tuple(map(known, self.disturbance)) or (None,)
-
     def _jobs(self) -> Sequence[Job]:
         if bool(self.files) == bool(self.policy):
             raise ConfigError("name episode files to audit, or policies to drive with --policy")
@@ -74,7 +71,8 @@ class AuditCommand(Episodes):
             configs = [episode.config for _, episode in episodes]
             jobs: list[Job] = [RecordedEpisode(path, len(episode.actions)) for path, episode in episodes]
         else:
-            experiments = [one for name in self._disturbances() for one in self.experiments(name)]
+            disturbances = tuple(map(known, self.disturbance)) or (None,)
+            experiments = [one for name in disturbances for one in self.experiments(name)]
             configs = [one.config for one in experiments]
             jobs = [DrivenEpisodes(one) for one in experiments]
         for config in configs:  # raises before anything drives

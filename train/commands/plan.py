@@ -197,7 +197,7 @@ def plan_table(rows: Sequence[Row]) -> Table:
             with_interval(mean_interval(row["length"] for row in group), digits=5),
             number(group[0]["optimal_length"], 6), f"{number(round(100 * _mean(group, 'gap'), 7))}%",
             _share(is_optimal(row) for row in group), number(_mean(group, "turns")), str(group[0]["min_turns"]),
-            number(_mean(group, "converged_at")), number(_median_ms(group), 2),
+            number(_mean(group, "converged_at")), number(statistics.median(row["ms"] for row in group), 2),
         ]  # fmt: skip
         cells.append((*line, number(_mean(group, "climb_m"))) if uneven else tuple(line))
     runs = len({row["run"] for row in rows})
@@ -214,7 +214,3 @@ def _share(values: Iterable[bool]) -> str:
 
 def _mean(rows: Sequence[Row], name: str) -> float:
     return mean_interval(row[name] for row in rows).mean
-
-
-def _median_ms(rows: Sequence[Row]) -> float:
-    return float(statistics.median(row["ms"] for row in rows))

@@ -28,8 +28,7 @@ class Speed(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.speed is not None:
-            self._between(SLOWEST, FASTEST, "speed")
+        self._between(SLOWEST, FASTEST, "speed")
 
 
 @dataclass(frozen=True)
@@ -48,10 +47,8 @@ class Make(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.robots is not None:
-            self._between(1, MOST_ROBOTS, "robots")
-        if self.seed is not None:
-            self._between(0, 2**53, "seed")  # whole numbers of a page
+        self._between(1, MOST_ROBOTS, "robots")
+        self._between(0, 2**53, "seed")  # whole numbers of a page
 
 
 Command = Play | Speed | Step | Make

@@ -42,12 +42,6 @@ def nearest_shelf(solid, x, y, cell, reach):
 
 
 @kernel
-def _to_square(x, y, low_x, low_y, side):
-    """Return the vector from a point to the nearest one of a closed square, (0, 0) inside."""
-    return min(max(x, low_x), low_x + side) - x, min(max(y, low_y), low_y + side) - y
-
-
-@kernel
 def crosses(ax, ay, bx, by, low_x, low_y, side):
     """Return whether the segment a-b has a point in the closed square (clipping by its four sides)."""
     first, last = 0.0, 1.0
@@ -68,7 +62,7 @@ def _segment_to_square(ax, ay, bx, by, low_x, low_y, side):
         return 0.0
     best = math.inf
     for x, y in ((ax, ay), (bx, by)):
-        dx, dy = _to_square(x, y, low_x, low_y, side)
+        dx, dy = min(max(x, low_x), low_x + side) - x, min(max(y, low_y), low_y + side) - y
         best = min(best, dx * dx + dy * dy)
     ux, uy = bx - ax, by - ay
     length = ux * ux + uy * uy

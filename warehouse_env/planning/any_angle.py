@@ -26,7 +26,8 @@ def line_of_sight(occupied, one_way, row, col, to_row, to_col):
     """
     d_row, d_col = abs(to_row - row), abs(to_col - col)
     step_row, step_col = (1 if to_row > row else -1), (1 if to_col > col else -1)
-    against = _against_rows(to_row - row), _against_columns(to_col - col)
+    against_rows, against_columns = (2 if to_row > row else 4), (3 if to_col > col else 1)  # indices into ARROWS
+    against = (against_rows if to_row != row else 0), (against_columns if to_col != col else 0)
     if one_way[row, col] > 0 and one_way[row, col] in against:
         return False
     ahead = d_col - d_row  # > 0: the next side the line crosses is a vertical one, < 0: horizontal, 0: a corner
@@ -43,18 +44,6 @@ def line_of_sight(occupied, one_way, row, col, to_row, to_col):
         if occupied[row, col] or (one_way[row, col] > 0 and one_way[row, col] in against):
             return False
     return True
-
-
-@kernel
-def _against_rows(d_row):
-    """Return the direction (an index into ARROWS) that a line down so many rows opposes; 0 for none."""
-    return 2 if d_row > 0 else 4 if d_row < 0 else 0
-
-
-@kernel
-def _against_columns(d_col):
-    """Return the direction that a line over so many columns to the east opposes; 0 for none."""
-    return 3 if d_col > 0 else 1 if d_col < 0 else 0
 
 
 @kernel

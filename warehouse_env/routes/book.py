@@ -38,7 +38,7 @@ class RouteBook(Portable):
     """Cache of the routes on one map by one planner. A copy starts with the plans on disk alone."""
 
     bound = (
-        "_solid", "_one_way", "_routes", "_fresh", "_faces", "_tables", "_store", "_table", "_usual", "_lock",
+        "_solid", "_one_way", "_routes", "_faces", "_tables", "_store", "_table", "_usual", "_lock",
     )  # fmt: skip
 
     def __init__(
@@ -58,7 +58,6 @@ class RouteBook(Portable):
         self._solid = np.pad(self.grid.occupied[::-1], 1, constant_values=True).astype(np.uint8)
         self._one_way = np.pad(self.grid.one_way[::-1], 1)
         self._routes: dict[tuple[Cell, Cell, Cell | None, tuple[Pose, ...]], Route] = {}
-        self._fresh: dict[tuple[Cell, Cell, Cell | None], NDArray[np.int64]] = {}  # plans without a route yet
         self._store = PlanStore(cache_directory())
         self._table = read_table(self.grid, self.planner)
         self._faces: dict[tuple[Cell, RobotSpec], tuple[Pose, ...]] = {}
@@ -76,8 +75,11 @@ class RouteBook(Portable):
         known = self._stored(start, goal, behind)
         if known is None:
             plan = self._plan(start, goal, behind)
-            self._keep(start, goal, behind, plan)
             known = plan.cells
+            with self._lock:
+                self._usual += 0.5 * (plan.seconds - self._usual)
+                if plan.found and plan.seconds > WORTH_KEEPING:
+                    self._store.put(self._key(start, goal, behind), known)
         if not len(known):
             raise PlanError(
                 f"planner {self.planner.name} found no path from {start} to {goal} on map {self.grid.name!r}; "
@@ -85,21 +87,19 @@ class RouteBook(Portable):
             )
         return known
 
-    def prepare(self, tasks: Sequence[tuple[Cell, Cell]]) -> None:
-        """Plan unknown tasks (start, goal) in parallel, on as many threads as allowed.
+    def prepare(self, tasks: Sequence[tuple[Cell, Cell, tuple[Pose, ...]]]) -> None:
+        """Make the unknown routes of tasks (start, goal, ends) in parallel, on as many threads as allowed.
 
         Each plan has its own generator, so order and threads do not matter. A failed plan is an error only when its
         route is needed.
         """
-        new = [task for task in dict.fromkeys(tasks) if (*task, None, ()) not in self._routes]
-        new = [task for task in new if self._stored(*task) is None]
+        new = [(s, goal, ends) for s, goal, ends in dict.fromkeys(tasks) if (s, goal, None, ends) not in self._routes]
         threads = min(get_num_threads(), len(new))
-        if threads < 2:
-            return
-        with ThreadPoolExecutor(threads) as pool:
-            plans = pool.map(lambda task: self._plan(*task), new)
-            for task, plan in zip(new, plans, strict=True):
-                self._keep(*task, None, plan)
+        if threads > 1:
+            with ThreadPoolExecutor(threads) as pool:
+                pool.map(
+                    lambda task: self.route(task[0], task[1], ends=task[2]), new
+                )  # unasked for, errors are not raised
 
     @property
     def has_table(self) -> bool:
@@ -126,9 +126,6 @@ class RouteBook(Portable):
 
     def _stored(self, start: Cell, goal: Cell, behind: Cell | None = None) -> NDArray[np.int64] | None:
         """Return a stored plan; None if there is none or it is damaged."""
-        known = self._fresh.get((start, goal, behind))
-        if known is not None:
-            return known if len(known) else None
         if self._table is not None and behind is None and (known := self._table.cells(start, goal)) is not None:
             return known
         if self._usual < WORTH_KEEPING:  # quick plans are not stored, and planning is as fast as looking up
@@ -144,14 +141,6 @@ class RouteBook(Portable):
         rng = np.random.default_rng([0, *start, *goal])
         grid = opened(self.grid, goal)
         return self.planner.plan(grid if behind is None else grid.without(behind), start, goal, rng)
-
-    def _keep(self, start: Cell, goal: Cell, behind: Cell | None, plan: Plan) -> None:
-        """Keep a plan until its route is made, and on disk if it took long."""
-        with self._lock:
-            self._fresh[start, goal, behind] = plan.cells
-            self._usual += 0.5 * (plan.seconds - self._usual)
-            if plan.found and plan.seconds > WORTH_KEEPING:
-                self._store.put(self._key(start, goal, behind), plan.cells)
 
     def route(self, start: Cell, goal: Cell, heading: float | None = None, ends: tuple[Pose, ...] = ()) -> Route:
         """Return the route from start's centre to goal's centre, or to one of `ends` there; PlanError if there is none.
@@ -177,8 +166,6 @@ class RouteBook(Portable):
             if behind is None:
                 raise
             cells = self.cells(start, goal)  # a dead end: it must back out
-        with self._lock:
-            self._fresh.pop((start, goal, behind), None)
         return self.along(cells.astype(np.int32), ends=ends)
 
     def ends(self, goal: Cell, robot: RobotSpec) -> tuple[Pose, ...]:

@@ -41,7 +41,7 @@ def propose(
     free = region.copy()
     free[tuple(stations.T)] = False
     long = max(2, math.ceil(FACE / cell - 1e-6))
-    bars = cut_cells(region) | _ends_blindly(region)
+    bars = cut_cells(region) | region & (beyond(region)[..., ::2].sum(axis=-1) < 2)  # and dead ends
     for obstacles in (goods, shelves(walls), walls, occupied):
         found = free & _beside_straight(obstacles, region, long) & beside(obstacles)
         for faces in (found & ~bars, found):
@@ -74,11 +74,6 @@ def racks(
     among = (boxes[..., 0] * size > first).all(axis=1) & (boxes[..., 1] * size < last).all(axis=1)
     kept = np.concatenate([[False], long & among])[label]
     return np.asarray(walls & exceeds(spread(occupancy, 100 * kept.astype(np.int64), raster), share))
-
-
-def _ends_blindly(floor: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return bool[H, W]: dead ends, floor with floor on one side at most."""
-    return np.asarray(floor & (beyond(floor)[..., ::2].sum(axis=-1) < 2))
 
 
 def _beside_straight(obstacles: NDArray[np.bool_], floor: NDArray[np.bool_], long: int) -> NDArray[np.bool_]:

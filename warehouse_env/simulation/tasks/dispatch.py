@@ -179,7 +179,8 @@ class Dispatcher(Portable):
         cells, spare = places[:robots], places[robots:]
         goals = cells if idle else tasks.first_goals(cells, key)
         if self.live is None or not self.live.plans_first:
-            self.book.prepare(list(zip(cells, goals, strict=True)))
+            ends = [self._ends(world, robot, goal) for robot, goal in enumerate(goals)]
+            self.book.prepare(list(zip(cells, goals, ends, strict=True)))
         elsewhere: list[Cell] | None = None
         for robot in range(robots):
             if robot < len(cells) and self._place(world, robot, cells[robot], goals[robot], floor):
@@ -218,9 +219,7 @@ class Dispatcher(Portable):
     def _first_route(self, world: int, robot: int, cell: Cell, goal: Cell, heading: float | None = None) -> Route:
         """Return the route that a robot which stands on a cell begins with."""
         live = self._live_route(world, robot, goal, 0) if self.live is not None and self.live.plans_first else None
-        if live is not None:
-            return live
-        return self.book.route(cell, goal, heading, self._ends(world, robot, goal))
+        return live or self.book.route(cell, goal, heading, self._ends(world, robot, goal))
 
     def give_task(self, world: int, robot: int, goal: Cell, route: Route) -> None:
         """Give a robot a goal and its first route there."""
@@ -347,12 +346,8 @@ class Dispatcher(Portable):
 
     def _route(self, world: int, robot: int, start: Cell, goal: Cell, step: int) -> Route:
         """Return a live route if there is one, else that from the cell in which a robot is."""
-        live = self._live_route(world, robot, goal, step)
-        if live is not None:
-            return live
-        return self.book.route(
-            start, goal, float(self.robots[world, robot]["motion"]["heading"]), self._ends(world, robot, goal)
-        )
+        heading, ends = float(self.robots[world, robot]["motion"]["heading"]), self._ends(world, robot, goal)
+        return self._live_route(world, robot, goal, step) or self.book.route(start, goal, heading, ends)
 
     def _live_route(self, world: int, robot: int, goal: Cell, step: int, on_its_way: bool = False) -> Route | None:
         """Return a route from where a robot is, around all others; None if live routes are off or find none."""
