@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.learned import LearnedPolicy, config_for
+from agents.learned import LearnedPolicy, config_for, learned_policy
 from agents.path_following import Brake, Follow
 from agents.policy import Actor, Policy, Recurrent
 from agents.potential_field import PotentialField
 from agents.reciprocal import Reciprocal
 from agents.rules import Rules
-from agents.weights_folder import CONFIG, Mode, Network, PolicyRecord, save_policy
+from agents.weights_folder import CONFIG, Mode, Network, PolicyRecord, read_record, read_tensors, save_policy
 from warehouse_env import plugins
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, WeightsError, shown
@@ -162,6 +162,14 @@ def policy_config(name_or_dir: str | Path, base: EnvConfig) -> EnvConfig:
     return config.replace(traffic=driven_with(base.traffic_spec, config.traffic_spec))
 
 
+def policy_tensors(name_or_dir: str | Path) -> dict[str, NDArray[np.float32]]:
+    """Return the tensors of a learned policy; raises ConfigError for a rule or an unknown name, or WeightsError."""
+    entry = _entry(name_or_dir)
+    if entry.weights is None:
+        raise ConfigError(f"{name_or_dir} is a rule without weights")
+    return read_tensors(entry.weights, read_record(entry.weights).network)
+
+
 def make_policy(name_or_dir: str | Path, config: EnvConfig) -> Policy:
     """Make a policy for environments of `config`, by a name of POLICIES or from a policy folder.
 
@@ -171,4 +179,4 @@ def make_policy(name_or_dir: str | Path, config: EnvConfig) -> Policy:
     if entry.rule is not None:
         return entry.rule(config)
     assert entry.weights is not None
-    return LearnedPolicy(entry.weights, config)
+    return learned_policy(entry.weights, config)

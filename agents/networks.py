@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import cast
 
 import numpy as np
@@ -29,11 +28,11 @@ PASSED = math.tanh(math.tanh(0.5))  # what two tanh layers make of 0.5
 _HALF_LOG_TAU = 0.5 * math.log(2.0 * math.pi)
 
 
-def _layers(sizes: Sequence[int], last_gain: float) -> nn.ModuleList:
+def _layers(sizes: Sequence[tuple[int, int]], last_gain: float) -> nn.ModuleList:
     layers = nn.ModuleList()
-    for index, (inputs, outputs) in enumerate(itertools.pairwise(sizes)):
+    for index, (inputs, outputs) in enumerate(sizes):
         layer = nn.Linear(inputs, outputs)
-        nn.init.orthogonal_(layer.weight, math.sqrt(2.0) if index < len(sizes) - 2 else last_gain)
+        nn.init.orthogonal_(layer.weight, math.sqrt(2.0) if index < len(sizes) - 1 else last_gain)
         nn.init.zeros_(layer.bias)
         layers.append(layer)
     return layers
@@ -59,7 +58,7 @@ class ActorCritic(nn.Module):
     """A policy over the next action command, and the value that serves as its baseline.
 
     The tensors of `state_dict` are exactly those of a weights folder: actor.K.weight, actor.K.bias, critic.K.weight,
-    critic.K.bias and, for real-valued actions, log_std.
+    critic.K.bias and, for real-valued actions, log_std; memory.* and critic_near.* where the network has them.
     """
 
     log_std: Tensor
@@ -71,9 +70,12 @@ class ActorCritic(nn.Module):
         """
         super().__init__()
         self.network = network
-        self.actor = _layers((network.observation_size, *network.hidden, network.actions), last_gain=0.01)
-        critic = network.hidden if network.critic_hidden is None else network.critic_hidden
-        self.critic = _layers((network.observation_size, *critic, 1), last_gain=1.0)
+        self.actor = _layers(network.sizes("actor"), last_gain=0.01)
+        self.critic = _layers(network.sizes("critic"), last_gain=1.0)
+        if network.memory:
+            self.memory = nn.GRUCell(network.hidden[0], network.memory)
+        if network.critic_sees:
+            self.critic_near = nn.Linear(network.observation_size, self.critic[0].out_features)
         with torch.no_grad():
             self.actor[-1].get_parameter("bias").copy_(torch.as_tensor(first_output))
         if not network.discrete:
@@ -81,24 +83,51 @@ class ActorCritic(nn.Module):
 
     def actor_parameters(self) -> list[nn.Parameter]:
         """Return the parameters of the policy alone."""
-        return [parameter for name, parameter in self.named_parameters() if not name.startswith("critic.")]
+        return [parameter for name, parameter in self.named_parameters() if not name.startswith("critic")]
 
     def output(self, observation: Tensor) -> Tensor:
-        """Return logits, or means of real-valued actions, float32[M, A] from float32[M, D]."""
+        """Return logits, or means of real-valued actions, float32[M, A] from float32[M, D], without a memory."""
         return _run(self.actor, observation, self.network.activation)
 
-    def value(self, observation: Tensor) -> Tensor:
-        """Return the critic's value, float32[M] from float32[M, D]."""
-        return _run(self.critic, observation, self.network.activation).squeeze(-1)
+    def recall(self, observation: Tensor, memory: Tensor) -> tuple[Tensor, Tensor]:
+        """Return what `output` does, and the next memory, from the memory float32[M, H] (H = 0: none)."""
+        if not self.network.memory:
+            return self.output(observation), memory
+        first = ACTIVATIONS[self.network.activation](self.actor[0](observation))
+        memory = self.memory(first, memory)
+        return _run(self.actor[1:], torch.cat((first, memory), -1), self.network.activation), memory
 
-    def log_probability(self, observation: Tensor, action: Tensor) -> tuple[Tensor, Tensor]:
-        """Return log pi(action | observation) and the entropy of pi, both float32[M], from observations float32[M, D].
+    def relive(self, observation: Tensor, memory: Tensor, ended: Tensor) -> Tensor:
+        """Return the outputs float32[T, M, A] of T decisions, observed as float32[T, M, D].
+
+        memory: float32[M, H] before the first; ended: bool[T, M], after which decisions it is empty again.
+        """
+        first = ACTIVATIONS[self.network.activation](self.actor[0](observation))
+        kept, remembered = (~ended).unsqueeze(-1), []
+        for t in range(len(first)):
+            memory = self.memory(first[t], memory)
+            remembered.append(memory)
+            memory = memory * kept[t]
+        return _run(self.actor[1:], torch.cat((first, torch.stack(remembered)), -1), self.network.activation)
+
+    def value(self, observation: Tensor, near: Tensor | None = None) -> Tensor:
+        """Return the critic's value, float32[M] from float32[M, D].
+
+        near: float32[M, K, D], what the nearest robots observe; zeros for one that is not there.
+        """
+        if near is None:
+            return _run(self.critic, observation, self.network.activation).squeeze(-1)
+        act = ACTIVATIONS[self.network.activation]
+        there = near.any(-1, keepdim=True)
+        others = (act(self.critic_near(near)) * there).sum(-2) / self.network.critic_sees
+        first = torch.cat((act(self.critic[0](observation)), others), -1)
+        return _run(self.critic[1:], first, self.network.activation).squeeze(-1)
+
+    def judge(self, output: Tensor, action: Tensor) -> tuple[Tensor, Tensor]:
+        """Return log pi(action) and the entropy of pi, both float32[M], from the actor's output float32[M, A].
 
         action: int64[M] for discrete actions, float32[M, A] for real-valued ones (as drawn, not clipped).
         """
-        return self._judge(self.output(observation), action)
-
-    def _judge(self, output: Tensor, action: Tensor) -> tuple[Tensor, Tensor]:
         if self.network.discrete:
             logs = torch.log_softmax(output, dim=-1)
             return logs.gather(-1, action.unsqueeze(-1)).squeeze(-1), -(logs.exp() * logs).sum(-1)
@@ -107,19 +136,18 @@ class ActorCritic(nn.Module):
         return log_probability, (self.log_std + 0.5 + _HALF_LOG_TAU).sum().expand(len(action))
 
     @torch.no_grad()
-    def draw(self, observation: Tensor, rng: np.random.Generator | torch.Generator) -> tuple[Tensor, Tensor]:
+    def draw(self, output: Tensor, rng: np.random.Generator | torch.Generator) -> tuple[Tensor, Tensor]:
         """Draw one action a row: int64[M], or float32[M, A] for real-valued ones, and log pi of it, float32[M].
 
-        rng: NumPy's, which is faster on the CPU, or torch's of the device where the observations are.
+        output: the actor's, float32[M, A]; rng: NumPy's, which is faster on the CPU, or torch's of the output's device.
         """
-        output = self.output(observation)
         if isinstance(rng, torch.Generator):
             action = self._drawn(output, rng)
-            return action, self._judge(output, action)[0]
+            return action, self.judge(output, action)[0]
         here = output.numpy()
         if self.network.discrete:
             drawn = draw_discrete(here, rng)
-            here -= here.max(axis=-1, keepdims=True)
+            here = here - here.max(axis=-1, keepdims=True)
             chosen = here[np.arange(len(drawn)), drawn]
             return torch.from_numpy(drawn), torch.from_numpy(chosen - np.log(np.exp(here).sum(axis=-1)))
         noise = rng.standard_normal(here.shape, dtype=np.float32)
@@ -162,6 +190,24 @@ def first_actor_critic(network: Network, env: EnvConfig, cruise_bias: float) -> 
             else:
                 weight[units, inputs] = torch.from_numpy(free - hit).float() / (2.0 * PASSED)
     return net
+
+
+def begin_with(net: ActorCritic, tensors: Mapping[str, NDArray[np.float32]]) -> None:
+    """Copy a policy's tensors into a network, which may have a memory or a critic's view on top.
+
+    What they lack begins untrained, and the layers that read it begin by not heeding it. Raises ConfigError where
+    anything else differs.
+    """
+    for name, own in net.state_dict().items():
+        if name not in tensors:
+            if name.startswith(("memory", "critic")):
+                continue
+            raise ConfigError(f"start: the policy has no {name}")
+        given = torch.from_numpy(tensors[name])
+        if given.shape[:1] != own.shape[:1] or given[0].numel() > own[0].numel():
+            raise ConfigError(f"start: {name} of the policy is {list(given.shape)}, not {list(own.shape)}")
+        own.zero_()
+        own[(..., slice(given.shape[-1])) if own.dim() == 2 else ...] = given
 
 
 def tensors_of(module: nn.Module) -> dict[str, NDArray[np.float32]]:

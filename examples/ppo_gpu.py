@@ -100,7 +100,7 @@ def update(net: ActorCritic, optimiser: torch.optim.Optimizer, seen: Rollout, o:
     gain = ((gain - gain.mean()) / (gain.std() + 1e-8)).flatten()
     observation, action, old = seen.observation.flatten(0, 1), seen.action.flatten(), seen.logp.flatten()
     for rows in torch.randperm(len(gain), device=gain.device).chunk(o.minibatches):
-        logp, entropy = net.log_probability(observation[rows], action[rows])
+        logp, entropy = net.judge(net.output(observation[rows]), action[rows])
         ratio = (logp - old[rows]).exp()
         clipped = ratio.clamp(1 - o.clip, 1 + o.clip)
         policy = -torch.minimum(ratio * gain[rows], clipped * gain[rows]).mean()

@@ -53,7 +53,7 @@ def test_the_export_has_the_librarys_distribution(config: PPOConfig, tmp_path: P
     net.load_state_dict({name: torch.from_numpy(array) for name, array in trainer.policy_tensors().items()})
     action = torch.from_numpy(policy.act(observation, np.random.default_rng(0)))
     with torch.no_grad():
-        log_probability, entropy = net.log_probability(torch.from_numpy(observation), action)
+        log_probability, entropy = net.judge(net.output(torch.from_numpy(observation)), action)
         ours_value = net.value(torch.from_numpy(observation))
     assert torch.equal(ours_value, value)
     if action_type == "discrete":

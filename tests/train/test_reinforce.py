@@ -35,7 +35,7 @@ def config(tmp_path: Path) -> ReinforceConfig:
 def test_the_gradient_of_one_step_is_the_hand_computed_one() -> None:
     net = ActorCritic(Network(2, 3, True, ()), np.array([0.5, 0.0, -0.5], np.float32))
     observation, action, advantage = np.array([0.3, -0.7], np.float32), 1, 2.0
-    log_probability, entropy = net.log_probability(torch.from_numpy(observation[None]), torch.tensor([action]))
+    log_probability, entropy = net.judge(net.output(torch.from_numpy(observation[None])), torch.tensor([action]))
     (policy_loss(log_probability, log_probability, torch.tensor([advantage]))[0] - 0.1 * entropy.mean()).backward()
     weight, bias = (net.state_dict()[f"actor.0.{kind}"].numpy() for kind in ("weight", "bias"))
     p = np.exp(weight @ observation + bias)

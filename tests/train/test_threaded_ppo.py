@@ -42,8 +42,8 @@ def test_a_draw_comes_with_its_log_probability(discrete: bool, device: str | Non
     torch.manual_seed(0)
     net = ActorCritic(Network(5, 3, discrete, (16,)), np.array([1.0, -1.0, 0.0], np.float32))
     observation = 3.0 * torch.randn(2, 5).repeat(10_000, 1)
-    action, log_probability = net.draw(observation, rng_of([0], device))
-    expected, _ = net.log_probability(observation, action)
+    action, log_probability = net.draw(net.output(observation), rng_of([0], device))
+    expected, _ = net.judge(net.output(observation), action)
     assert log_probability.numpy() == pytest.approx(expected.detach().numpy(), abs=1e-5)
     output, drawn = net.output(observation[0]).detach(), action[::2]
     if discrete:
@@ -62,16 +62,16 @@ def test_it_learns_a_bandit_in_several_passes_over_each_batch() -> None:
     for _ in range(20):
         best = rng.integers(3, size=256)
         observation = torch.from_numpy(np.eye(3, dtype=np.float32)[best])
-        action, old = net.draw(observation, rng)
+        action, old = net.draw(net.output(observation), rng)
         advantage = (action == torch.from_numpy(best)).float()
         mean, spread = joint_scale([advantage])
         for _ in range(4):
-            log_probability, _ = net.log_probability(observation, action)
+            log_probability, _ = net.judge(net.output(observation), action)
             optimizer.zero_grad()
             loss, _ = clipped_loss(log_probability, old, (advantage - mean) / spread, 0.2)
             loss.backward()
             optimizer.step()
-    assert (net.draw(observation, rng)[0].numpy() == best).mean() > 0.95
+    assert (net.draw(net.output(observation), rng)[0].numpy() == best).mean() > 0.95
 
 
 def test_every_pass_takes_every_row_once(config: ThreadedPPOConfig, monkeypatch: pytest.MonkeyPatch) -> None:

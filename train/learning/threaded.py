@@ -19,7 +19,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from agents.networks import first_actor_critic, tensors_of
+from agents import policy_tensors
+from agents.networks import begin_with, first_actor_critic, tensors_of
 from train.learning import checkpoint
 from train.learning.config import ThreadedConfig
 from train.learning.experience import Rollout, RolloutWorker
@@ -53,13 +54,16 @@ class ThreadedTrainer(Trainer):
         self.rows = sum(worker.rows for worker in self._workers)
         worlds = self._workers[0].worlds
         self.env, device = worlds.simulators[0].config, worlds.observation.device
-        self.network = network_of(self.env, config.hidden)
+        self.network = network_of(self.env, config.hidden, config.memory, config.critic_sees)
         if device.type == "cuda":  # 10 bits of mantissa; the 7 of bfloat16 would change probabilities by up to 9%
             torch.backends.cuda.matmul.allow_tf32 = True
         torch.manual_seed(config.seed)
         self.net = first_actor_critic(self.network, self.env, config.cruise_bias).to(device)
+        if config.start is not None:
+            begin_with(self.net, policy_tensors(config.start))
         self._sizes = [parameter.numel() for parameter in self.net.parameters()]
-        self._groups = [self.net.actor_parameters(), list(self.net.critic.parameters())]
+        actor = self.net.actor_parameters()
+        self._groups = [actor, [one for one in self.net.parameters() if all(one is not other for other in actor)]]
         self.optimizer = torch.optim.Adam([{"params": group} for group in self._groups], eps=1e-5)
         self.split = self._workers[0].split  # the other threads' are much like it
 
@@ -84,10 +88,12 @@ class ThreadedTrainer(Trainer):
     def _learn(self, rollouts: list[Rollout], seed: list[int], entropy_weight: float) -> dict[str, float]:
         mean, spread = joint_scale([rollout.advantage for rollout in rollouts])
         rollouts = [one._replace(advantage=(one.advantage - mean) / spread) for one in rollouts]
-        pieces = max(1, round(self.rows * self.rollout / self.config.minibatch))
-        rng, totals = rng_of(seed, self.config.device), mean.new_zeros(len(FIGURES))
+        config = self.config
+        pieces = max(1, round(self.rows * self.rollout / config.minibatch))
+        rng, totals = rng_of(seed, config.device), mean.new_zeros(len(FIGURES))
         for _ in range(self.epochs):
-            orders = [shuffled(len(one.target), rng).tensor_split(pieces) for one in rollouts]
+            counts = [len(one.memory) if config.memory else len(one.target) for one in rollouts]
+            orders = [shuffled(count, rng).tensor_split(pieces) for count in counts]
             for chosen in zip(*orders, strict=True):
                 totals += self._descend(rollouts, chosen, entropy_weight)
         target = torch.cat([rollout.target for rollout in rollouts])
@@ -104,15 +110,22 @@ class ThreadedTrainer(Trainer):
         self.optimizer.step()
         return torch.cat([torch.stack([figures for _, figures in parts]).mean(0), norm[None]])
 
-    def gradient(self, rollout: Rollout, rows: Tensor, entropy_weight: float) -> tuple[Tensor, Tensor]:
+    def gradient(self, rollout: Rollout, chosen: Tensor, entropy_weight: float) -> tuple[Tensor, Tensor]:
         """Return means over some rows of a rollout: slopes float32[P] of all parameters, and all FIGURES but the norm.
 
-        The rollout's advantages are scaled already.
+        chosen: the rows, or, with a memory, the robots, all of whose decisions count. The rollout's advantages are
+        scaled already.
         """
+        net, rows = self.net, rollout.sequences(chosen) if self.config.memory else chosen
         observation = rollout.observation[rows]
-        log_probability, entropy = self.net.log_probability(observation, rollout.action[rows])
+        if self.config.memory:
+            decided = observation.view(-1, len(chosen), observation.shape[-1])
+            output = net.relive(decided, rollout.memory[chosen], rollout.ended[:, chosen]).flatten(0, 1)
+        else:
+            output = net.output(observation)
+        log_probability, entropy = net.judge(output, rollout.action[rows])
         actor_loss, held = self._actor_loss(log_probability, rollout.log_probability[rows], rollout.advantage[rows])
-        critic_loss = 0.5 * (self.net.value(observation) - rollout.target[rows]).square().mean()
+        critic_loss = 0.5 * (net.value(observation, rollout.others(rows)) - rollout.target[rows]).square().mean()
         mean_entropy = entropy.mean()
         loss = actor_loss - entropy_weight * mean_entropy + critic_loss
         slopes = torch.cat([slope.flatten() for slope in torch.autograd.grad(loss, list(self.net.parameters()))])
@@ -129,13 +142,17 @@ class ThreadedTrainer(Trainer):
             for number, worker in enumerate(self._workers)
             for name, array in worker.worlds.history().items()
         }
-        return {**super().arrays(), **worlds}
+        memories = {f"memory.{number}": worker.memory.cpu().numpy() for number, worker in enumerate(self._workers)}
+        return {**super().arrays(), **worlds, **(memories if self.config.memory else {})}
 
     def load(self, arrays: dict[str, NDArray[Any]]) -> None:
         """Put back what `arrays` returned; the worlds replay their last actions."""
         super().load(arrays)
         histories = [checkpoint.part_of(arrays, f"worlds.{number}.") for number in range(len(self._workers))]
         self._each(lambda worker, history: worker.worlds.replay(history), self._workers, histories)
+        if self.config.memory:
+            for number, worker in enumerate(self._workers):
+                worker.memory = torch.from_numpy(arrays[f"memory.{number}"]).to(worker.memory.device)
 
     def policy_tensors(self) -> Tensors:
         """Return the network's tensors (see `Trainer.policy_tensors`)."""
@@ -158,11 +175,11 @@ def _worlds(config: ThreadedConfig) -> Iterator[TrainingWorlds]:
 
         mixes = config.worlds(config.rows)
         there = partial(TrainingDevice, jam_seconds=jam_seconds, shared=shared, device=device)
-        yield DeviceWorlds(there, mixes, [config.seed, 0])
+        yield DeviceWorlds(there, mixes, [config.seed, 0], near=config.critic_sees)
         return
     here = partial(TrainingSimulator, jam_seconds=jam_seconds, shared=shared)
     for number, mixes in enumerate(shares(config)):
-        yield TrainingWorlds(here, mixes, [config.seed, number], config.floor_episodes)
+        yield TrainingWorlds(here, mixes, [config.seed, number], config.floor_episodes, config.critic_sees)
 
 
 def shares(config: ThreadedConfig) -> list[list[tuple[EnvConfig, int]]]:
