@@ -102,7 +102,7 @@ def dense(x: NDArray[np.float32], layer: Layer, activation: Activation | None) -
     out = _layer(rows, *layer, activation == "tanh")
     if activation not in (None, "tanh"):
         _activate(out, _OTHERS.index(activation))
-    return out.reshape(*x.shape[:-1], out.shape[-1])
+    return np.asarray(out.reshape(*x.shape[:-1], out.shape[-1]))
 
 
 def forward(

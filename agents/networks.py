@@ -75,7 +75,7 @@ class ActorCritic(nn.Module):
         if network.memory:
             self.memory = nn.GRUCell(network.hidden[0], network.memory)
         if network.critic_sees:
-            self.critic_near = nn.Linear(network.observation_size, self.critic[0].out_features)
+            self.critic_near = nn.Linear(network.observation_size, network.sizes("critic")[0][1])
         with torch.no_grad():
             self.actor[-1].get_parameter("bias").copy_(torch.as_tensor(first_output))
         if not network.discrete:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from agents.weights_folder import Activation, PolicyRecord, read_record, read_tensors
+from agents.weights_folder import Activation, Network, PolicyRecord, read_record, read_tensors
 from warehouse_env.errors import ConfigError
 from warehouse_env.observation import observation_layout
 
@@ -17,13 +17,15 @@ if TYPE_CHECKING:
 
 OPSET = 17  # of ONNX's operators: old enough for every runtime of the last years
 INPUT, OUTPUT, DEVIATION = "observation", "output", "standard_deviation"
+MEMORY, NEXT = "memory", "next_memory"
 
 
 def onnx_model(directory: Path | str) -> ModelProto:
     """Return the actor of a policy folder as a checked ONNX model.
 
     Input `observation` float32[rows, D]; output `output` float32[rows, A]: logits, or means of real-valued actions,
-    which then have a second output, `standard_deviation` float32[A]. Its metadata say what the numbers mean, as JSON.
+    which then have a second output, `standard_deviation` float32[A]. A network with a memory also takes `memory`
+    float32[rows, H], zeros at first, and gives `next_memory`. Its metadata say what the numbers mean, as JSON.
     Raises WeightsError for a folder that is none, ConfigError where the library `onnx` is missing.
     """
     try:
@@ -34,12 +36,18 @@ def onnx_model(directory: Path | str) -> ModelProto:
     network = record.network
     tensors = read_tensors(directory, network).items()
     outputs = [helper.make_tensor_value_info(OUTPUT, TensorProto.FLOAT, ["rows", network.actions])]
-    nodes = _layers(len(network.hidden) + 1, network.activation)
+    nodes = _layers(network)
     if not network.discrete:
         nodes.append(helper.make_node("Exp", ["log_std"], [DEVIATION]))
         outputs.append(helper.make_tensor_value_info(DEVIATION, TensorProto.FLOAT, [network.actions]))
     inputs = [helper.make_tensor_value_info(INPUT, TensorProto.FLOAT, ["rows", network.observation_size])]
-    actor = [(name, np.ascontiguousarray(array)) for name, array in tensors if not name.startswith("critic.")]
+    if network.memory:
+        kept = [
+            helper.make_tensor_value_info(name, TensorProto.FLOAT, ["rows", network.memory]) for name in (MEMORY, NEXT)
+        ]
+        inputs.append(kept[0])
+        outputs.append(kept[1])
+    actor = [(name, np.ascontiguousarray(array)) for name, array in tensors if not name.startswith("critic")]
     weights = [numpy_helper.from_array(array, name) for name, array in actor]
     graph = helper.make_graph(nodes, record.algorithm, inputs, outputs, weights)
     model = helper.make_model(graph, producer_name="warehouse_env", opset_imports=[helper.make_opsetid("", OPSET)])
@@ -54,11 +62,12 @@ _OPERATORS: dict[Activation, str] = {
 }  # fmt: skip
 
 
-def _layers(depth: int, activation: Activation) -> list[NodeProto]:
-    """Return the nodes of the actor: x W^T + b, and the activation between its layers."""
+def _layers(network: Network) -> list[NodeProto]:
+    """Return the nodes of the actor: x W^T + b, the activation between its layers, and its memory after the first."""
     from onnx import helper
 
     nodes, x = [], INPUT
+    depth, activation = len(network.hidden) + 1, network.activation
     for k in range(depth):
         last = k == depth - 1
         y = OUTPUT if last else f"sum.{k}"
@@ -70,7 +79,35 @@ def _layers(depth: int, activation: Activation) -> list[NodeProto]:
                 nodes.append(helper.make_node("Mul", [y, f"share.{k}"], [x]))
             else:
                 nodes.append(helper.make_node(_OPERATORS[activation], [y], [x]))
+        if k == 0 and network.memory:
+            nodes += _remembering(x)
+            x = "remembered"
     return nodes
+
+
+def _remembering(x: str) -> list[NodeProto]:
+    """Return the nodes of a gated recurrent unit that reads x, and of x and its next memory side by side.
+
+    ONNX has an operator for it, but with other gates first and for whole sequences.
+    """
+    from onnx import helper
+
+    given, kept = [f"given.{gate}" for gate in range(3)], [f"kept.{gate}" for gate in range(3)]
+    steps = (
+        ("Add", [given[0], kept[0]], "reset.sum"), ("Sigmoid", ["reset.sum"], "reset"),
+        ("Add", [given[1], kept[1]], "keep.sum"), ("Sigmoid", ["keep.sum"], "keep"),
+        ("Mul", ["reset", kept[2]], "new.kept"), ("Add", [given[2], "new.kept"], "new.sum"),
+        ("Tanh", ["new.sum"], "new"), ("Sub", [MEMORY, "new"], "change"), ("Mul", ["keep", "change"], "held"),
+        ("Add", ["new", "held"], NEXT),
+    )  # fmt: skip
+    return [
+        helper.make_node("Gemm", [x, "memory.weight_ih", "memory.bias_ih"], ["given"], transB=1),
+        helper.make_node("Gemm", [MEMORY, "memory.weight_hh", "memory.bias_hh"], ["kept"], transB=1),
+        helper.make_node("Split", ["given"], given, axis=1),
+        helper.make_node("Split", ["kept"], kept, axis=1),
+        *(helper.make_node(operator, inputs, [output]) for operator, inputs, output in steps),
+        helper.make_node("Concat", [x, NEXT], ["remembered"], axis=1),
+    ]
 
 
 def _meaning(record: PolicyRecord) -> dict[str, object]:

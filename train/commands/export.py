@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from agents import POLICIES, LearnedPolicy
-from agents.onnx_model import INPUT, OUTPUT, onnx_model
+from agents import POLICIES
+from agents.learned import RecurrentPolicy, learned_policy
+from agents.onnx_model import INPUT, MEMORY, OUTPUT, onnx_model
 from agents.weights_folder import read_record
 from train.reporting.rows import RowFile
 from warehouse_env.checked import Checked
@@ -80,7 +81,13 @@ def largest_difference(model: bytes, directory: Path, seed: int) -> float:
 
     record = read_record(directory)
     shape = (ROWS, record.network.observation_size)
-    observation = np.random.default_rng(seed).uniform(-1.0, 1.0, shape).astype(np.float32)
-    own = LearnedPolicy(directory, record.env).output(observation)
-    outputs: list[Any] = ReferenceEvaluator(model).run([OUTPUT], {INPUT: observation})  # type: ignore[assignment]
+    rng = np.random.default_rng(seed)
+    given = {INPUT: rng.uniform(-1.0, 1.0, shape).astype(np.float32)}
+    policy = learned_policy(directory, record.env)
+    if isinstance(policy, RecurrentPolicy):
+        given[MEMORY] = rng.uniform(-1.0, 1.0, (ROWS, record.network.memory)).astype(np.float32)
+        own, _ = policy.recall(given[INPUT], given[MEMORY])
+    else:
+        own = policy.output(given[INPUT])
+    outputs: list[Any] = ReferenceEvaluator(model).run([OUTPUT], given)  # type: ignore[assignment]
     return float(np.abs(outputs[0] - own).max() / max(np.abs(own).max(), 1.0))

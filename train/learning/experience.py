@@ -111,11 +111,13 @@ class RolloutWorker:
         if near.shape[-1]:  # rows of one decision become rows of the rollout
             first = torch.arange(0, len(seen), self.rows, device=seen.device).repeat_interleave(self.rows)
             near = torch.where(near >= 0, near + first.unsqueeze(-1), near)
-        parts = torch.arange(len(seen), device=seen.device).split(_JUDGED)
+        parts = torch.split(torch.arange(len(seen), device=seen.device), _JUDGED)
         values = [net.value(seen[part], seen_by(seen, near[part]) if near.shape[-1] else None) for part in parts]
         value = torch.cat(values).view(-1, self.rows)
         reward = self._reward * config.reward_scale
         advantage = advantages(reward, value, self._ended, self._last_value, config.gamma, config.gae_lambda)
         drawn = (self._observation[:-1], self._action, self._log_probability)
-        flat = [tensor.flatten(0, 1) for tensor in (*drawn, advantage, advantage + value[:-1])]
-        return Rollout(*flat, self._ended, memory, near[: len(flat[0])])
+        flat = (tensor.flatten(0, 1) for tensor in (*drawn, advantage, advantage + value[:-1]))
+        observation, action, log_probability, advantage, target = flat
+        near = near[: len(target)]
+        return Rollout(observation, action, log_probability, advantage, target, self._ended, memory, near)

@@ -59,7 +59,7 @@ class ThreadedTrainer(Trainer):
             torch.backends.cuda.matmul.allow_tf32 = True
         torch.manual_seed(config.seed)
         self.net = first_actor_critic(self.network, self.env, config.cruise_bias).to(device)
-        if config.start is not None:
+        if config.start is not None and config.resume is None:
             begin_with(self.net, policy_tensors(config.start))
         self._sizes = [parameter.numel() for parameter in self.net.parameters()]
         actor = self.net.actor_parameters()

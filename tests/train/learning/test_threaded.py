@@ -32,14 +32,17 @@ SIXTEEN = SMALL | {"rows": 16, "steps": 16 * 6 * 8, "traffic": "none:shield=true
 TRAINERS = [(reinforce, ReinforceConfig), (threaded_ppo, ThreadedPPOConfig)]
 
 
-@pytest.mark.parametrize(("threads", "device"), [(2, None), (3, None), (1, "cpu")])
+@pytest.mark.parametrize(
+    ("threads", "device", "memory"), [(2, None, 0), (3, None, 0), (1, "cpu", 0), (2, None, 5), (1, "cpu", 5)]
+)
 @pytest.mark.parametrize(("module", "options"), TRAINERS)
 def test_a_resumed_run_gives_the_same_bits_as_an_unbroken_one(
-    module: ModuleType, options: type[ThreadedConfig], threads: int, device: str | None, tmp_path: Path,
+    module: ModuleType, options: type[ThreadedConfig], threads: int, device: str | None, memory: int, tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
     layouts = ("open",) if device else ("open", "aisles:seed=new")
-    config = options(out=tmp_path, device=device, **SIXTEEN | {"threads": threads, "layouts": layouts})
+    kind = {"threads": threads, "layouts": layouts, "memory": memory, "critic_sees": memory // 2}
+    config = options(out=tmp_path, device=device, **SIXTEEN | kind)
     whole = load_file(module.train(replace(config, name="whole")) / "weights.safetensors")
     update, calls = ThreadedTrainer.update, []
 
@@ -90,7 +93,7 @@ def test_a_device_trains_in_the_worlds_of_the_cpu() -> None:
     assert here.simulators[0].ends == [True, True]
     counted, its = (figures_of([worlds.tally], 0.2) for worlds in (here, there))
     assert its == pytest.approx(counted | {"worlds_ended": 0.0, "worlds_jammed": 0.0}, rel=1e-5)
-    [(rows, final)] = there.step(actions)
+    [(rows, final, _)] = there.step(actions)
     assert there.simulators[0].ends == [True, True]
     assert rows.tolist() == list(range(8, 24))
     assert there.simulators[0].steps.tolist() == [here.simulators[0].steps[0] + 1, 0, 0]
