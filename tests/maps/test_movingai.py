@@ -54,6 +54,9 @@ def test_maps_round_trip(occupied: np.ndarray) -> None:
         assert os.listdir(folder) == ["any.map"]
 
 
+LINE = "3\tm.map\t32\t31\t11\t6\t7\t18\t13.65"
+
+
 @pytest.mark.parametrize(
     ("text", "line", "words"),
     [
@@ -66,13 +69,20 @@ def test_maps_round_trip(occupied: np.ndarray) -> None:
         (GOOD.replace("height 2\n", ""), 3, "no line 'height N'"),
         ("height 999999999\nwidth 999999999\nmap\n.\n", 4, "999999999 rows"),
         ("", 1, "begins with"),
+        (LINE, 1, "version 1"),
+        ("version 1\n" + LINE + "\n3\tm.map\t32", 3, "3 fields instead of 9"),
+        ("version 1\n" + LINE.replace("\t11\t", "\t32\t"), 2, "start x 32 is outside"),
+        ("version 1\n" + LINE.replace("\t18\t", "\t31\t"), 2, "goal y 31 is outside"),
+        ("version 1\n" + LINE.replace("\t6\t", "\t-6\t"), 2, "start y '-6'"),
+        ("version 1\n" + LINE.replace("13.65", "nan"), 2, "length 'nan'"),
+        ("version 1\n" + LINE.replace("3\tm", "x\tm"), 2, "bucket 'x'"),
     ],
 )
-def test_broken_maps_name_file_and_line(tmp_path: Path, text: str, line: int, words: str) -> None:
-    path = tmp_path / "broken.map"
+def test_broken_files_name_file_and_line(tmp_path: Path, text: str, line: int, words: str) -> None:
+    path = tmp_path / "broken"
     path.write_text(text)
     with pytest.raises(MapError, match=words) as raised:
-        read_map(path)
+        (read_scen if "m.map" in text else read_map)(path)
     assert str(raised.value).startswith(f"{path}, line {line}: ")
     assert "\n" not in str(raised.value)
 
@@ -87,29 +97,6 @@ def test_reading_scenarios_turns_x_and_y_into_row_and_column(tmp_path: Path) -> 
     assert read_scen(path) == read
     path.write_text("version 1\n3 map.map 32 31 11 6 7 18 13.65685425\n")
     assert read_scen(path) == [read[0]._replace(map_name="map.map")]
-
-
-LINE = "3\tm.map\t32\t31\t11\t6\t7\t18\t13.65"
-
-
-@pytest.mark.parametrize(
-    ("text", "line", "words"),
-    [
-        (LINE, 1, "version 1"),
-        ("version 1\n" + LINE + "\n3\tm.map\t32", 3, "3 fields instead of 9"),
-        ("version 1\n" + LINE.replace("\t11\t", "\t32\t"), 2, "start x 32 is outside"),
-        ("version 1\n" + LINE.replace("\t18\t", "\t31\t"), 2, "goal y 31 is outside"),
-        ("version 1\n" + LINE.replace("\t6\t", "\t-6\t"), 2, "start y '-6'"),
-        ("version 1\n" + LINE.replace("13.65", "nan"), 2, "length 'nan'"),
-        ("version 1\n" + LINE.replace("3\tm", "x\tm"), 2, "bucket 'x'"),
-    ],
-)
-def test_broken_scenarios_name_file_and_line(tmp_path: Path, text: str, line: int, words: str) -> None:
-    path = tmp_path / "broken.scen"
-    path.write_text(text)
-    with pytest.raises(MapError, match=words) as raised:
-        read_scen(path)
-    assert str(raised.value).startswith(f"{path}, line {line}: ")
 
 
 # ---- our shortest path against printed lengths

@@ -17,10 +17,6 @@ from warehouse_env.planning.plan import Plan, validate_line
 RNG = np.random.default_rng(0)
 
 
-def drawn(*rows: str) -> GridMap:
-    return GridMap(np.array([[c == "#" for c in row] for row in rows]))
-
-
 def plan(grid: GridMap, start: Cell, goal: Cell) -> Plan:
     return ThetaStar().plan(grid, start, goal, RNG)
 

@@ -7,15 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.simulation.worlds import drawn
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.planning import Plan, path_length, validate
 from warehouse_env.planning.field_walkers import Apf, ApfImproved
 
 RNG = np.random.default_rng(0)
-
-
-def drawn(*rows: str) -> GridMap:
-    return GridMap(np.array([[c == "#" for c in row] for row in rows]))
 
 
 def walk(planner: Apf | ApfImproved, grid: GridMap, start: Cell, goal: Cell) -> Plan:
@@ -25,13 +22,7 @@ def walk(planner: Apf | ApfImproved, grid: GridMap, start: Cell, goal: Cell) -> 
     return plan
 
 
-WALL = drawn(
-    ".......",
-    ".......",
-    ".#####.",
-    ".......",
-    ".......",
-)
+WALL = drawn([".......", ".......", ".#####.", ".......", "......."])
 
 
 def test_on_an_empty_floor_the_walk_follows_the_nearest_of_eight_directions() -> None:

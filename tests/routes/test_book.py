@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from tests.simulation.worlds import drawn
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import PlanError
 from warehouse_env.maps.grid_map import Cell, GridMap
@@ -32,12 +33,6 @@ def own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A plan cache for each test."""
     monkeypatch.setenv("WAREHOUSE_CACHE_DIR", str(tmp_path / "cache"))
     return tmp_path / "cache"
-
-
-def drawn(*lines: str) -> GridMap:
-    occupied = np.array([[mark == "#" for mark in line] for line in lines])
-    free = np.argwhere(~occupied)
-    return GridMap(occupied, picks=free[::2], stations=free[1::2], name="drawn")
 
 
 def book(grid: GridMap, planner: str = "astar", **settings: float) -> RouteBook:
@@ -83,7 +78,7 @@ def test_routes_join_the_cells_centres_evenly_and_off_the_shelves(name: str) -> 
 
 
 def aisle(width: int, length: int = 30) -> GridMap:
-    return drawn("#" * length, *["." * length] * width, "#" * length)
+    return drawn(["#" * length, *["." * length] * width, "#" * length])
 
 
 @pytest.mark.parametrize(("width", "from_wall"), [(2, 0.55), (3, 0.75)])
@@ -115,8 +110,8 @@ def test_no_way_is_a_plan_error_that_names_it() -> None:
 
 
 # A single lane with a way round through the wide part, and a dead end.
-LOOP = drawn("............", ".##########.", "............", "............")
-DEAD_END = drawn("############", "........####", "############")
+LOOP = drawn(["............", ".##########.", "............", "............"])
+DEAD_END = drawn(["############", "........####", "############"])
 
 
 def test_a_robot_in_a_single_lane_goes_on_where_it_can() -> None:
@@ -145,7 +140,7 @@ def test_in_a_dead_end_it_backs_out() -> None:
     ],
 )
 def test_the_first_free_cell_is_a_cell_like_any_other(lines: tuple[str, ...], start: Cell, goal: Cell) -> None:
-    grid = drawn(*lines)
+    grid = drawn(lines)
     route = book(grid).route(start, goal, EAST).line
     np.testing.assert_allclose(route[[0, -1]], grid.centre([start, goal]), atol=1e-5)
 
@@ -285,7 +280,7 @@ def test_a_store_that_grows_too_large_loses_its_oldest_plans(tmp_path: Path, mon
     assert max(sizes) < 300_000
 
 
-ROOM = drawn("........", ".##.##..", "........", ".##.##..", "........")
+ROOM = drawn(["........", ".##.##..", "........", ".##.##..", "........"])
 PLACES = ROOM.endpoints[2]
 
 

@@ -9,15 +9,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.simulation.worlds import drawn
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.planning.ants.colony import cells_of
 from warehouse_env.planning.ants.floor import make_floor
 from warehouse_env.planning.plan import path_length, validate
 from warehouse_env.planning.swarms.waypoints import Paths
-
-
-def drawn(*lines: str) -> GridMap:
-    return GridMap(np.array([[c == "#" for c in line] for line in lines]))
 
 
 def paths_of(grid: GridMap, start: Cell, goal: Cell, cost: np.ndarray | None = None) -> Paths:
@@ -31,8 +28,8 @@ def decoded(grid: GridMap, start: Cell, goal: Cell, *points: tuple[float, float]
     return [tuple(cell) for cell in cells_of(make_floor(grid, goal), paths.best, 0).tolist()]
 
 
-OPEN = drawn(".....", ".....", ".....", ".....")
-WALL = drawn(".....", ".###.", "...#.", ".....")
+OPEN = drawn(["....."] * 4)
+WALL = drawn([".....", ".###.", "...#.", "....."])
 
 
 def test_the_walk_goes_by_its_points_and_diagonally_while_it_can() -> None:
@@ -43,7 +40,7 @@ def test_the_walk_goes_by_its_points_and_diagonally_while_it_can() -> None:
 def test_a_point_on_a_shelf_or_outside_counts_as_the_nearest_cell_that_can_be_reached() -> None:
     assert decoded(WALL, (0, 0), (0, 4), (1.0, 2.0)) == decoded(WALL, (0, 0), (0, 4), (0.0, 2.0))
     assert decoded(OPEN, (0, 0), (0, 4), (99.0, -7.0)) == decoded(OPEN, (0, 0), (0, 4), (3.0, 0.0))
-    island = drawn("..#.", "..##", "....")
+    island = GridMap(np.array([list("..#."), list("..##"), list("....")]) == "#")
     assert (0, 3) not in decoded(island, (0, 0), (2, 3), (0.0, 3.0))
 
 

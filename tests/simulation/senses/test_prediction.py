@@ -15,7 +15,6 @@ from tests.simulation.worlds import lay, room, stage, write
 from warehouse_env.config import RobotSpec, SensorSpec
 from warehouse_env.simulation.simulator import Simulator
 
-F = np.float32
 REAR_STEERED = RobotSpec()
 SPEEDS, SIDES = (-0.4, 0.0, 0.5, 1.3), (0.0, 0.6, -0.6, 1.2, -1.2)  # the commands
 TIMES = 2.4 * np.arange(1, 9) / 8  # [s] looked at
