@@ -10,7 +10,7 @@ import dataclasses
 import json
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import NoneType, UnionType
 from typing import Any, ClassVar, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
@@ -36,6 +36,7 @@ class Checked:
     hashable, and JSON-able where their annotations are.
     """
 
+    ranges: ClassVar[Mapping[str, tuple[float, float]]] = {}  # of fields, or of each entry; those of bases hold, too
     retired: ClassVar[dict[str, Any]] = {}  # removed fields that old files still name -> the only value they may have
 
     @classmethod
@@ -44,12 +45,15 @@ class Checked:
         return data
 
     def __post_init__(self) -> None:
-        """Check all fields; a subclass calls this first and then checks ranges."""
+        """Check all fields and ranges; a subclass that checks more calls this first."""
         for name, kind in _kinds_of(type(self)).items():
             try:
                 object.__setattr__(self, name, _fitted(getattr(self, name), kind))
             except _WrongError:
                 self._require(False, name, _rule(kind))
+        for cls in reversed(type(self).__mro__):
+            for name, limits in vars(cls).get("ranges", {}).items():
+                self._between(*limits, name)
 
     def _called(self, name: str) -> str:
         """Return the name of a field in errors."""

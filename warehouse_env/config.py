@@ -91,10 +91,7 @@ class FleetPart(CheckedPart):
 
     count: int  # robots of this kind
     robot: RobotSpec  # their bodies and limits
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._between(1, 100_000, "count")
+    ranges: ClassVar = {"count": (1, 100_000)}
 
 
 @dataclass(frozen=True)

@@ -89,12 +89,9 @@ class ErrorBounds(CheckedPart):
     pose_error: float = 0.0  # [m] largest error of a robot's own position
     heading_error: float = 0.0  # [rad] largest error of its own heading
     actuation_error: float = 0.0  # largest relative error of acceleration and steering
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._between(0.0, 60.0, "latency")
-        self._between(0.0, 1.0, "pose_error")
-        self._between(0.0, 0.5, "heading_error", "actuation_error")
+    ranges: ClassVar = {
+        "latency": (0.0, 60.0), "pose_error": (0.0, 1.0), "heading_error": (0.0, 0.5), "actuation_error": (0.0, 0.5),
+    }  # fmt: skip
 
     @property
     def errs(self) -> bool:
@@ -109,11 +106,7 @@ class UncertaintySpec(ErrorBounds):
     loss: float = 0.0  # share of env steps in which a robot's messages are lost (simulation/senses/messages.py)
     burst: float = 0.0  # [s] length of each loss; at least one env step
     declared: ErrorBounds | None = None  # bounds that the shield assumes; None: the real ones
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._between(0.0, 1.0, "loss")
-        self._between(0.0, 3600.0, "burst")
+    ranges: ClassVar = {"loss": (0.0, 1.0), "burst": (0.0, 3600.0)}
 
     @property
     def bounds(self) -> ErrorBounds:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 from warehouse_env.checked import CheckedPart
 
@@ -17,12 +18,7 @@ class ServiceSpec(CheckedPart):
     station: float = 30.0  # [s] at a station, in the mean
     variation: float = 0.0  # standard deviation over mean of a gamma distribution; 0: constant
     load: float = 0.0  # [kg] from a pick face to a station; with orders, theirs
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._between(0.0, _DAY, "pick", "station")
-        self._between(0.0, 10.0, "variation")
-        self._between(0.0, 1e9, "load")
+    ranges: ClassVar = {"pick": (0.0, _DAY), "station": (0.0, _DAY), "variation": (0.0, 10.0), "load": (0.0, 1e9)}
 
 
 @dataclass(frozen=True)

@@ -78,15 +78,10 @@ class Advise(Fleet, Work, RowOptions):
     """Folder for the rows and the page."""
 
     usual_processes: ClassVar[int] = min(os.cpu_count() or 1, 8)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._between(0.01, 1e5, "minutes")
-        self._between(1.0, 1e6, "seconds")
-        self._between(2, 1_000, "episodes")
-        self._between(1, 100_000, "most")
-        self._between(0, 2**62, "seed")
-        self._between(1e-3, 1e9, "goals")
+    ranges: ClassVar = {
+        "minutes": (0.01, 1e5), "seconds": (1.0, 1e6), "episodes": (2, 1_000), "most": (1, 100_000),
+        "seed": (0, 2**62), "goals": (1e-3, 1e9),
+    }  # fmt: skip
 
     def run(self) -> None:
         """Drive, print the answer, write rows and page."""

@@ -7,7 +7,7 @@ import platform
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, get_args
+from typing import ClassVar, Literal, get_args
 
 from train.reporting.report import Table, make_progress
 from train.reporting.rows import Row, RowFile, read_rows, select
@@ -38,10 +38,7 @@ class Bench(Checked):
     """Fail if a ratio of the step to the fixed work is a third below that of the release."""
     write_release: bool = False
     """Keep the ratios of the step to the fixed work as those of the release."""
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._between(0.001, 3600.0, "seconds")
+    ranges: ClassVar = {"seconds": (0.001, 3600.0)}
 
     def run(self) -> None:
         """Measure and print; a row is written as soon as it is measured."""

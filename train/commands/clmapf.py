@@ -6,6 +6,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import ClassVar
 
 import tyro
 
@@ -44,11 +45,7 @@ class Clmapf(Checked):
     """Folder for the rows, the tables and the solutions."""
     processes: int = field(default_factory=lambda: min(os.cpu_count() or 1, 8))
     """Instances to plan at a time, in processes if there are several."""
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._between(0, 2**62, "seed")
-        self._between(1, 10_000, "processes")
+    ranges: ClassVar = {"seed": (0, 2**62), "processes": (1, 10_000)}
 
     def run(self) -> None:
         """Solve or check; print the tables, and what is impossible, unsolved or wrong."""

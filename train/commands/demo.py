@@ -6,6 +6,7 @@ import os
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import ClassVar
 
 from train.commands.evaluate import Evaluate
 from train.evaluation.kernels import compile_all, is_compiled
@@ -47,10 +48,7 @@ class Demo(Checked):
     """Folder for the rows, the table, the pictures and the video."""
     overwrite: bool = False
     """Replace existing rows in a folder other than the default one."""
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._between(0.0, 3600.0, "video_seconds")
+    ranges: ClassVar = {"video_seconds": (0.0, 3600.0)}
 
     def run(self) -> None:
         """Evaluate, then film."""

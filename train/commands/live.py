@@ -7,7 +7,7 @@ import threading
 import webbrowser
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from agents import POLICIES
 from train.commands.evaluate import Drive
@@ -44,12 +44,7 @@ class Live(Fleet, Drive):
     """Open the page in the browser."""
     json: Path | None = None
     """Write a row about the world at the end to this file as JSON lines."""
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._between(0, 65_535, "port")
-        self._between(1, MOST_ROBOTS, "robots")
-        self._between(0, 2**53, "seed")
+    ranges: ClassVar = {"port": (0, 65_535), "robots": (1, MOST_ROBOTS), "seed": (0, 2**53)}
 
     def run(self) -> None:
         """Print the address and serve until Ctrl-C."""

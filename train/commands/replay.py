@@ -7,7 +7,7 @@ import shlex
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
 import tyro
@@ -96,10 +96,7 @@ class ReplayCommand(Checked):
     """Your own policies that drove the episodes, under the same names, to show their preferences."""
     json: Path | None = None
     """Write a row about each episode to this file as JSON lines."""
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._between(0.01, 1000.0, "speed")
+    ranges: ClassVar = {"speed": (0.01, 1000.0)}
 
     def run(self) -> None:
         """Load the episodes, show them, and print what was written."""

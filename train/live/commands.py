@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
+from typing import ClassVar
 
 from warehouse_env.checked import Checked, check_names, from_plain
 from warehouse_env.errors import ConfigError, shown, unknown_name
@@ -25,10 +26,7 @@ class Speed(Checked):
     """Set the pace: simulated seconds a second; None: as fast as possible."""
 
     speed: float | None
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._between(SLOWEST, FASTEST, "speed")
+    ranges: ClassVar = {"speed": (SLOWEST, FASTEST)}
 
 
 @dataclass(frozen=True)
@@ -44,11 +42,7 @@ class Make(Checked):
     floor: str | None = None
     robots: int | None = None
     seed: int | None = None
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._between(1, MOST_ROBOTS, "robots")
-        self._between(0, 2**53, "seed")  # whole numbers of a page
+    ranges: ClassVar = {"robots": (1, MOST_ROBOTS), "seed": (0, 2**53)}  # whole numbers of a page
 
 
 Command = Play | Speed | Step | Make

@@ -34,11 +34,7 @@ class TableOptions(WorkerOptions):
     """File for the rows, as JSON lines (rows.jsonl in the table's folder if left out)."""
     out: Path = Path("results/tables")
     """Folder for the rows and the page; each command but `papers` has its own folder in it."""
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._between(0, 2**62, "seed")
-        self._between(1, MOST, "runs")
+    ranges: ClassVar = {"seed": (0, 2**62), "runs": (1, MOST)}
 
     @property
     def folder(self) -> Path:
