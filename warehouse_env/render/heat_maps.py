@@ -78,8 +78,10 @@ def _draw(ax: Axes, panel: Panel, most: float) -> Any:
     draw_discs(ax, grid, _SHELF, 0.6)
     image = None
     if panel.heat is not None and most > 0:
-        norm = load("matplotlib.colors").PowerNorm(_POWER, 0, most)
-        image = ax.imshow(np.where(panel.heat > 0, panel.heat, 0.0), cmap=_colours(), norm=norm, **place)
+        colours = load("matplotlib.colors")
+        scale = colours.LinearSegmentedColormap.from_list("heat", _HEAT)  # from clear over yellow to dark red
+        norm = colours.PowerNorm(_POWER, 0, most)
+        image = ax.imshow(np.where(panel.heat > 0, panel.heat, 0.0), cmap=scale, norm=norm, **place)
     x, y = grid.centre(grid.stations).T
     ax.plot(x, y, "s", ms=max(1.2, 110 / max(rows, columns)), mfc="none", mec=hexed(BLUE), mew=0.7, alpha=0.8)
     draw_arrows(ax, grid, grid.one_way if panel.one_way is None else panel.one_way, GREEN)
@@ -107,8 +109,3 @@ def _shelves(panel: Panel) -> NDArray[np.float64]:
     if panel.opened is not None:
         image[panel.opened] = (*(part / 255 for part in GREEN), 0.9)
     return image
-
-
-def _colours() -> Any:
-    """Return the scale from clear over yellow to dark red, for light and dark pages."""
-    return load("matplotlib.colors").LinearSegmentedColormap.from_list("heat", _HEAT)
