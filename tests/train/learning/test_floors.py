@@ -17,7 +17,7 @@ from train.learning.worlds import TrainingSimulator, TrainingWorlds
 def _worlds(seed: int = 3) -> TrainingWorlds:
     """Return worlds on one fixed floor and on two drawn ones, each of these for two episodes of 15 steps."""
     layouts = ("open", "aisles:seed=new,rows=24")
-    mixes = ThreadedPPOConfig(**SMALL | {"layouts": layouts, "robots": (16,)}).worlds(256)
+    mixes = ThreadedPPOConfig(**SMALL | {"layouts": layouts, "robots": (16,), "traffic": "none"}).worlds(256)
     return TrainingWorlds(partial(TrainingSimulator, jam_seconds=60.0, shared=0.0), mixes, [seed, 0], 2)
 
 
@@ -46,6 +46,7 @@ def test_floors_change_in_turn_and_leave_nothing_behind() -> None:
     assert len(drawn) == 6
     assert all(1_000_000 <= int(layout.split("=")[1].split(",")[0]) < 900_000_000 for layout in drawn)
     assert all(simulator.grid.shape[0] == 24 for simulator in worlds.simulators[1:])
+    assert drawn.isdisjoint(_floors(_worlds(seed=4)))
     assert worlds.simulators[0] is fixed
     assert book() is None
     assert books._books == kept
@@ -63,4 +64,3 @@ def test_worlds_are_brought_back_on_their_floors(steps: int) -> None:
             assert mine.robots.tobytes() == its.robots.tobytes()
         assert torch.equal(worlds.observation, twin.observation)
         assert _drive(worlds, 1) == _drive(twin, 1)
-    assert set(_floors(worlds)[1:]).isdisjoint(_floors(_worlds(seed=4)))
