@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from agents import Network, PolicyRecord, save_policy
+from agents.weights_folder import read_record
 from train.learning.card import write_card
 from warehouse_env.config import EnvConfig, SensorSpec
 
@@ -36,3 +38,13 @@ def test_the_card_says_how_it_was_trained(folder: Path) -> None:
         assert part in text
     assert "Not measured yet" in text
     assert "reward 0.5" in text
+
+
+def test_the_card_tells_memory_and_beginning(folder: Path) -> None:
+    record = read_record(folder)
+    network, training = replace(record.network, memory=8), record.training | {"config": {"start": "ppo"}}
+    tensors = {name: np.zeros(shape, np.float32) for name, shape in network.shapes().items()}
+    text = write_card(save_policy(folder, replace(record, network=network, training=training), tensors)).read_text()
+    assert "3 numbers and its memory of 8" in text
+    assert "It began as the policy ppo." in text
+    assert "no conflict" not in text
