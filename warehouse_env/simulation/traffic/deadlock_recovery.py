@@ -22,11 +22,9 @@ from warehouse_env.simulation.state import NOBODY
 from warehouse_env.simulation.traffic import waits
 from warehouse_env.simulation.traffic.path_ahead import CENTRE_X, CENTRE_Y, COS, POSES, SIN
 from warehouse_env.simulation.traffic.recovery import (
-    ASKED,
+    AWAY,
     BEHIND,
     BEHIND_PARKED,
-    CYCLE,
-    LETS_OUT,
     SearchWorld,
     own_of,
     recover,
@@ -126,7 +124,7 @@ def _clear_way(i, count, world, setup, scratch):
             r = robots[j]
             if j == asks or r["traffic"]["yields_to"] != asks or not waits.may_leave(r):
                 continue
-            case = ASKED << whole(waits.is_shut_in(r))
+            case = AWAY << whole(waits.is_shut_in(r))
             found = recover(j, case, world, setup, scratch.avoid[:count], scratch, None)
             if found > 0:
                 return
@@ -156,8 +154,7 @@ def resolve_deadlocks(begin, end, worlds, setup, scratch):
             if found[STAGE, i] == SEEKS:
                 low = _least(i, robots)
                 count = _write_cycle(low, robots, worlds.paths[b], setup, scratch)
-                case = LETS_OUT if robots[low]["traffic"]["yields_to"] == low else CYCLE
-                case <<= whole(waits.is_shut_in(robots[low]))
+                case = AWAY << whole(waits.is_shut_in(robots[low]))
                 robots[low]["traffic"]["retreating"] = 0
             elif found[STAGE, i] == STUCK:
                 case = BEHIND if robots[robots[i]["traffic"]["yields_to"]]["task"]["alive"] != 0 else BEHIND_PARKED

@@ -44,13 +44,11 @@ STAYS = -3
 
 # Cases: why a robot searches. LATE: after waits.SHUT_IN_AFTER of waiting. HELD: other robots are in the way.
 (
-    CYCLE, CYCLE_LATE,  # must leave a wait cycle
-    LETS_OUT, LETS_OUT_LATE,  # must let a person pass: it waits for itself
+    AWAY, AWAY_LATE,  # must leave a wait cycle, let a person pass, or clear the path of a robot that found no way
     BEHIND, BEHIND_PARKED,  # waits for a robot that stands for good: it may still go, or is parked
-    ASKED, ASKED_LATE,  # waits behind a robot that found no way, and must clear its path
     LINE, LINE_HELD,  # cannot follow its route
     DOCKS, DOCKS_HELD,  # is near the goal at which it stops
-) = (1 << k for k in range(12))  # fmt: skip
+) = (1 << k for k in range(8))  # fmt: skip
 
 
 class Stage(NamedTuple):
@@ -78,12 +76,10 @@ AMONG_OTHERS = 300  # nodes among robots that may still drive on
 
 # To drop a remedy, delete its line.
 STAGES = (
-    Stage(CYCLE | LETS_OUT, OFF, NEAR, WALKING, TRIES, ASIDE),
-    Stage(CYCLE_LATE | LETS_OUT_LATE, FAR_OFF, NEAR, WALKING, TRIES, MOST),
+    Stage(AWAY, OFF, NEAR, WALKING, TRIES, ASIDE),
+    Stage(AWAY_LATE, FAR_OFF, NEAR, WALKING, TRIES, MOST),
     Stage(BEHIND, ROUGHLY, NEAR, WALKING, TRIES, AMONG_OTHERS),
     Stage(BEHIND_PARKED, ROUGHLY, NEAR, WALKING, TRIES, MOST),
-    Stage(ASKED, OFF, NEAR, WALKING, TRIES, ASIDE),
-    Stage(ASKED_LATE, FAR_OFF, NEAR, WALKING, TRIES, MOST),
     Stage(DOCKS, EXACTLY, NOBODY_NEAR, ZERO, TRIES, MOST),
     Stage(DOCKS_HELD, EXACTLY, CLOSE, ZERO, FEW, AMONG_OTHERS),
     Stage(LINE | DOCKS, ROUGHLY, NOBODY_NEAR, ZERO, TRIES, MOST),
