@@ -76,7 +76,13 @@ def test_what_makes_no_sense_is_refused_in_one_sentence(stored: dict[str, Any], 
 
 @pytest.mark.parametrize(
     ("name", "traffic"),
-    [("reinforce", "routes"), ("ppo", "routes"), ("unshielded", "routes"), ("threaded_ppo", "assist")],
+    [
+        ("reinforce", "routes"),
+        ("ppo", "routes"),
+        ("unshielded", "routes"),
+        ("careful", "routes"),
+        ("threaded_ppo", "assist"),
+    ],
 )
 def test_shipped_weights_are_driven_as_before(name: str, traffic: TrafficMode) -> None:
     env = read_record(WEIGHTS_FOLDER / name).env

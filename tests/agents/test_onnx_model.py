@@ -13,13 +13,13 @@ from safetensors.numpy import load_file
 from agents import POLICIES, LearnedPolicy, Network, PolicyRecord, policy_config, save_policy
 from agents.learned import RecurrentPolicy
 from agents.onnx_model import onnx_model
-from agents.weights_folder import Activation
+from agents.weights_folder import Activation, read_record
 from warehouse_env.config import EnvConfig
 from warehouse_env.observation import observation_layout
 from warehouse_env.simulation.simulator import Simulator
 
 onnxruntime = pytest.importorskip("onnxruntime")
-LEARNED = [name for name, entry in POLICIES.items() if entry.weights is not None]
+LEARNED = [name for name, entry in POLICIES.items() if entry.weights and not read_record(entry.weights).network.memory]
 
 
 def folder_of(name: str) -> Path:
@@ -85,6 +85,16 @@ def test_every_kind_of_network_is_exported(
     assert len(deviations) == (not discrete)
     for deviation in deviations:
         np.testing.assert_allclose(deviation, np.exp(tensors["log_std"]), rtol=1e-5)
+
+
+def test_the_shipped_memory_is_exported() -> None:
+    directory, config = folder_of("careful"), policy_config("careful", EnvConfig())
+    observation, memory = seen(config), np.random.default_rng(0).uniform(-1, 1, (16, 64)).astype(np.float32)
+    own = RecurrentPolicy(directory, config).recall(observation, memory)
+    for theirs, ours in zip(
+        run(onnx_model(directory).SerializeToString(), observation, memory=memory), own, strict=True
+    ):
+        np.testing.assert_allclose(theirs, ours, atol=1e-5, rtol=1e-5)
 
 
 def test_a_memory_is_exported(tmp_path: Path) -> None:

@@ -99,7 +99,8 @@ class TrainThreadedPPO(_Train):
     recipe: ThreadedPPORecipe = "shipped"  # type: ignore[assignment]
     """Defaults of the other options. shipped: those of the shipped weights; bare: without shield, live routes and
     shared rewards, as in the papers; device: many worlds for --device cuda; unshielded: those of the policy
-    `unshielded`, with large contact penalties instead of the shield. `--recipe NAME --help` shows them."""
+    `unshielded`, with large contact penalties instead of the shield; careful: those of the policy that goes on from
+    there, on floors drawn anew and with a memory. `--recipe NAME --help` shows them."""
     config: Annotated[ThreadedPPOConfig, tyro.conf.arg(name="")] = field(default_factory=ThreadedPPOConfig)
 
 

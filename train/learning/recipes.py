@@ -9,7 +9,7 @@ from train.learning.config import DRAWN, PPOConfig, ReinforceConfig, ThreadedPPO
 Config = TypeVar("Config", bound=TrainingConfig)
 Recipe = Literal["shipped", "bare"]
 ReinforceRecipe = Literal["shipped", "bare", "device"]
-ThreadedPPORecipe = Literal["shipped", "bare", "device", "unshielded"]
+ThreadedPPORecipe = Literal["shipped", "bare", "device", "unshielded", "careful"]
 
 # The policy alone avoids collisions, as in the papers: no shield, live routes or shared rewards.
 _BARE: dict[str, Any] = {
@@ -29,11 +29,23 @@ _UNSHIELDED = {
     "robots": (16, 32), "rows": 1056, "planner": "astar_turns", "collision_last": -300.0, "hidden": (128, 128),
     "traffic": "routes",
 }  # fmt: skip
+# Goes on from there on floors drawn anew, with a memory.
+_CAREFUL = _UNSHIELDED | {
+    "name": "careful", "minutes": 29.0, "layouts": ("paper46", "narrow", "single_lane", *("aisles:seed=new",) * 12),
+    "robots": (24, 40), "rows": 1920, "start": "unshielded", "memory": 64, "collision_first": -300.0,
+    "collision_last": -800.0, "entropy_first": 0.003, "learning_rate": 3e-4,
+}  # fmt: skip
 
 RECIPES: dict[type[TrainingConfig], dict[str, dict[str, Any]]] = {
     ReinforceConfig: {"shipped": {}, "bare": _BARE | _THREADED, "device": _DEVICE},
     PPOConfig: {"shipped": {}, "bare": _BARE | {"robots": (12, 16, 24), "rows": 384, "rollout": 48}},
-    ThreadedPPOConfig: {"shipped": {}, "bare": _BARE | _THREADED, "device": _DEVICE, "unshielded": _UNSHIELDED},
+    ThreadedPPOConfig: {
+        "shipped": {},
+        "bare": _BARE | _THREADED,
+        "device": _DEVICE,
+        "unshielded": _UNSHIELDED,
+        "careful": _CAREFUL,
+    },
 }
 
 

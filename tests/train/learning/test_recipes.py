@@ -20,6 +20,7 @@ SHIPPED: dict[str, tuple[type[TrainingConfig], str]] = {
     "ppo": (PPOConfig, "shipped"),
     "threaded_ppo": (ThreadedPPOConfig, "shipped"),
     "unshielded": (ThreadedPPOConfig, "unshielded"),
+    "careful": (ThreadedPPOConfig, "careful"),
 }
 # What a user chooses anew: where it goes, for how long, on what machine, and what shows itself or is judged.
 FREE = {"out", "seed", "minutes", "threads", "progress", "resume", "evaluation_seconds", "floor_episodes"}
