@@ -58,7 +58,7 @@ class ActorCritic(nn.Module):
     """A policy over the next action command, and the value that serves as its baseline.
 
     The tensors of `state_dict` are exactly those of a weights folder: actor.K.weight, actor.K.bias, critic.K.weight,
-    critic.K.bias and, for real-valued actions, log_std; memory.* and critic_near.* where the network has them.
+    critic.K.bias and, for real-valued actions, log_std; and memory.*, if it has one.
     """
 
     log_std: Tensor
@@ -74,8 +74,6 @@ class ActorCritic(nn.Module):
         self.critic = _layers(network.sizes("critic"), last_gain=1.0)
         if network.memory:
             self.memory = nn.GRUCell(network.hidden[0], network.memory)
-        if network.critic_sees:
-            self.critic_near = nn.Linear(network.observation_size, network.sizes("critic")[0][1])
         with torch.no_grad():
             self.actor[-1].get_parameter("bias").copy_(torch.as_tensor(first_output))
         if not network.discrete:
@@ -83,7 +81,7 @@ class ActorCritic(nn.Module):
 
     def actor_parameters(self) -> list[nn.Parameter]:
         """Return the parameters of the policy alone."""
-        return [parameter for name, parameter in self.named_parameters() if not name.startswith("critic")]
+        return [parameter for name, parameter in self.named_parameters() if not name.startswith("critic.")]
 
     def output(self, observation: Tensor) -> Tensor:
         """Return logits, or means of real-valued actions, float32[M, A] from float32[M, D], without a memory."""
@@ -110,18 +108,9 @@ class ActorCritic(nn.Module):
             memory = memory * kept[t]
         return _run(self.actor[1:], torch.cat((first, torch.stack(remembered)), -1), self.network.activation)
 
-    def value(self, observation: Tensor, near: Tensor | None = None) -> Tensor:
-        """Return the critic's value, float32[M] from float32[M, D].
-
-        near: float32[M, K, D], what the nearest robots observe; zeros for one that is not there.
-        """
-        if near is None:
-            return _run(self.critic, observation, self.network.activation).squeeze(-1)
-        act = ACTIVATIONS[self.network.activation]
-        there = near.any(-1, keepdim=True)
-        others = (act(self.critic_near(near)) * there).sum(-2) / self.network.critic_sees
-        first = torch.cat((act(self.critic[0](observation)), others), -1)
-        return _run(self.critic[1:], first, self.network.activation).squeeze(-1)
+    def value(self, observation: Tensor) -> Tensor:
+        """Return the critic's value, float32[M] from float32[M, D]."""
+        return _run(self.critic, observation, self.network.activation).squeeze(-1)
 
     def judge(self, output: Tensor, action: Tensor) -> tuple[Tensor, Tensor]:
         """Return log pi(action) and the entropy of pi, both float32[M], from the actor's output float32[M, A].
@@ -193,14 +182,14 @@ def first_actor_critic(network: Network, env: EnvConfig, cruise_bias: float) -> 
 
 
 def begin_with(net: ActorCritic, tensors: Mapping[str, NDArray[np.float32]]) -> None:
-    """Copy a policy's tensors into a network, which may have a memory or a critic's view on top.
+    """Copy a policy's tensors into a network, which may have a memory on top.
 
-    What they lack begins untrained, and the layers that read it begin by not heeding it. Raises ConfigError where
-    anything else differs.
+    A memory that they lack begins untrained, and the layer that reads it begins by not heeding it. Raises ConfigError
+    where anything else differs.
     """
     for name, own in net.state_dict().items():
         if name not in tensors:
-            if name.startswith(("memory", "critic")):
+            if name.startswith(("memory.", "critic.")):
                 continue
             raise ConfigError(f"start: the policy has no {name}")
         given = torch.from_numpy(tensors[name])

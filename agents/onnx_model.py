@@ -47,7 +47,7 @@ def onnx_model(directory: Path | str) -> ModelProto:
         ]
         inputs.append(kept[0])
         outputs.append(kept[1])
-    actor = [(name, np.ascontiguousarray(array)) for name, array in tensors if not name.startswith("critic")]
+    actor = [(name, np.ascontiguousarray(array)) for name, array in tensors if not name.startswith("critic.")]
     weights = [numpy_helper.from_array(array, name) for name, array in actor]
     graph = helper.make_graph(nodes, record.algorithm, inputs, outputs, weights)
     model = helper.make_model(graph, producer_name="warehouse_env", opset_imports=[helper.make_opsetid("", OPSET)])

@@ -32,8 +32,7 @@ Tensors = Mapping[str, NDArray[Any]]
 class Network(Checked):
     """Sizes of an actor and a critic, separate networks of dense layers, and the activation between the layers.
 
-    With a memory, gated recurrent units read the actor's first hidden layer, and its next layer reads both. A critic of
-    `critic_sees` other robots reads their observations, too, through units as many as its first hidden layer has.
+    With a memory, gated recurrent units read the actor's first hidden layer, and its next layer reads both.
     """
 
     observation_size: int
@@ -43,12 +42,11 @@ class Network(Checked):
     activation: Activation = "tanh"  # after each layer but the last
     critic_hidden: tuple[int, ...] | None = None  # None: as the actor's
     memory: int = 0  # units of the actor's memory
-    critic_sees: int = 0  # nearest other robots whose observations the critic reads
 
     def __post_init__(self) -> None:
         super().__post_init__()
         self._between(1, 10**9, "observation_size", "actions", "hidden", "critic_hidden")
-        self._between(0, 10**6, "memory", "critic_sees")
+        self._between(0, 10**6, "memory")
         self._require(not self.memory or bool(self.hidden), "hidden", "at least one layer, which the memory reads")
 
     def sizes(self, part: str) -> list[tuple[int, int]]:
@@ -56,9 +54,8 @@ class Network(Checked):
         actor = part == "actor"
         hidden = self.hidden if actor or self.critic_hidden is None else self.critic_hidden
         pairs = list(itertools.pairwise((self.observation_size, *hidden, self.actions if actor else 1)))
-        more = self.memory if actor else hidden[0] if self.critic_sees else 0
-        if more:
-            pairs[1] = (pairs[1][0] + more, pairs[1][1])
+        if actor and self.memory:
+            pairs[1] = (pairs[1][0] + self.memory, pairs[1][1])
         return pairs
 
     def shapes(self) -> dict[str, tuple[int, ...]]:
@@ -67,9 +64,6 @@ class Network(Checked):
         for part in ("actor", "critic"):
             for index, (inputs, outputs) in enumerate(self.sizes(part)):
                 shapes |= {f"{part}.{index}.weight": (outputs, inputs), f"{part}.{index}.bias": (outputs,)}
-        if self.critic_sees:  # named before the critic's layers, as the critic's
-            units = shapes["critic.0.bias"]
-            shapes |= {"critic_near.weight": (*units, self.observation_size), "critic_near.bias": units}
         if self.memory:
             gates, first = 3 * self.memory, self.hidden[0]
             shapes |= {"memory.weight_ih": (gates, first), "memory.weight_hh": (gates, self.memory)}
@@ -137,8 +131,8 @@ def read_tensors(directory: Path | str, network: Network) -> dict[str, NDArray[n
 def checked_tensors(path: Path | str, network: Network, tensors: Tensors) -> dict[str, NDArray[np.float32]]:
     """Return tensors as float32; WeightsError for the first that is missing, unknown, misshapen, or not finite."""
     shapes = network.shapes()
-    if not any(name.startswith("critic") for name in tensors):  # only a training asks for it
-        shapes = {name: shape for name, shape in shapes.items() if not name.startswith("critic")}
+    if not any(name.startswith("critic.") for name in tensors):  # only a training asks for it
+        shapes = {name: shape for name, shape in shapes.items() if not name.startswith("critic.")}
     missing, foreign = sorted(set(shapes) - set(tensors)), sorted(set(tensors) - set(shapes))
     if missing or foreign:
         wrong = f"lacks {missing[0]}" if missing else f"holds an unknown tensor {foreign[0]}"

@@ -238,8 +238,6 @@ class ThreadedConfig(TrainingConfig):
     """Episodes on a floor that seed=new drew, until it draws the next."""
     memory: int = 0
     """Units of the actor's memory, a gated recurrent unit; it is trained on whole rollouts."""
-    critic_sees: int = 0
-    """Nearest other robots whose observations the critic reads; the policy does not."""
     start: str | None = None
     """Policy to begin with instead of an untrained one: a name or a run's folder. A memory may be new."""
     device: str | None = None
@@ -249,7 +247,7 @@ class ThreadedConfig(TrainingConfig):
         super().__post_init__()
         self._between(0.0, 1e9, "critic_factor")
         self._between(1, 1_000_000, "floor_episodes")
-        self._between(0, 4096, "memory", "critic_sees")
+        self._between(0, 4096, "memory")
         if self.device is not None:
             from warehouse_env.simulation.device.memory import memory_of
             from warehouse_env.simulation.device.simulator import check_device

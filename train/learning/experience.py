@@ -10,7 +10,7 @@ from torch import Tensor
 from agents.networks import ActorCritic
 from train.learning.config import ThreadedConfig
 from train.learning.trainer import Split, rng_of
-from train.learning.worlds import TrainingWorlds, seen_by
+from train.learning.worlds import TrainingWorlds
 from warehouse_env.config import RewardWeights
 
 _JUDGED = 1_000_000  # rows whose values are computed at once, which bounds the memory
@@ -26,11 +26,6 @@ class Rollout(NamedTuple):
     target: Tensor  # float32[T * R], of the critic: the return
     ended: Tensor  # bool[T, R], whether the robot's episode ended after the decision
     memory: Tensor  # float32[R, H], before the first decision
-    near: Tensor  # int64[T * R, K], rows of the nearest robots, -1: none
-
-    def others(self, rows: Tensor) -> Tensor | None:
-        """Return what the nearest robots of some rows observe, float32[M, K, D], or None for K = 0."""
-        return seen_by(self.observation, self.near[rows]) if self.near.shape[-1] else None
 
     def sequences(self, robots: Tensor) -> Tensor:
         """Return the rows of some robots, those of each decision together."""
@@ -73,7 +68,6 @@ class RolloutWorker:
         self._log_probability, self._reward, self._last_value = (new.new_zeros(shape) for _ in range(3))
         self._ended = new.new_zeros(shape, dtype=torch.bool)
         self.memory = new.new_zeros((worlds.rows, config.memory))
-        self._near = new.new_zeros((config.rollout + 1, worlds.rows, config.critic_sees), dtype=torch.int64)
 
     @torch.no_grad()
     def collect(self, net: ActorCritic, weights: RewardWeights, seed: list[int]) -> Rollout:
@@ -90,34 +84,27 @@ class RolloutWorker:
         begun = self.memory
         for t in range(self._config.rollout):
             self._observation[t] = worlds.observation
-            self._near[t] = worlds.near
             with self.split.measure("policy_s"):
                 output, self.memory = net.recall(self._observation[t], self.memory)
                 self._action[t], self._log_probability[t] = net.draw(output, rng)
             with self.split.measure("simulator_s"):
                 ends = worlds.step(self._action[t])
             self._reward[t] = worlds.reward
-            for rows, observation, others in ends:
+            for rows, observation in ends:
                 self._ended[t, rows] = True
-                self._last_value[t, rows] = net.value(observation, others)
+                self._last_value[t, rows] = net.value(observation)
                 self.memory[rows] = 0.0
-        self._observation[-1], self._near[-1] = worlds.observation, worlds.near
+        self._observation[-1] = worlds.observation
         with self.split.measure("policy_s"):
             return self._judge(net, begun)
 
     def _judge(self, net: ActorCritic, memory: Tensor) -> Rollout:
         config = self._config
-        seen, near = self._observation.flatten(0, 1), self._near.flatten(0, 1)
-        if near.shape[-1]:  # rows of one decision become rows of the rollout
-            first = torch.arange(0, len(seen), self.rows, device=seen.device).repeat_interleave(self.rows)
-            near = torch.where(near >= 0, near + first.unsqueeze(-1), near)
-        parts = torch.split(torch.arange(len(seen), device=seen.device), _JUDGED)
-        values = [net.value(seen[part], seen_by(seen, near[part]) if near.shape[-1] else None) for part in parts]
-        value = torch.cat(values).view(-1, self.rows)
+        parts = torch.split(self._observation.flatten(0, 1), _JUDGED)
+        value = torch.cat([net.value(part) for part in parts]).view(-1, self.rows)
         reward = self._reward * config.reward_scale
         advantage = advantages(reward, value, self._ended, self._last_value, config.gamma, config.gae_lambda)
         drawn = (self._observation[:-1], self._action, self._log_probability)
         flat = (tensor.flatten(0, 1) for tensor in (*drawn, advantage, advantage + value[:-1]))
         observation, action, log_probability, advantage, target = flat
-        near = near[: len(target)]
-        return Rollout(observation, action, log_probability, advantage, target, self._ended, memory, near)
+        return Rollout(observation, action, log_probability, advantage, target, self._ended, memory)

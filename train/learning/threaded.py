@@ -54,7 +54,7 @@ class ThreadedTrainer(Trainer):
         self.rows = sum(worker.rows for worker in self._workers)
         worlds = self._workers[0].worlds
         self.env, device = worlds.simulators[0].config, worlds.observation.device
-        self.network = network_of(self.env, config.hidden, config.memory, config.critic_sees)
+        self.network = network_of(self.env, config.hidden, config.memory)
         if device.type == "cuda":  # 10 bits of mantissa; the 7 of bfloat16 would change probabilities by up to 9%
             torch.backends.cuda.matmul.allow_tf32 = True
         torch.manual_seed(config.seed)
@@ -62,8 +62,7 @@ class ThreadedTrainer(Trainer):
         if config.start is not None and config.resume is None:
             begin_with(self.net, policy_tensors(config.start))
         self._sizes = [parameter.numel() for parameter in self.net.parameters()]
-        actor = self.net.actor_parameters()
-        self._groups = [actor, [one for one in self.net.parameters() if all(one is not other for other in actor)]]
+        self._groups = [self.net.actor_parameters(), list(self.net.critic.parameters())]
         self.optimizer = torch.optim.Adam([{"params": group} for group in self._groups], eps=1e-5)
         self.split = self._workers[0].split  # the other threads' are much like it
 
@@ -125,7 +124,7 @@ class ThreadedTrainer(Trainer):
             output = net.output(observation)
         log_probability, entropy = net.judge(output, rollout.action[rows])
         actor_loss, held = self._actor_loss(log_probability, rollout.log_probability[rows], rollout.advantage[rows])
-        critic_loss = 0.5 * (net.value(observation, rollout.others(rows)) - rollout.target[rows]).square().mean()
+        critic_loss = 0.5 * (net.value(observation) - rollout.target[rows]).square().mean()
         mean_entropy = entropy.mean()
         loss = actor_loss - entropy_weight * mean_entropy + critic_loss
         slopes = torch.cat([slope.flatten() for slope in torch.autograd.grad(loss, list(self.net.parameters()))])
@@ -175,11 +174,11 @@ def _worlds(config: ThreadedConfig) -> Iterator[TrainingWorlds]:
 
         mixes = config.worlds(config.rows)
         there = partial(TrainingDevice, jam_seconds=jam_seconds, shared=shared, device=device)
-        yield DeviceWorlds(there, mixes, [config.seed, 0], near=config.critic_sees)
+        yield DeviceWorlds(there, mixes, [config.seed, 0])
         return
     here = partial(TrainingSimulator, jam_seconds=jam_seconds, shared=shared)
     for number, mixes in enumerate(shares(config)):
-        yield TrainingWorlds(here, mixes, [config.seed, number], config.floor_episodes, config.critic_sees)
+        yield TrainingWorlds(here, mixes, [config.seed, number], config.floor_episodes)
 
 
 def shares(config: ThreadedConfig) -> list[list[tuple[EnvConfig, int]]]:

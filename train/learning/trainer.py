@@ -105,12 +105,11 @@ def shuffled(count: int, rng: np.random.Generator | torch.Generator) -> torch.Te
     return torch.from_numpy(rng.permutation(count))
 
 
-def network_of(env: EnvConfig, hidden: tuple[int, ...], memory: int = 0, critic_sees: int = 0) -> Network:
+def network_of(env: EnvConfig, hidden: tuple[int, ...], memory: int = 0) -> Network:
     """Return the sizes of the networks for one robot."""
     discrete = env.action_type == "discrete"
     actions = len(env.speed_levels) * len(env.lateral_offsets) if discrete else 2
-    size = observation_layout(env).size
-    return Network(size, actions, discrete, hidden, memory=memory, critic_sees=critic_sees)
+    return Network(observation_layout(env).size, actions, discrete, hidden, memory=memory)
 
 
 def profile(trainer: Trainer, updates: int, warm_up: int = 1) -> dict[str, float]:

@@ -68,27 +68,6 @@ def jammed_worlds(robots: Any, jam_seconds: float) -> Any:
     return stalled.sum(1) > _JAM_SHARE * stalled.shape[1]
 
 
-def seen_by(observation: Tensor, robots: Tensor) -> Tensor:
-    """Return the observations [..., D] of some robots, by their rows in float32[M, D]; zeros for the row -1."""
-    return observation[robots.clamp(min=0)] * (robots >= 0).unsqueeze(-1)
-
-
-def nearest(motion: Any, count: int, first: int) -> Tensor:
-    """Return the rows int64[B * N, count] of each robot's nearest others of its world within NEAR, -1: none.
-
-    motion: the robots' x and y [B, N]; first: row of the first robot.
-    """
-    x, y = torch.as_tensor(motion["x"]), torch.as_tensor(motion["y"])
-    worlds, robots = x.shape
-    apart = (x.unsqueeze(2) - x.unsqueeze(1)).square() + (y.unsqueeze(2) - y.unsqueeze(1)).square()
-    apart.diagonal(dim1=1, dim2=2).fill_(torch.inf)
-    far, who = apart.topk(min(count, robots), dim=2, largest=False)
-    rows = who + first + robots * torch.arange(worlds, device=x.device).view(-1, 1, 1)
-    found = x.new_full((worlds, robots, count), -1, dtype=torch.int64)
-    found[..., : rows.shape[2]] = torch.where(far < NEAR * NEAR, rows, -1)
-    return found.flatten(0, 1)
-
-
 class TrainingSimulator(Simulator):
     """Worlds whose episodes end at different times, and early in a jam, where little is learned.
 
@@ -142,16 +121,14 @@ class TrainingWorlds:
     Attributes:
         observation: float32[rows, D], of the worlds as they now stand.
         reward: float32[rows], of the last step.
-        near: int64[rows, K], rows of the nearest other robots of the world within NEAR, -1: none.
         tally: counts of goals, collisions and metres.
     """
 
     replays = True  # its last actions restore the state
 
     def __init__(
-        self, make: Callable[..., Any], mixes: Sequence[tuple[EnvConfig, int]], seed: list[int],
-        floor_episodes: int = 1, near: int = 0,
-    ) -> None:  # fmt: skip
+        self, make: Callable[..., Any], mixes: Sequence[tuple[EnvConfig, int]], seed: list[int], floor_episodes: int = 1
+    ) -> None:
         """Make and reset all worlds.
 
         Args:
@@ -159,7 +136,6 @@ class TrainingWorlds:
             mixes: environments and worlds of each; all with the same observation, action and max_steps.
             seed: of the training, and what tells these worlds from others.
             floor_episodes: episodes of max_steps after which a layout with `seed=new` gets a new floor.
-            near: K.
         """
         self._make, self._seed, self._floors = make, seed, FloorSchedule(mixes, seed, floor_episodes)
         counts = [worlds for _, worlds in self._floors.mixes]
@@ -173,7 +149,6 @@ class TrainingWorlds:
         self.rows = starts[-1]
         seen = torch.as_tensor(simulators[0].observation)
         self.observation, self.reward = seen.new_zeros((self.rows, seen.shape[-1])), seen.new_zeros(self.rows)
-        self.near = seen.new_full((self.rows, near), -1, dtype=torch.int64)
         self._actions = deque[Tensor](maxlen=simulators[0].config.max_steps if self.replays else 0)
         self._observe()
 
@@ -203,18 +178,16 @@ class TrainingWorlds:
     def _observe(self) -> None:
         for simulator, block in zip(self.simulators, self._blocks, strict=True):
             self.observation[block] = torch.as_tensor(simulator.observation).flatten(0, 1)
-            if self.near.shape[1]:
-                self.near[block] = nearest(simulator.fields["motion"], self.near.shape[1], block.start)
 
     def _step_simulators(self, actions: Tensor) -> None:
         for simulator, block in zip(self.simulators, self._blocks, strict=True):
             simulator.step(actions[block].reshape(simulator.num_worlds, simulator.num_agents, *actions.shape[1:]))
 
-    def step(self, actions: Tensor) -> list[tuple[Tensor, Tensor, Tensor | None]]:
+    def step(self, actions: Tensor) -> list[tuple[Tensor, Tensor]]:
         """Step all worlds once with actions [rows] or [rows, 2].
 
-        Returns the rows of the worlds that ended with this step, with their last observations and, for K > 0, those of
-        their nearest robots; in `observation` they hold already the first one of their next episode.
+        Returns the rows of the worlds that ended with this step, with their last observations; in `observation` they
+        hold already the first one of their next episode.
         """
         self._actions.append(actions.clone())
         self._step_simulators(actions)
@@ -225,7 +198,7 @@ class TrainingWorlds:
         self._observe()
         return self._end_worlds()
 
-    def _end_worlds(self) -> list[tuple[Tensor, Tensor, Tensor | None]]:
+    def _end_worlds(self) -> list[tuple[Tensor, Tensor]]:
         ended = []
         for number, (simulator, block) in enumerate(zip(self.simulators, self._blocks, strict=True)):
             floor_ends, robots = self._floors.ends(number), simulator.num_agents
@@ -233,8 +206,7 @@ class TrainingWorlds:
             if len(worlds):
                 rows = torch.from_numpy((block.start + worlds[:, None] * robots + np.arange(robots)).ravel())
                 rows = rows.to(self.observation.device)
-                others = seen_by(self.observation, self.near[rows]) if self.near.shape[1] else None
-                ended.append((rows, self.observation[rows], others))
+                ended.append((rows, self.observation[rows]))
                 if floor_ends:
                     self._episode[self._first[number] + worlds] += 1
                     self._change_floor(number)

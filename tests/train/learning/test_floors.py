@@ -28,7 +28,7 @@ def _floors(worlds: TrainingWorlds) -> list[str]:
 def _drive(worlds: TrainingWorlds, steps: int) -> list[list[int]]:
     """Return the rows whose episodes ended with each step."""
     onwards = torch.full((worlds.rows,), int(worlds.simulators[0].cruise_action))
-    return [[row for rows, *_ in worlds.step(onwards) for row in rows.tolist()] for _ in range(steps)]
+    return [[row for rows, _ in worlds.step(onwards) for row in rows.tolist()] for _ in range(steps)]
 
 
 def test_floors_change_in_turn_and_leave_nothing_behind() -> None:

@@ -1,4 +1,4 @@
-"""Policies with a memory and critics that see their neighbours: the same numbers wherever they are computed."""
+"""Policies with a memory: the same numbers wherever they are computed."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from agents.networks import ActorCritic, begin_with, tensors_of
 from agents.weights_folder import Network, PolicyRecord, save_policy
 from tests.train.trainings import SMALL
 from train.learning.config import ThreadedPPOConfig
-from train.learning.worlds import NEAR, nearest
 from train.threaded_ppo import ThreadedPpo
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
@@ -23,15 +22,13 @@ from warehouse_env.observation import observation_layout
 
 @pytest.fixture
 def config(tmp_path: Path) -> ThreadedPPOConfig:
-    """Return a training of some seconds with a memory and a critic that sees two others."""
-    return ThreadedPPOConfig(
-        out=tmp_path, steps=16 * 6 * 4, memory=5, critic_sees=2, **SMALL | {"rows": 16, "threads": 1}
-    )
+    """Return a training of some seconds with a memory."""
+    return ThreadedPPOConfig(out=tmp_path, steps=16 * 6 * 4, memory=5, **SMALL | {"rows": 16, "threads": 1})
 
 
 def network(memory: int = 6, hidden: tuple[int, ...] = (9, 8)) -> ActorCritic:
     torch.manual_seed(1)
-    net = ActorCritic(Network(4, 3, True, hidden, memory=memory, critic_sees=2), np.zeros(3, np.float32))
+    net = ActorCritic(Network(4, 3, True, hidden, memory=memory), np.zeros(3, np.float32))
     for parameter in net.parameters():
         torch.nn.init.normal_(parameter, std=0.7)
     return net
@@ -81,28 +78,6 @@ def test_a_folder_with_a_memory_drives_as_the_network_that_was_trained(tmp_path:
         assert memory.reshape(6, 7) == pytest.approx(theirs.detach().numpy(), abs=1e-5)
 
 
-def test_the_nearest_robots_of_a_world() -> None:
-    x = np.array([[0.0, 1.0, 3.0, 3.0 + NEAR], [0.0, NEAR, 50.0, 51.0]])
-    rows = nearest({"x": x, "y": np.zeros((2, 4))}, 2, 10).tolist()
-    assert rows == [[11, 12], [10, 12], [11, 10], [-1, -1], [-1, -1], [-1, -1], [17, -1], [16, -1]]
-    assert nearest({"x": x[:1, :2], "y": np.zeros((1, 2))}, 3, 0).tolist() == [[1, -1, -1], [0, -1, -1]]
-
-
-def test_the_critic_heeds_those_near_in_no_order() -> None:
-    net, seen, near = network(), torch.randn(5, 4), torch.randn(5, 2, 4)
-    value = net.value(seen, near)
-    assert torch.allclose(value, net.value(seen, near.flip(1)), atol=1e-6)
-    assert not torch.allclose(value, net.value(seen, torch.randn(5, 2, 4)), atol=1e-2)
-    near[:, 1] = 0.0  # nobody there: not even the biases of the units count
-    assert not torch.allclose(net.value(seen, near), value, atol=1e-2)
-    with torch.no_grad():
-        net.critic_near.weight.zero_()
-        net.critic_near.bias.fill_(1.0)
-    one = net.value(seen, near)
-    near[:, 0] = 0.0
-    assert not torch.allclose(net.value(seen, near), one, atol=1e-2)
-
-
 def test_a_training_goes_through_sequences_of_every_robot_once(
     config: ThreadedPPOConfig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -120,15 +95,14 @@ def test_a_training_goes_through_sequences_of_every_robot_once(
 
 
 def test_a_training_begins_with_a_policy_and_a_new_memory(config: ThreadedPPOConfig, tmp_path: Path) -> None:
-    plain = ThreadedPpo(replace(config, memory=0, critic_sees=0))
+    plain = ThreadedPpo(replace(config, memory=0))
     plain.update(0, 0.0)
     folder = save_policy(tmp_path / "plain", PolicyRecord("ours", plain.network, plain.env), plain.policy_tensors())
     seen = torch.randn(10, plain.network.observation_size)
     started = ThreadedPpo(replace(config, start=str(folder)))
     output, _ = started.net.recall(seen, torch.randn(10, 5))
     assert torch.allclose(output, plain.net.output(seen), atol=1e-6)
-    near = torch.randn(10, 2, plain.network.observation_size)
-    assert torch.allclose(started.net.value(seen, near), plain.net.value(seen), atol=1e-6)
+    assert torch.equal(started.net.value(seen), plain.net.value(seen))
     with pytest.raises(ConfigError, match=r"actor\.0\.weight"):
         begin_with(network(), plain.policy_tensors())
     with pytest.raises(ConfigError, match="rule"):

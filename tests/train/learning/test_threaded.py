@@ -41,7 +41,7 @@ def test_a_resumed_run_gives_the_same_bits_as_an_unbroken_one(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
     layouts = ("open",) if device else ("open", "aisles:seed=new")
-    kind = {"threads": threads, "layouts": layouts, "memory": memory, "critic_sees": memory // 2}
+    kind = {"threads": threads, "layouts": layouts, "memory": memory}
     config = options(out=tmp_path, device=device, **SIXTEEN | kind)
     whole = load_file(module.train(replace(config, name="whole")) / "weights.safetensors")
     update, calls = ThreadedTrainer.update, []
@@ -93,7 +93,7 @@ def test_a_device_trains_in_the_worlds_of_the_cpu() -> None:
     assert here.simulators[0].ends == [True, True]
     counted, its = (figures_of([worlds.tally], 0.2) for worlds in (here, there))
     assert its == pytest.approx(counted | {"worlds_ended": 0.0, "worlds_jammed": 0.0}, rel=1e-5)
-    [(rows, final, _)] = there.step(actions)
+    [(rows, final)] = there.step(actions)
     assert there.simulators[0].ends == [True, True]
     assert rows.tolist() == list(range(8, 24))
     assert there.simulators[0].steps.tolist() == [here.simulators[0].steps[0] + 1, 0, 0]
