@@ -97,9 +97,8 @@ class RouteBook(Portable):
         threads = min(get_num_threads(), len(new))
         if threads > 1:
             with ThreadPoolExecutor(threads) as pool:
-                pool.map(
-                    lambda task: self.route(task[0], task[1], ends=task[2]), new
-                )  # unasked for, errors are not raised
+                for start, goal, ends in new:  # errors of what nobody asked for are not raised
+                    pool.submit(self.route, start, goal, ends=ends)
 
     @property
     def has_table(self) -> bool:
