@@ -37,6 +37,8 @@ class LearnedPolicy:
     def __init__(self, directory: Path | str, config: EnvConfig) -> None:
         """Load and check the folder; raises WeightsError if it is damaged or does not fit `config`."""
         self.record = read_record(directory)
+        if self.record.network.memory and not isinstance(self, RecurrentPolicy):
+            raise WeightsError(f"{directory} has a memory: make it by agents.make_policy")
         tensors = read_tensors(directory, self.record.network)
         self._check_fit(directory, config)
         parts = [f"actor.{k}" for k in range(len(self.record.network.hidden) + 1)]
@@ -107,20 +109,22 @@ class RecurrentPolicy(LearnedPolicy):
         """Return empty memories, float32[worlds, N, H]."""
         return np.zeros((worlds, self._robots, self.record.network.memory), np.float32)
 
-    def recall(self, observation: Observation, memory: Memory) -> tuple[NDArray[np.float32], Memory]:
+    def output(  # type: ignore[override]
+        self, observation: Observation, memory: Memory
+    ) -> tuple[NDArray[np.float32], Memory]:
         """Return logits, or means of real-valued actions, float32[B, N, A], and the next memory."""
         network = self.record.network
         first = dense(observation[..., : network.observation_size], self._layers[0], network.activation)
         memory = remember(first, memory, self._gates)
         return forward(self._layers[1:], np.concatenate((first, memory), -1), network.activation), memory
 
-    preferences = recall  # type: ignore[assignment]
+    preferences = output  # type: ignore[assignment]
 
     def act(  # type: ignore[override]
         self, observation: Observation, rng: np.random.Generator, memory: Memory
     ) -> tuple[Action, Memory]:
         """Choose actions as `LearnedPolicy.act` does; also return the next memory."""
-        output, memory = self.recall(observation, memory)
+        output, memory = self.output(observation, memory)
         return self._choose(output, rng), memory
 
 

@@ -90,7 +90,7 @@ def test_every_kind_of_network_is_exported(
 def test_the_shipped_memory_is_exported() -> None:
     directory, config = folder_of("careful"), policy_config("careful", EnvConfig())
     observation, memory = seen(config), np.random.default_rng(0).uniform(-1, 1, (16, 64)).astype(np.float32)
-    own = RecurrentPolicy(directory, config).recall(observation, memory)
+    own = RecurrentPolicy(directory, config).output(observation, memory)
     for theirs, ours in zip(
         run(onnx_model(directory).SerializeToString(), observation, memory=memory), own, strict=True
     ):
@@ -105,7 +105,7 @@ def test_a_memory_is_exported(tmp_path: Path) -> None:
     model, memory, theirs = onnx_model(tmp_path).SerializeToString(), policy.memory(1), np.zeros((5, 7), np.float32)
     for _ in range(3):
         observation = rng.normal(size=(5, network.observation_size)).astype(np.float32)
-        own, memory = policy.recall(observation[None], memory)
+        own, memory = policy.output(observation[None], memory)
         output, theirs = run(model, observation, memory=theirs)
         np.testing.assert_allclose(output, own[0], atol=1e-4, rtol=1e-4)
         np.testing.assert_allclose(theirs, memory[0], atol=1e-5)
