@@ -163,12 +163,20 @@ def policy_config(name_or_dir: str | Path, base: EnvConfig) -> EnvConfig:
     return config.replace(traffic=driven_with(base.traffic_spec, config.traffic_spec))
 
 
-def policy_tensors(name_or_dir: str | Path) -> dict[str, NDArray[np.float32]]:
-    """Return the tensors of a learned policy; raises ConfigError for a rule or an unknown name, or WeightsError."""
-    entry = _entry(name_or_dir)
-    if entry.weights is None:
-        raise ConfigError(f"{name_or_dir} is a rule without weights")
-    return read_tensors(entry.weights, read_record(entry.weights).network)
+def weights_of(name_or_dir: str | Path) -> Path:
+    """Return the folder of a trained policy; raises ConfigError for a rule or an unknown name."""
+    folder = _entry(name_or_dir).weights
+    if folder is None:
+        learned = ", ".join(name for name, other in POLICIES.items() if other.weights is not None)
+        raise ConfigError(f"{name_or_dir} is a rule without weights; shipped policies with weights are: {learned}")
+    return folder
+
+
+def policy_tensors(name_or_dir: str | Path, config: EnvConfig) -> dict[str, NDArray[np.float32]]:
+    """Return the tensors of a trained policy; errors as of `weights_of`, WeightsError if it does not fit `config`."""
+    folder = weights_of(name_or_dir)
+    learned_policy(folder, config)
+    return read_tensors(folder, read_record(folder).network)
 
 
 def make_policy(name_or_dir: str | Path, config: EnvConfig) -> Policy:

@@ -191,10 +191,11 @@ def begin_with(net: ActorCritic, tensors: Mapping[str, NDArray[np.float32]]) -> 
         if name not in tensors:
             if name.startswith(("memory.", "critic.")):
                 continue
-            raise ConfigError(f"start: the policy has no {name}")
+            raise ConfigError(f"--start: the policy has no {name}")
         given = torch.from_numpy(tensors[name])
         if given.shape[:1] != own.shape[:1] or given[0].numel() > own[0].numel():
-            raise ConfigError(f"start: {name} of the policy is {list(given.shape)}, not {list(own.shape)}")
+            shapes = f"{list(given.shape)}, not {list(own.shape)}"
+            raise ConfigError(f"--start: {name} of the policy is {shapes}; give its --hidden, --memory and --traffic")
         own.zero_()
         own[(..., slice(given.shape[-1])) if own.dim() == 2 else ...] = given
 

@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from agents import POLICIES
+from agents import weights_of
 from agents.learned import RecurrentPolicy, learned_policy
 from agents.onnx_model import INPUT, MEMORY, OUTPUT, onnx_model
 from agents.weights_folder import read_record
 from train.reporting.rows import RowFile
 from warehouse_env.checked import Checked
-from warehouse_env.errors import ConfigError, WarehouseError
+from warehouse_env.errors import WarehouseError
 from warehouse_env.files import complete_file
 
 ROWS = 256  # random observations on which model and policy are compared
@@ -40,7 +40,7 @@ class Export(Checked):
 
     def run(self) -> None:
         """Write the model if it computes what the policy does, and say how nearly; WarehouseError if it does not."""
-        directory = self._directory()
+        directory = weights_of(self.policy)
         rows = RowFile(self.json)
         model = onnx_model(directory).SerializeToString()
         apart = largest_difference(model, directory, self.seed)
@@ -61,16 +61,6 @@ class Export(Checked):
             f"from the policy's by {apart:.1e} of the largest one at most"
         )
 
-    def _directory(self) -> Path:
-        """Return the policy's folder; ConfigError for a rule."""
-        entry = POLICIES.get(self.policy)
-        if entry is None:
-            return Path(self.policy)
-        if entry.weights is None:
-            learned = ", ".join(name for name, other in POLICIES.items() if other.weights is not None)
-            raise ConfigError(f"{self.policy} is a rule without weights; shipped policies with weights are: {learned}")
-        return entry.weights
-
 
 def largest_difference(model: bytes, directory: Path, seed: int) -> float:
     """Return by how much outputs of a model and of the policy's own forward pass differ at most.
@@ -86,7 +76,7 @@ def largest_difference(model: bytes, directory: Path, seed: int) -> float:
     policy = learned_policy(directory, record.env)
     if isinstance(policy, RecurrentPolicy):
         given[MEMORY] = rng.uniform(-1.0, 1.0, (ROWS, record.network.memory)).astype(np.float32)
-        own, _ = policy.recall(given[INPUT], given[MEMORY])
+        own, _ = policy.output(given[INPUT], given[MEMORY])
     else:
         own = policy.output(given[INPUT])
     outputs: list[Any] = ReferenceEvaluator(model).run([OUTPUT], given)  # type: ignore[assignment]

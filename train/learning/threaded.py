@@ -60,7 +60,7 @@ class ThreadedTrainer(Trainer):
         torch.manual_seed(config.seed)
         self.net = first_actor_critic(self.network, self.env, config.cruise_bias).to(device)
         if config.start is not None and config.resume is None:
-            begin_with(self.net, policy_tensors(config.start))
+            begin_with(self.net, policy_tensors(config.start, config.driven(self.env)))
         self._sizes = [parameter.numel() for parameter in self.net.parameters()]
         self._groups = [self.net.actor_parameters(), list(self.net.critic.parameters())]
         self.optimizer = torch.optim.Adam([{"params": group} for group in self._groups], eps=1e-5)

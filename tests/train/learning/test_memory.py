@@ -8,15 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from torch import Tensor
 
-from agents import Recurrent, make_policy, policy_config
+from agents import WEIGHTS_FOLDER, LearnedPolicy, Recurrent, make_policy, policy_config
 from agents.networks import ActorCritic, begin_with, tensors_of
 from agents.weights_folder import Network, PolicyRecord, save_policy
 from tests.train.trainings import SMALL
 from train.learning.config import ThreadedPPOConfig
 from train.threaded_ppo import ThreadedPpo
 from warehouse_env.config import EnvConfig
-from warehouse_env.errors import ConfigError
+from warehouse_env.errors import ConfigError, WeightsError
 from warehouse_env.observation import observation_layout
 
 
@@ -97,7 +98,9 @@ def test_a_training_goes_through_sequences_of_every_robot_once(
 def test_a_training_begins_with_a_policy_and_a_new_memory(config: ThreadedPPOConfig, tmp_path: Path) -> None:
     plain = ThreadedPpo(replace(config, memory=0))
     plain.update(0, 0.0)
-    folder = save_policy(tmp_path / "plain", PolicyRecord("ours", plain.network, plain.env), plain.policy_tensors())
+    folder = save_policy(
+        tmp_path / "plain", PolicyRecord("ours", plain.network, config.driven(plain.env)), plain.policy_tensors()
+    )
     seen = torch.randn(10, plain.network.observation_size)
     started = ThreadedPpo(replace(config, start=str(folder)))
     output, _ = started.net.recall(seen, torch.randn(10, 5))
@@ -107,3 +110,44 @@ def test_a_training_begins_with_a_policy_and_a_new_memory(config: ThreadedPPOCon
         begin_with(network(), plain.policy_tensors())
     with pytest.raises(ConfigError, match="rule"):
         ThreadedPpo(replace(config, start="brake"))
+
+
+def test_a_policy_of_other_senses_is_no_beginning(config: ThreadedPPOConfig, tmp_path: Path) -> None:
+    """Fewer numbers in would fit into the network, and mean something else."""
+    blind = ThreadedPpo(replace(config, memory=0, predictions=False))
+    folder = save_policy(
+        tmp_path / "blind", PolicyRecord("ours", blind.network, config.driven(blind.env)), blind.policy_tensors()
+    )
+    with pytest.raises(WeightsError, match="sensor"):
+        ThreadedPpo(replace(config, start=str(folder)))
+
+
+def test_the_update_relives_the_decisions_of_the_rollout(
+    config: ThreadedPPOConfig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Until the first step the probabilities are those of the draws, also after episodes that ended."""
+    trainer, ends = ThreadedPpo(replace(config, minibatch=1000)), 0
+
+    def compared(log_probability: Tensor, old: Tensor, advantage: Tensor) -> tuple[Tensor, Tensor]:
+        assert torch.allclose(log_probability, old, atol=1e-5)
+        return (advantage * log_probability).mean(), advantage.new_zeros(())
+
+    monkeypatch.setattr(trainer, "_actor_loss", compared)
+    monkeypatch.setattr(trainer, "epochs", 1)
+    with torch.no_grad():
+        for parameter in trainer.net.actor_parameters():
+            parameter.add_(0.3 * torch.randn_like(parameter))
+    for number in range(4):
+        trainer.update(number, 0.0)
+        ends += int(trainer._workers[0]._ended[:-1].sum())
+    assert ends > 0
+
+
+def test_a_policy_with_a_memory_never_acts_without_it() -> None:
+    policy = make_policy("careful", policy_config("careful", EnvConfig(num_agents=3)))
+    seen = np.zeros((1, 3, 112), np.float32)
+    for call in ("output", "preferences"):
+        with pytest.raises(TypeError, match="memory"):
+            getattr(policy, call)(seen)
+    with pytest.raises(WeightsError, match="make_policy"):
+        LearnedPolicy(WEIGHTS_FOLDER / "careful", policy_config("careful", EnvConfig()))
