@@ -15,8 +15,11 @@ from train.benchmarks.timing import speeds
 from train.books import book_of
 from train.reporting.rows import Row
 from warehouse_env.config import EnvConfig
-from warehouse_env.threads import MOST_THREADS, set_num_threads
+from warehouse_env.threads import MOST_THREADS, get_num_threads, set_num_threads
 from warehouse_env.traffic_spec import read_traffic
+
+Part = Callable[[float], Iterator[Row]]
+"""Measures for about so many seconds a row."""
 
 _PLANNER = "astar"  # fast to plan
 _SEED = 0  # of worlds and random actions
@@ -65,7 +68,6 @@ def simulator(seconds: float) -> Iterator[Row]:
                 lambda k, sim=sim, pool=pool: sim.step(pool[k % _POOL]),  # type: ignore[misc]
                 worlds, robots, threads, seconds,
             )  # fmt: skip
-    set_num_threads(MOST_THREADS)
 
 
 def reference(seconds: float) -> Iterator[Row]:
@@ -74,7 +76,6 @@ def reference(seconds: float) -> Iterator[Row]:
 
     set_num_threads(1)
     yield from hold(max(5, round(_TURNS * seconds)), _SEED)
-    set_num_threads(MOST_THREADS)
 
 
 def pettingzoo(seconds: float) -> Iterator[Row]:
@@ -126,7 +127,6 @@ def peers(seconds: float) -> Iterator[Row]:
 
     set_num_threads(1)
     yield from measured(seconds)
-    set_num_threads(MOST_THREADS)
 
 
 def training(seconds: float) -> Iterator[Row]:
@@ -162,6 +162,17 @@ def training(seconds: float) -> Iterator[Row]:
         }  # fmt: skip
 
 
-PARTS: dict[str, Callable[[float], Iterator[Row]]] = {
-    part.__name__: part for part in (simulator, reference, pettingzoo, vec_env, cuda, training, peers)
-}
+def _restoring(part: Part) -> Part:
+    """Return a part that leaves the number of threads as it was, also if it fails or is left early."""
+
+    def measured(seconds: float) -> Iterator[Row]:
+        before = get_num_threads()
+        try:
+            yield from part(seconds)
+        finally:
+            set_num_threads(before)
+
+    return measured
+
+
+PARTS = {part.__name__: _restoring(part) for part in (simulator, reference, pettingzoo, vec_env, cuda, training, peers)}

@@ -19,13 +19,12 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from agents import policy_tensors
-from agents.networks import begin_with, first_actor_critic, tensors_of
+from agents.networks import tensors_of
 from train.learning import checkpoint
 from train.learning.config import ThreadedConfig
 from train.learning.experience import Rollout, RolloutWorker
 from train.learning.tally import figures_of
-from train.learning.trainer import Tensors, Trainer, network_of, rng_of, set_threads, shuffled
+from train.learning.trainer import Tensors, Trainer, first_net, network_of, rng_of, set_threads, shuffled
 from train.learning.worlds import TrainingSimulator, TrainingWorlds
 from warehouse_env.config import EnvConfig
 
@@ -58,9 +57,7 @@ class ThreadedTrainer(Trainer):
         if device.type == "cuda":  # 10 bits of mantissa; the 7 of bfloat16 would change probabilities by up to 9%
             torch.backends.cuda.matmul.allow_tf32 = True
         torch.manual_seed(config.seed)
-        self.net = first_actor_critic(self.network, self.env, config.cruise_bias).to(device)
-        if config.start is not None and config.resume is None:
-            begin_with(self.net, policy_tensors(config.start, config.driven(self.env)))
+        self.net = first_net(config, self.env).to(device)
         self._sizes = [parameter.numel() for parameter in self.net.parameters()]
         self._groups = [self.net.actor_parameters(), list(self.net.critic.parameters())]
         self.optimizer = torch.optim.Adam([{"params": group} for group in self._groups], eps=1e-5)

@@ -12,8 +12,11 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from agents import policy_tensors
+from agents.networks import ActorCritic, begin_with, first_actor_critic
 from agents.weights_folder import Network
 from train.learning import checkpoint
+from train.learning.config import ThreadedConfig
 from warehouse_env.config import EnvConfig
 from warehouse_env.observation import observation_layout
 from warehouse_env.threads import MOST_THREADS, set_num_threads
@@ -103,6 +106,14 @@ def shuffled(count: int, rng: np.random.Generator | torch.Generator) -> torch.Te
     if isinstance(rng, torch.Generator):
         return torch.randperm(count, generator=rng, device=rng.device)
     return torch.from_numpy(rng.permutation(count))
+
+
+def first_net(config: ThreadedConfig, env: EnvConfig) -> ActorCritic:
+    """Return the network that a training begins with; ConfigError or WeightsError if its `start` does not fit."""
+    net = first_actor_critic(network_of(env, config.hidden, config.memory), env, config.cruise_bias)
+    if config.start is not None and config.resume is None:
+        begin_with(net, policy_tensors(config.start, config.driven(env)))
+    return net
 
 
 def network_of(env: EnvConfig, hidden: tuple[int, ...], memory: int = 0) -> Network:

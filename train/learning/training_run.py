@@ -17,14 +17,16 @@ from typing import TypeVar
 import numpy as np
 
 from agents.weights_folder import CONFIG, PolicyRecord, save_policy
+from train.books import simulator_of
 from train.job_files import FileDigests, file_digests
 from train.learning import checkpoint
 from train.learning.card import write_card
-from train.learning.config import TrainingConfig
+from train.learning.config import ThreadedConfig, TrainingConfig
 from train.learning.evaluations import Drive, Evaluations
+from train.learning.floors import HELD_OUT_FLOORS, floor_of
 from train.learning.plan_ahead import plan_ahead
 from train.learning.progress import ProgressLog
-from train.learning.trainer import Trainer
+from train.learning.trainer import Trainer, first_net
 from train.reporting.report import tell
 from train.reporting.rows import held
 from warehouse_env.checked import from_plain
@@ -84,6 +86,7 @@ def run_training(config: ConfigT, make: Callable[[ConfigT], Trainer], drive: Dri
         config, saved = _begin(config)
         if saved is not None:
             _check_unchanged(config, Position.of(saved))
+        _check(config)
         tell(_beginning(config))
         plan_ahead(config)
         trainer = stack.enter_context(closing(make(config)))
@@ -185,6 +188,15 @@ def _begin(config: ConfigT) -> tuple[ConfigT, checkpoint.Checkpoint | None]:
             raise ConfigError(f"--resume goes on with the schedule of {directory}: leave out {field.name}={given!r}")
     kept = {name: getattr(config, name) for name in _FREE_ON_RESUME}
     return dataclasses.replace(stored, **kept), saved
+
+
+def _check(config: TrainingConfig) -> None:
+    """Raise what is wrong with floors, robots, planner and `start`, before anything is printed or compiled."""
+    envs = dict.fromkeys(env.replace(layout=floor_of(env.layout, HELD_OUT_FLOORS)) for env, _ in config.worlds(1))
+    for env in envs:
+        simulator_of(env, 1)
+    if isinstance(config, ThreadedConfig):
+        first_net(config, env)
 
 
 def _beginning(config: TrainingConfig) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+from functools import partial
 from pathlib import Path
 from typing import Any, get_args
 
@@ -20,6 +21,7 @@ from train.learning import recipes
 from train.learning.recipes import by_recipe
 from train.reporting.rows import read_rows
 from warehouse_env.simulation.device import memory, simulator
+from warehouse_env.threads import get_num_threads, set_num_threads
 
 SMALL: dict[str, Any] = {
     "layouts": ("open",), "robots": (2,), "rows": 8, "planner": "astar", "rollout": 4, "hidden": (20,), "threads": 1,
@@ -48,6 +50,14 @@ def test_parts_measure(what: str) -> None:
     rows = list(PARTS[what](TINY))
     assert rows
     assert all(row["agent_steps_per_s"] > 0 for row in rows)
+
+
+def test_a_part_leaves_the_number_of_threads_as_it_was(request: pytest.FixtureRequest) -> None:
+    request.addfinalizer(partial(set_num_threads, get_num_threads()))
+    set_num_threads(3)
+    for _ in PARTS["vec_env"](TINY):
+        assert get_num_threads() == 1
+    assert get_num_threads() == 3
 
 
 def test_every_trainer_is_measured(monkeypatch: pytest.MonkeyPatch) -> None:

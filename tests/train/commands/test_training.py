@@ -52,6 +52,29 @@ def test_without_a_bar_it_says_what_it_begins_and_what_it_wrote(
     assert out[0].endswith(f"wrote the policy, its card and its log to {tmp_path / 'one'}")
 
 
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        ("--start nobody", "unknown policy 'nobody'"),
+        ("--start greedy", "greedy is a rule without weights"),
+        ("--start unshielded", "give its --hidden, --memory and --traffic"),
+        ("--start unshielded --no-predictions", "is made for sensor="),
+        ("--layout open nowhere", "unknown layout 'nowhere'"),
+        ("--robots 2 400", "num_agents=400 is too many"),
+        ("--planner nobody", "unknown planner 'nobody'"),
+    ],
+)
+def test_what_is_refused_is_refused_before_anything_is_said_or_written(
+    words: str, reason: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["train", "reinforce", *SMALL.split(), "--layout", "open", "--out", str(tmp_path), *words.split()]) == 2
+    out, err = capsys.readouterr()
+    assert err.count("\n") == 1
+    assert reason in err
+    assert not out
+    assert not list(tmp_path.iterdir())
+
+
 FLOORS = {
     "mine.map": ("mine.map", "mine.oneway"),
     "hall.yaml:keepout=masks/mask.yaml": ("hall.yaml", "hall.pgm", "masks/mask.yaml", "masks/mask.pgm"),
