@@ -15,23 +15,26 @@ import math
 import time
 from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 import torch
-import tyro
 from torch import nn
 
 import warehouse_env
 from agents.weights_folder import Network, PolicyRecord, save_policy
+from train.cli import run_script
+from warehouse_env.checked import Checked
 
-LAMBDA, CLIP, ENTROPY = 0.95, 0.2, 0.003  # of the advantages, of the ratio of probabilities, weight in the loss
+GAMMA, LAMBDA, CLIP, ENTROPY = 0.98, 0.95, 0.2, 0.003  # ENTROPY: its weight in the loss
 ROLLOUT, EPOCHS, MINIBATCHES = 48, 4, 6  # decisions of a robot between updates, passes over them, parts of a pass
 
 
-@dataclass
-class Options:
+@dataclass(frozen=True)
+class Options(Checked):
     """Options of the training."""
 
+    ranges: ClassVar = {"worlds": (1, 10**5), "steps": (1, 10**12), "learning_rate": (0.0, 1.0), "seed": (0, 10**9)}
     worlds: int = 12
     """Worlds that are stepped at a time."""
     robots: int = 16
@@ -42,8 +45,6 @@ class Options:
     """Agent-steps (decisions of one robot)."""
     learning_rate: float = 1e-3
     """Step size of Adam at the start; it falls linearly to 0."""
-    gamma: float = 0.98
-    """Discount of one decision."""
     seed: int = 0
     """Seed of worlds, networks and actions."""
     out: Path = Path("runs/mappo")
@@ -80,12 +81,12 @@ class Agent(nn.Module):
         return self.mean + self.spread * self.critic(torch.cat((seen, whole), -1)).squeeze(-1)
 
 
-def advantages(reward: torch.Tensor, value: torch.Tensor, done: torch.Tensor, o: Options) -> torch.Tensor:
+def advantages(reward: torch.Tensor, value: torch.Tensor, done: torch.Tensor) -> torch.Tensor:
     """Return generalised advantages [T, rows] (Schulman et al. 2016); value: [T + 1, rows]."""
     gain, ahead = torch.empty_like(reward), torch.zeros_like(reward[0])
     for t in reversed(range(len(reward))):
-        surprise = reward[t] + o.gamma * value[t + 1] * ~done[t] - value[t]
-        gain[t] = ahead = surprise + o.gamma * LAMBDA * ~done[t] * ahead
+        surprise = reward[t] + GAMMA * value[t + 1] * ~done[t] - value[t]
+        gain[t] = ahead = surprise + GAMMA * LAMBDA * ~done[t] * ahead
     return gain
 
 
@@ -112,12 +113,12 @@ def main(o: Options) -> None:
                 logp[t] = chances.log_prob(action[t])
             following, gained, last, infos = worlds.step(action[t].numpy())
             reward[t], done[t] = torch.as_tensor(gained), torch.as_tensor(last)
-            reward[t] += o.gamma * value[t] * done[t]  # a world that was cut off goes on in truth: its value counts
+            reward[t] += GAMMA * value[t] * done[t]  # a world that was cut off goes on in truth: its value counts
             ended += [info["world_metrics"] for info in infos if "world_metrics" in info] if last.any() else []
             now, whole = torch.as_tensor(following), torch.as_tensor(worlds.state(per_row=True))
         with torch.no_grad():
             value[-1] = agent.value(now, whole)
-        gain = advantages(reward, value, done, o)
+        gain = advantages(reward, value, done)
         target = gain + value[:-1]
         agent.mean += 0.1 * (target.mean().item() - agent.mean)
         agent.spread += 0.1 * (max(target.std().item(), 1e-3) - agent.spread)
@@ -145,4 +146,4 @@ def main(o: Options) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Options))
+    run_script(Options, main)

@@ -9,21 +9,29 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 import torch
-import tyro
 
 import warehouse_env
 from agents.networks import ActorCritic, first_actor_critic, tensors_of
 from agents.weights_folder import Network, PolicyRecord, save_policy
-from warehouse_env import EnvConfig, RewardWeights, SensorSpec, TrafficSpec, WarehouseError
+from train.cli import run_script
+from warehouse_env import EnvConfig, RewardWeights, SensorSpec, TrafficSpec
+from warehouse_env.checked import Checked
 from warehouse_env.envs.tensors import WarehouseTensorEnv
 
+LAMBDA, CLIP, ENTROPY = 0.95, 0.2, 0.003  # of the advantages, of the ratio of probabilities, weight in the loss
 
-@dataclass
-class Options:
+
+@dataclass(frozen=True)
+class Options(Checked):
     """Options of the training."""
 
+    ranges: ClassVar = {
+        "worlds": (1, 1_000_000), "steps": (1, 10**12), "rollout": (1, 10_000), "minibatches": (1, 10_000),
+        "learning_rate": (0.0, 1.0), "gamma": (0.0, 1.0), "seed": (0, 2**32 - 1),
+    }  # fmt: skip
     device: str = "cuda"
     """Device by torch's name of it."""
     worlds: int = 4096
@@ -44,12 +52,6 @@ class Options:
     """Step size of Adam at the start; it falls linearly to 0."""
     gamma: float = 0.98
     """Discount of one decision."""
-    gae_lambda: float = 0.95
-    """Weight of longer returns in the advantage."""
-    clip: float = 0.2
-    """How far the ratio of probabilities may leave 1."""
-    entropy: float = 0.003
-    """Weight of the entropy in the loss."""
     collision: float = -30.0
     """Reward of a contact."""
     seed: int = 0
@@ -84,29 +86,29 @@ class Rollout:
             # a truncated episode goes on in truth, so the value of its last observation counts
             self.next_value[t] = net.value(infos.get("final_obs", seen))
 
-    def advantages(self, gamma: float, gae_lambda: float) -> torch.Tensor:
+    def advantages(self, gamma: float) -> torch.Tensor:
         """Return generalised advantages [T, rows] (Schulman et al. 2016, eq. 16)."""
         surprise = self.reward + gamma * self.next_value - self.value
         out, ahead = torch.empty_like(surprise), torch.zeros_like(surprise[0])
         for t in reversed(range(len(surprise))):
-            out[t] = ahead = surprise[t] + gamma * gae_lambda * ahead * ~self.last[t]
+            out[t] = ahead = surprise[t] + gamma * LAMBDA * ahead * ~self.last[t]
         return out
 
 
 def update(net: ActorCritic, optimiser: torch.optim.Optimizer, seen: Rollout, o: Options) -> None:
     """Take one pass of clipped policy gradient over a rollout."""
-    gain = seen.advantages(o.gamma, o.gae_lambda)
+    gain = seen.advantages(o.gamma)
     target = (gain + seen.value).flatten()
     gain = ((gain - gain.mean()) / (gain.std() + 1e-8)).flatten()
     observation, action, old = seen.observation.flatten(0, 1), seen.action.flatten(), seen.logp.flatten()
     for rows in torch.randperm(len(gain), device=gain.device).chunk(o.minibatches):
         logp, entropy = net.judge(net.output(observation[rows]), action[rows])
         ratio = (logp - old[rows]).exp()
-        clipped = ratio.clamp(1 - o.clip, 1 + o.clip)
+        clipped = ratio.clamp(1 - CLIP, 1 + CLIP)
         policy = -torch.minimum(ratio * gain[rows], clipped * gain[rows]).mean()
         value = (net.value(observation[rows]) - target[rows]).square().mean()
         optimiser.zero_grad(set_to_none=True)
-        (policy + 0.5 * value - o.entropy * entropy.mean()).backward()
+        (policy + 0.5 * value - ENTROPY * entropy.mean()).backward()
         torch.nn.utils.clip_grad_norm_(net.parameters(), 0.5)
         optimiser.step()
 
@@ -118,10 +120,7 @@ def main(o: Options) -> None:
         num_agents=o.robots, layout=o.layout, max_steps=2000, traffic=TrafficSpec(shield=o.shield),
         sensor=SensorSpec(predictions=True), reward=RewardWeights(collision=o.collision),
     )  # fmt: skip
-    try:
-        env = warehouse_env.tensor_env(o.worlds, config, device=o.device)
-    except WarehouseError as error:
-        raise SystemExit(str(error)) from None
+    env = warehouse_env.tensor_env(o.worlds, config, device=o.device)
     env.reset(seed=o.seed)
     network = Network(env.single_observation_space.shape[0], int(env.single_action_space.n), True)
     net = first_actor_critic(network, config, 0.0).to(env.device)
@@ -142,4 +141,4 @@ def main(o: Options) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Options))
+    run_script(Options, main)

@@ -15,8 +15,9 @@ import threading
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from types import SimpleNamespace
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, NamedTuple, NoReturn
 
 from warehouse_env.errors import ConfigError, LostError, MapWarning, WarehouseError, unknown_name
 
@@ -69,12 +70,28 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     0: success; 2: bad input, with one sentence on stderr; 3: a lost job or a missing broker; 130: Ctrl-C; 143: SIGTERM.
     """
-    arguments = list(sys.argv[1:] if argv is None else argv)
+    return _ended(partial(_run, list(sys.argv[1:] if argv is None else argv)))
+
+
+def run_script(options: Any, work: Callable[[Any], None]) -> NoReturn:
+    """Run a script by the dataclass of its options, one of them the file or folder `out`; it ends as `main` does."""
+    from warehouse_env.files import check_writable
+
+    def run() -> None:
+        chosen = _options(options, sys.argv[0], sys.argv[1:])
+        check_writable(chosen.out if chosen.out.suffix else chosen.out / "config.json")
+        work(chosen)
+
+    sys.exit(_ended(run))
+
+
+def _ended(work: Callable[[], int | None]) -> int:
+    """Return the exit code of `work`, whose errors are one sentence on stderr."""
     _open_streams()
     warnings.formatwarning = _notes()
     try:
         with _terminable():
-            return _run(arguments)
+            return work() or 0
     except SystemExit as stop:  # tyro's own: 0 or None after --help and the like, 2 after a wrong option
         return stop.code if isinstance(stop.code, int) else 2 * (stop.code is not None)
     except KeyboardInterrupt as stop:

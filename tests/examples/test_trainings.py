@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import runpy
 import sys
 from pathlib import Path
 from typing import Any
@@ -36,10 +37,40 @@ def test_it_trains_and_saves_a_policy(
     spec.loader.exec_module(example)
     example.main(example.Options(worlds=2, robots=4, **options))
     assert said in capsys.readouterr().out
-    if name == "ppo_gpu":
-        with pytest.raises(SystemExit, match="device 'foo' must be 'cpu', 'cuda'"):
-            example.main(example.Options(device="foo"))
     assert len((EXAMPLES / f"{name}.py").read_text().splitlines()) < 150
     policy = f"{EXAMPLES / name}.py:Remembering" if name == "recurrent_ppo" else f"runs/{name}"
     short = "--layout open --robots 2 --episodes 2 --seconds 2 --planner astar --traffic own:routes=false --no-pictures"
     assert main(["evaluate", "--policy", policy, *short.split()]) == 0
+
+
+WRONG = {
+    "worlds 0": "worlds=0 must be a whole number from 1",
+    "robots 0": "num_agents=0 must be",
+    "robots 4000": "is too many for map",
+    "steps -1": "steps=-1 must be a whole number from 1",
+    "learning_rate nan": "learning_rate=nan must be a finite number",
+    "seed -1": "seed=-1 must be a whole number from 0",
+    "out /dev/null/policy": "/dev/null is no folder that can be written to",
+    "layout nowhere": "unknown layout 'nowhere'",
+    "device foo": "device 'foo' must be 'cpu', 'cuda'",
+}
+SCRIPTS = sorted(EXAMPLES.glob("*.py"))
+
+
+@pytest.mark.parametrize(
+    ("path", "wrong"),
+    [(path, wrong) for path in SCRIPTS for wrong in WRONG if f"    {wrong.split()[0]}: " in path.read_text("utf-8")],
+)
+def test_a_wrong_option_is_one_sentence(
+    path: Path, wrong: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    name, value = wrong.split()
+    device = ["--device", "cpu"] if path.stem == "ppo_gpu" and name != "device" else []
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", [str(path), f"--{name}", value, *device])
+    with pytest.raises(SystemExit) as stop:
+        runpy.run_path(str(path), run_name="__main__")
+    shown = capsys.readouterr()
+    assert (stop.value.code, shown.out, shown.err.count("\n")) == (2, "", 1)
+    assert WRONG[wrong] in shown.err
+    assert not list(tmp_path.iterdir())
