@@ -105,8 +105,8 @@ def loads_table(advice: Advice) -> Table:
     ]  # fmt: skip
     header = ("robots", "episodes", f"{noun}/h, all", f"{noun}/robot-h", "waiting %", "stuck %", "")
     note = (
-        "The first line is the answer; the others are the episodes of the choice, fewer of them where a number looked "
-        "worse. Stuck: robots without progress for over a minute at the end."
+        f"{capacity.driven}The first line is the answer; the others are the episodes of the choice, fewer of them "
+        "where a number looked worse. Stuck: robots without progress for over a minute at the end."
     )
     return Table(f"Robots under {capacity.team.policy}", header, tuple(cells), note)
 
@@ -136,7 +136,9 @@ def places_table(advice: Advice) -> Table:
         for k, place in enumerate(advice.bottlenecks, start=1)
     ]  # fmt: skip
     header = ("place", "x [m]", "y [m]", "waiting [s per hour]", "of all waiting [%]", "trips that pass [%]")
-    return Table("Bottlenecks", header, tuple(cells), "Within two cells of the place's middle.")
+    return Table(
+        "Bottlenecks", header, tuple(cells), f"{advice.capacity.driven}Within two cells of the place's middle."
+    )
 
 
 def _of_changes(advice: Advice) -> PagePart:
@@ -187,8 +189,8 @@ def changes_table(advice: Advice) -> Table:
     ]  # fmt: skip
     header = ("change", "kind", "best of", f"{advice.plan.aim.noun}/h", "pairs", "", "storage lost %")
     note = (
-        "Differences from the floor as it is, in pairs of episodes with the same new seeds; together, all intervals "
-        "hold with 95%."
+        f"{advice.capacity.driven}Differences from the floor as it is, in pairs of episodes with the same new seeds; "
+        "together, all intervals hold with 95%."
     )
     return Table("Changes of the floor", header, tuple(cells), note)
 
@@ -198,7 +200,6 @@ def _facts(advice: Advice) -> dict[str, str]:
     return made_by(**{
         "Policies": ", ".join(f"`{policy}`: {_summary(policy)}" for policy in plan.policies),
         "Robots": robots_text(plan),
-        "Routes": f"by {plan.planner}",
         "Episodes": f"of {plan.seconds:g} s, seeds from {plan.seed} on, {BLOCK} for each use",
         "Rows": "`rows.jsonl` beside this page holds every episode",
     })  # fmt: skip

@@ -16,6 +16,7 @@ from train.advice.curve import LoadPoint, bracket, fewest_that, jams_from, knee,
 from train.advice.study import Team, TrialRuns, best_of
 from train.advice.trials import AdvicePlan, Use
 from train.reporting.columns import MEASURES
+from train.reporting.driven import driven_with
 from train.reporting.rows import Interval, mean_interval
 
 FIRST = 8  # robots in the first search
@@ -43,6 +44,7 @@ class Capacity(NamedTuple):
     knee: Interval | None  # robots from which on a further one adds less than half of the first
     jam: LoadPoint | None
     stopped: list[str]  # parts for which there was no time
+    driven: str  # with what the policy drives, for notes
 
 
 def capacity(study: TrialRuns) -> Capacity:
@@ -62,8 +64,11 @@ def capacity(study: TrialRuns) -> Capacity:
             stopped.append(what)
     found = study.loads(team.policy)
     fall = knee(found, alone, study.plan.seed)
-    contacts = MEASURES["collisions_per_km"].interval(study.of(team))
-    return Capacity(team, confirmed(study, team), alone, found, raced, contacts, fall, jams_from(found), stopped)
+    own = study.of(team)
+    contacts, driven = MEASURES["collisions_per_km"].interval(own), driven_with(own)
+    return Capacity(
+        team, confirmed(study, team), alone, found, raced, contacts, fall, jams_from(found), stopped, driven
+    )
 
 
 def _sweep(

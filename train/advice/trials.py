@@ -87,8 +87,7 @@ class Trial(Job):
         for one in orders:
             rest = (experiment.config.max_steps - half) * env.time_step * experiment.config.action_repeat
             row |= one.row(row, rest / 3600.0)
-        left_out = ("config", "layout", "episode")
-        kept = {name: value for name, value in {**note, **row}.items() if name not in left_out}
+        kept = {name: value for name, value in {**note, **row}.items() if name not in ("layout", "episode")}
         return Result([kept | self.identity | {"took_s": time.perf_counter() - begin}])
 
 

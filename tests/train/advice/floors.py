@@ -38,9 +38,9 @@ def driver(
         goals = (curves[trial.policy](trial.robots) + changed.get(trial.floor, 0.0)) / trial.robots
         late, whole = goals * (1 + noise * rng.standard_normal(2))
         return {
-            "robots": trial.robots, "seed": trial.seed, "seconds": trial.seconds, "shape": list(trial.grid.shape),
-            "late_goals_per_robot_hour": late, "goals_per_robot_hour": whole, "waiting_share": 0.1,
-            "stuck": stuck(trial.robots), "waited": [], "contacts": [], "path_length_m": 20.0,
+            "policy": trial.policy, "robots": trial.robots, "seed": trial.seed, "seconds": trial.seconds,
+            "shape": list(trial.grid.shape), "late_goals_per_robot_hour": late, "goals_per_robot_hour": whole,
+            "waiting_share": 0.1, "stuck": stuck(trial.robots), "waited": [], "contacts": [], "path_length_m": 20.0,
             "collisions_per_km": 0.0, "took_s": seconds(trial.robots),
         }  # fmt: skip
 

@@ -100,7 +100,7 @@ SIXTEEN, TWENTY, JAM = load(16, interval(1000.0, 100.0)), load(24, interval(1010
     32, interval(500.0, 50.0), 0.5, True)  # fmt: skip
 CAPACITY = Capacity(
     Team("threaded_ppo", 16), load(16, interval(990.0, 50.0)), interval(125.0, 5.0), [SIXTEEN, TWENTY, JAM], True,
-    interval(0.0), interval(12.0, 2.0), JAM, [],
+    interval(0.0), interval(12.0, 2.0), JAM, [], "",
 )  # fmt: skip
 
 
@@ -167,6 +167,8 @@ def test_the_command_drives_answers_and_writes_a_page(
     assert {row["robots"] for row in rows if row["floor"] == "as it is"} >= {1, 2, 4}
     assert "1 goals an hour" in printed
     assert "<b>hall reaches " in page
+    driven = "Driven with traffic rules; planner astar_turns; decision interval 0.1 s. "
+    assert printed.count(driven) == page.count(driven) == 3  # robots, bottlenecks, changes
     assert "<h2>What a change gains</h2>" in page
     changed = [row for row in rows if row["floor"] != "as it is"]
     assert len(changed) in (2, 4)  # two episodes of one change of each kind that is possible, without a race
