@@ -460,7 +460,7 @@ def test_rows_of_a_training_or_an_evaluation_with_odd_values_are_made_again(tmp_
     ProgressLog(tmp_path, show=False, steps=5).__exit__(None, None, None)
     assert read_rows(tmp_path / "progress.jsonl") == [{"steps": 1}]
     job = EpisodesJob(make_experiment("follow", EnvConfig(**SMALL), 1, 1.0, 1))
-    assert job.left([{"seed": [1], "episode": 0}]) == ([], job)
+    assert job.left([{"seed": [1], "episode": 0}, {"seed": 1}]) == ([], job)
     assert of_all_runs([{"run": {}}, {"run": 0}], 1) == [{"run": 0}]
 
 

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -70,11 +71,6 @@ def test_help_without_a_command_and_version(capsys: pytest.CaptureFixture[str]) 
         assert shown in capsys.readouterr().out
 
 
-def test_layouts_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["layouts"]) == 0
-    assert set(LAYOUTS) <= set(capsys.readouterr().out.split())
-
-
 @pytest.mark.parametrize(
     ("command", "line"),
     [
@@ -115,6 +111,46 @@ def test_the_last_line_says_what_was_written_and_where(
         ("demo --video-seconds -1", ["video_seconds=-1.0"]),
         ("curves nowhere", ["nowhere is no run of training: it has no config.json"]),
         ("train reinforce --robots 0", ["robots=(0,)"]),
+        ("evaluate --policy greedy --traffic shiled", ["did you mean shield"]),
+        ("evaluate --policy greedy --traffic rules:routes", ["must be PARAMETER=VALUE"]),
+        ("evaluate --policy greedy --traffic own:shield=false", ["right_of_way=True must be False without a shield"]),
+        ("evaluate --ray auto --processes 2", ["--processes 2 must be left out with --ray"]),
+        ("evaluate --ray somewhere", ["--ray 'somewhere' must be auto or HOST:PORT"]),
+        ("evaluate --orders none.csv", ["none.csv does not exist"]),
+        ("audit", ["name episode files to audit, or policies to drive"]),
+        ("audit a.npz --policy greedy", ["name episode files to audit, or policies to drive"]),
+        ("audit a.npz --resume", ["--resume must be left out"]),
+        ("audit a.npz --disturbance latency", ["--disturbance must be left out"]),
+        ("audit nothing.npz", ["nothing.npz does not exist"]),
+        ("export --policy greedy --onnx a.onnx", ["a rule without weights"]),
+        ("export --policy nowhere --onnx a.onnx", ["unknown policy"]),
+        ("fleet", ["one of them"]),
+        ("fleet e.npz --layout open", ["goes with --listen"]),
+        ("fleet --check x --mqtt h", ["--mqtt goes with an episode"]),
+        ("fleet --listen none.jsonl --layout open", ["does not exist"]),
+        ("fleet --listen log.jsonl", ["--layout NAME_OR_FILE"]),
+        ("fleet none.npz --interface a/#", ["a part of a topic"]),
+        ("fleet none.npz --speed 0", ["speed=0.0"]),
+        ("fleet none.npz --speed 2", ["--speed goes with --mqtt"]),
+        ("live --port 70000", ["from 0 to 65,535"]),
+        ("live --robots 257", ["from 1 to 256"]),
+        ("live --policy gredy", ["did you mean greedy"]),
+        ("live --fleet none.json", ["fleet none.json does not exist"]),
+        ("advise", ["name the floor with --layout NAME_OR_FILE"]),
+        ("advise --layout open --goals 0", ["goals=0.0 must be a number from 0.001"]),
+        ("advise --layout open --policy nobody", ["unknown policy 'nobody'"]),
+        ("advise --layout open --episodes 1", ["episodes=1 must be a whole number from 2"]),
+        ("advise --layout open --planner nobody", ["unknown planner 'nobody'"]),
+        ("advise --layout open --orders nowhere.csv", ["does not exist"]),
+        ("tables papers --runs 0", ["runs=0"]),
+        ("tables papers --seed -1", ["seed=-1"]),
+        ("tables papers --processes 0", ["processes=0"]),
+        ("tables papers --papers 999", ["999"]),
+        ("tables papers --tables 000_table_9", ["000_table_9"]),
+        ("benchmark --policy nobody", ["unknown policy 'nobody'"]),
+        ("clmapf none", ["none is no folder"]),
+        ("compile --processes 0", ["--processes 0"]),
+        ("places paper46", ["no map of a hall"]),
     ],
 )
 def test_bad_input_gives_one_sentence(
@@ -187,24 +223,27 @@ def test_a_termination_stops_as_ctrl_c_does(
     assert signal.getsignal(signal.SIGTERM) is before
 
 
-@pytest.mark.parametrize(("name", "known"), [("policies", {*POLICIES, *CENTRAL}), ("planners", set(PLANNERS))])
-def test_policies_and_planners_are_listed(
-    name: str, known: set[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+@pytest.mark.parametrize(
+    ("name", "kind", "known", "cells"),
+    [
+        ("layouts", "layout", LAYOUTS, {}),
+        ("policies", "policy", {**POLICIES, **CENTRAL}, {
+            ("greedy", "driven with"): "traffic rules", ("follow", "driven with"): "-",
+            ("ppo", "driven with"): "traffic routes, predictions",
+        }),
+        ("planners", "planner", PLANNERS, {("astar", "cost map"): "yes", ("theta_star", "cost map"): "no"}),
+    ],
+)  # fmt: skip
+def test_parts_are_listed(
+    name: str, kind: str, known: dict[str, Any], cells: dict[tuple[str, str], str], tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
     assert main([name, "--json", str(tmp_path / "rows.jsonl")]) == 0
     shown = capsys.readouterr().out
-    rows = read_rows(tmp_path / "rows.jsonl")
-    kind = {"policies": "policy", "planners": "planner"}[name]
-    assert {row[kind] for row in rows} == known
-    assert all(row[kind] in shown and row["what it is"] in shown for row in rows)
-    by_name = {row[kind]: row for row in rows}
-    if name == "policies":
-        assert by_name["greedy"]["driven with"] == "traffic rules"
-        assert by_name["ppo"]["driven with"] == "traffic routes, predictions"
-        assert by_name["follow"]["driven with"] == "-"
-    else:
-        assert (by_name["astar"]["cost map"], by_name["theta_star"]["cost map"]) == ("yes", "no")
-        assert "ants" in by_name["pf_aco"]["parameters"]
+    rows = {row[kind]: row for row in read_rows(tmp_path / "rows.jsonl")}
+    assert rows.keys() == known.keys()
+    assert all(str(row[column]) in shown for row in rows.values() for column in {kind, "what it is"} & row.keys())
+    assert {place: rows[place[0]][place[1]] for place in cells} == cells
 
 
 def test_a_slip_in_an_option_gets_the_nearest(capsys: pytest.CaptureFixture[str]) -> None:

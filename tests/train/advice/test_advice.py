@@ -179,26 +179,3 @@ def test_the_command_drives_answers_and_writes_a_page(
     assert read_rows(tmp_path / "rows.jsonl") == rows
     again = (tmp_path / "index.html").read_text()
     assert again.split("<h2>What was run")[0] == page.split("<h2>What was run")[0]
-
-
-@pytest.mark.parametrize(
-    ("options", "reason"),
-    [
-        ("", "name the floor with --layout NAME_OR_FILE"),
-        ("--layout nowhere", "unknown layout 'nowhere'"),
-        ("--map nowhere.map", "does not exist"),
-        ("--layout open --goals 0", "goals=0.0 must be a number from 0.001"),
-        ("--layout open --policy nobody", "unknown policy 'nobody'"),
-        ("--layout open --episodes 1", "episodes=1 must be a whole number from 2"),
-        ("--layout open --planner nobody", "unknown planner 'nobody'"),
-        ("--layout open --orders nowhere.csv", "does not exist"),
-    ],
-)
-def test_bad_input_is_one_sentence(
-    options: str, reason: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["advise", *options.split(), "--out", str(tmp_path / "out")]) == 2
-    error = capsys.readouterr().err
-    assert reason in error
-    assert error.count("\n") == 1
-    assert not (tmp_path / "out").exists()

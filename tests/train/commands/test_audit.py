@@ -70,23 +70,3 @@ def test_what_is_disturbed_is_audited_as_it_is_then(tmp_path: Path) -> None:
     assert (undisturbed["disturbance"], disturbed["disturbance"]) == ("none", "slow")
     assert disturbed["config"]["robot"]["max_speed"] == 0.8
     assert disturbed["robot_km"] != undisturbed["robot_km"]
-
-
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        ("", "name episode files to audit, or policies to drive"),
-        ("{recorded} --policy greedy", "name episode files to audit, or policies to drive"),
-        ("{recorded} --resume", "--resume must be left out"),
-        ("nothing.npz", "nothing.npz does not exist"),
-        ("{recorded} --disturbance latency", "--disturbance must be left out"),
-    ],
-)
-def test_what_is_refused(
-    words: str, said: str, recorded: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert audit(tmp_path, *words.format(recorded=recorded).split()) == 2
-    shown = capsys.readouterr()
-    assert said in shown.err
-    assert shown.err.count("\n") == 1
-    assert shown.out == ""

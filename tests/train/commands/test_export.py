@@ -62,10 +62,3 @@ def test_a_model_that_computes_something_else_is_not_written(
     assert "a.onnx was not written: its outputs differ from those of" in shown.err
     assert "more than 1e-05" in shown.err
     assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.parametrize(("policy", "said"), [("greedy", "a rule without weights"), ("nowhere", "unknown policy")])
-def test_what_cannot_be_exported(tmp_path: Path, policy: str, said: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["export", "--policy", policy, "--onnx", str(tmp_path / "a.onnx")]) == 2
-    assert said in capsys.readouterr().err
-    assert list(tmp_path.iterdir()) == []

@@ -39,27 +39,3 @@ def test_a_fault_is_an_exit_code(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert main(["fleet", "--check", str(log), "--json", str(tmp_path / "c.jsonl")]) == 1
     assert "line 1, A/1: schema: in this state" in capsys.readouterr().out
     assert json.loads((tmp_path / "c.jsonl").read_text())["faults"] == 1
-
-
-@pytest.mark.parametrize(
-    ("words", "says"),
-    [
-        ([], "one of them"),
-        (["e.npz", "--layout", "open"], "goes with --listen"),
-        (["--check", "x", "--mqtt", "h"], "--mqtt goes with an episode"),
-        (["--listen", "none.jsonl", "--layout", "open"], "does not exist"),
-        (["--listen", "log.jsonl"], "--layout NAME_OR_FILE"),
-        (["none.npz"], "does not exist"),
-        (["none.npz", "--interface", "a/#"], "a part of a topic"),
-        (["none.npz", "--speed", "0"], "speed=0.0"),
-        (["none.npz", "--speed", "2"], "--speed goes with --mqtt"),
-    ],
-)
-def test_what_it_refuses(
-    words: list[str], says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert main(["fleet", *words]) == 2
-    error = capsys.readouterr().err
-    assert says in error
-    assert error.count("\n") == 1

@@ -59,7 +59,6 @@ def test_places_are_written_once_and_edited(hall: Path, capsys: pytest.CaptureFi
     assert json.loads(file.read_text()) == places
     assert run("places", str(hall), "--propose") == 0
     assert len(json.loads(file.read_text())["picks"]) == len(places["picks"]) + 1
-    assert run("places", "paper46") == 2
 
 
 def test_what_is_lost_is_a_note_of_one_line(hall: Path, tmp_path: Path) -> None:

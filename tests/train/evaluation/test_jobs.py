@@ -176,17 +176,3 @@ def test_a_node_with_other_code_is_an_error() -> None:
     check_code(here, dict(here))
     with pytest.raises(WarehouseError, match=r"has numba 0\.1, sources 0123, here it is numba \d\S+, sources \w+"):
         check_code(here, here | {"sources": "0123", "numba": "0.1"})
-
-
-@pytest.mark.parametrize(
-    ("options", "sentence"),
-    [
-        (("--ray", "auto", "--processes", "2"), "--processes 2 must be left out with --ray"),
-        (("--ray", "somewhere"), "--ray 'somewhere' must be auto or HOST:PORT"),
-    ],
-)
-def test_wrong_options_are_said_in_one_sentence(
-    options: Sequence[str], sentence: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main([*DRIVE, "--out", str(tmp_path), *options]) == 2
-    assert sentence in capsys.readouterr().err

@@ -29,6 +29,12 @@ def test_who_holds_it_is_said_and_nothing_is_left(tmp_path: Path) -> None:
     assert [path.name for path in lock.parent.iterdir()] == ["file"]
 
 
+def test_a_file_of_rows_has_one_writer(tmp_path: Path) -> None:
+    path = tmp_path / "rows.jsonl"
+    with RowFile(path), pytest.raises(WarehouseError, match=rf"{path} is in use by process {os.getpid()}, since"):
+        RowFile(path, keep=True).__enter__()
+
+
 def test_a_killed_process_holds_nothing(tmp_path: Path) -> None:
     lock = tmp_path / ".lock"
     body = "import os, sys; from pathlib import Path; from train.reporting.rows import held\n"

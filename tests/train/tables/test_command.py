@@ -122,19 +122,3 @@ def test_planners_on_pairs_of_cells(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     assert all(row["gap"] < 1e-9 for row in exact)
     catalogue.studies_of.cache_clear()
     catalogue.settings_of.cache_clear()
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        (("--runs", "0"), "runs=0"),
-        (("--seed", "-1"), "seed=-1"),
-        (("--processes", "0"), "processes=0"),
-        (("--papers", "999"), "999"),
-        (("--tables", "000_table_9"), "000_table_9"),
-    ],
-)
-def test_bad_options(tmp_path: Path, capsys: pytest.CaptureFixture[str], options: tuple[str, ...], words: str) -> None:
-    assert main(["tables", "papers", "--out", str(tmp_path / "out"), *options]) == 2
-    assert words in capsys.readouterr().err
-    assert not (tmp_path / "out").exists()

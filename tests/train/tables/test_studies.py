@@ -133,22 +133,6 @@ def test_paper_004_has_floors_of_the_printed_lengths() -> None:
     assert {setting: OPTIMA[setting] for setting in printed} == pytest.approx(printed, abs=5e-3)
 
 
-PRINTED_CONSTANTS = {
-    "001_table_1": {"ants": 50, "iterations": 100, "evaporation": 0.4},
-    "002_comparison": {"ants": 100, "exponent": 3, "evaporation": 0.5, "strength": 1.0},
-}
-
-
-def test_colonies_have_the_printed_constants() -> None:
-    systems = {study.name: study.systems for _, study in EVERY}
-    made = [(system.make(), PRINTED_CONSTANTS[name]) for name in PRINTED_CONSTANTS for system in systems[name]
-            if "aco" in system.planner]  # fmt: skip
-    iaco = next(system for system in systems["004_table_2"] if system.label == "iaco (as printed)")
-    constants = {"ants": 20, "iterations": 20, "exponent": 7, "strength": 100.0, "scale": 10.0, "evaporation": 5.0}
-    for planner, printed in [*made, (iaco.make(), constants)]:
-        assert {name: getattr(planner, name) for name in printed} == printed
-
-
 @pytest.mark.parametrize(
     ("study", "setting", "number", "arrive"),
     [
