@@ -39,6 +39,7 @@ from warehouse_env.errors import ConfigError
         ({"sensor": RobotSpec()}, "sensor=.* must be a SensorSpec"),
         ({"time_step": 1e-30}, "time_step=1e-30 must be a number from 0.001 to 10"),
         ({"stuck_after": float("inf")}, "stuck_after=inf must be a finite number"),
+        ({"traffic": "rules", "action_type": "raw"}, "raw"),
     ],
 )
 def test_wrong_values_are_named(changes: dict[str, Any], sentence: str) -> None:
@@ -66,6 +67,7 @@ def test_errors_of_from_dict_name_what_is_wrong() -> None:
         ([1], r"EnvConfig parameters must be an object of names and values, not \[1\]"),
         ({"robot": None}, "robot=None must be a RobotSpec"),
         ({"robot": {"width": "x"}}, "width='x'"),
+        ({"traffic": {"margin": -0.1}}, "margin=-0.1"),
         ({"robot": {"widht": 1}}, "did you mean width"),
         ({1: 2}, "unknown EnvConfig parameter 1"),
         ({"smooth_routes": True}, "EnvConfig parameter 'smooth_routes' is no option any more: it is False for all"),

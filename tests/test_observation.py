@@ -13,7 +13,9 @@ from warehouse_env import Simulator
 from warehouse_env.config import EnvConfig, SensorSpec
 from warehouse_env.errors import ConfigError
 from warehouse_env.observation import observation_layout
-from warehouse_env.work import BatterySpec
+from warehouse_env.simulation.state import OWNER, field_of
+from warehouse_env.traffic_spec import TrafficSpec
+from warehouse_env.work import BatterySpec, ServiceSpec
 
 ALL = EnvConfig(sensor=SensorSpec(predictions=True), traffic="shield", arrival="stop", battery=BatterySpec())
 RNG = np.random.default_rng(0)
@@ -55,6 +57,23 @@ def test_a_robot_may_see_less_and_what_is_left_stays_the_same(without: tuple[str
         assert seeing.observation[..., everything["neighbours"]].any()
         for one in (seeing, blind):
             one.step(np.full((1, 12), one.cruise_action))
+
+
+@pytest.mark.parametrize("shield", [False, pytest.param(True, marks=pytest.mark.nightly)])
+def test_goals_and_fields_are_seen_alike_with_and_without_needs(shield: bool) -> None:
+    config = EnvConfig("open", 3, planner="astar", arrival="stop", traffic=TrafficSpec(shield=shield))
+    without, served = Simulator(config), Simulator(config.replace(service=ServiceSpec(1.0, 1.0), battery=BatterySpec()))
+    without.reset(3)
+    served.reset(3)
+    served.routes[...] = without.routes
+    for name in OWNER:
+        field_of(served.robots, name)[...] = field_of(without.robots, name)
+    served._observe()
+    without._observe()
+    assert np.isfinite(served.observation).all()
+    for name, own in without.layout.slices.items():
+        part = served.layout.slices[name]
+        np.testing.assert_array_equal(served.observation[..., part], without.observation[..., own], name)
 
 
 def test_a_rule_names_the_slice_that_it_needs() -> None:

@@ -9,8 +9,7 @@ import pytest
 
 # Left out where its package is not installed: `make clients` has an environment with all of them.
 NEEDS = {
-    "test_rllib.py": "ray",  # with its parts rllib and tune, which the extra `ray` has not
-    "test_sweep.py": "ray",
+    "test_sweep.py": "ray",  # with its parts rllib and tune, which the extra `ray` has not
     "test_supersuit.py": "supersuit",
     "test_torchrl.py": "torchrl",
     "test_benchmarl.py": "benchmarl",

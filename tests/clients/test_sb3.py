@@ -36,14 +36,6 @@ def test_ppo_learns_through_all_wrappers(small: dict[str, Any], tmp_path: Path) 
     np.testing.assert_array_equal(again.obs_rms.mean, env.obs_rms.mean)
 
 
-def test_evaluation_tells_each_episodes_return_and_length(small: dict[str, Any]) -> None:
-    env = VecMonitor(vec_env(2, **small))
-    model = PPO("MlpPolicy", env, device="cpu")
-    returns, lengths = evaluate_policy(model, env, n_eval_episodes=6, return_episode_rewards=True)
-    assert lengths == [small["max_steps"]] * 6
-    assert np.isfinite(returns).all()
-
-
 @pytest.mark.nightly
 def test_ppo_learns_on_the_single_env_in_processes_of_their_own(small: dict[str, Any]) -> None:
     make = partial(gymnasium.make, "warehouse_env:Warehouse-v0", **small)

@@ -33,6 +33,7 @@ def test_a_robot_that_could_leap_over_the_rim_is_refused() -> None:
         (lambda: Simulator(EnvConfig(people=1000), 10**5), "people=1000, need .* GB"),
         (lambda: Simulator(EnvConfig(), True), "num_worlds=True must be a whole number"),
         (lambda: Simulator(EnvConfig(), 1.0), r"num_worlds=1\.0"),  # type: ignore[arg-type]
+        (lambda: Simulator(EnvConfig(traffic="shield", robot=RobotSpec(max_acceleration=0.001))), "max_acceleration"),
         (lambda: Simulator(3), "config=3 must be of type EnvConfig"),  # type: ignore[arg-type]
         (lambda: parallel_env(grid="x"), "grid='x' must be of type GridMap"),
         (lambda: parallel_env(planner=3), "planner=3 must be a Planner"),

@@ -56,7 +56,8 @@ def test_a_box_knows_only_what_is_in_it_and_is_never_cheaper_than_the_floor() ->
 def test_around_a_cell_is_the_whole_floor_where_its_way_leads_out_of_the_box() -> None:
     occupied = np.zeros((300, 200), bool)
     occupied[:250, 105] = True
-    floor = CostToGo(GridMap(occupied, picks=[(0, 0)], stations=[(0, 1)]))
+    floor = CostToGo(GridMap(occupied, picks=[(0, 0)], stations=[(0, 1)], one_way=np.eye(300, 200, -250, np.uint8)))
+    assert ((floor.steps > 0) == floor.grid.legal_moves).all()
     assert floor.around((10, 100), (30, 100))[1] == floor.box((10, 100), (30, 100)) == Box(0, 0, 128, 192)
     field, box = floor.around((10, 100), (10, 110))
     assert box == floor.whole()

@@ -18,14 +18,6 @@ def listed(grid: GridMap, row: int, column: int, lidar_range: float = 6.0) -> se
     return {("x" if n < first[1] else "y", *map(float, edges.edges[edges.seen[n]])) for n in range(first[0], first[2])}
 
 
-def test_an_empty_room_has_four_walls() -> None:
-    grid = drawn(["...."] * 3)
-    everything = {("x", 0.0, 0.0, 3.0), ("x", 4.0, 0.0, 3.0), ("y", 0.0, 0.0, 4.0), ("y", 3.0, 0.0, 4.0)}
-    assert listed(grid, 1, 1) == everything
-    # from the cell in the north-west corner, the east wall is 3 m off and the south wall 2 m
-    assert listed(grid, 0, 0, 2.5) == everything - {("x", 4.0, 0.0, 3.0)}
-
-
 def test_a_row_of_shelves_is_one_edge_and_hides_what_is_behind_it() -> None:
     grid = drawn(["......", "......", ".####.", "......", "......"])
     seen = listed(grid, 0, 2)

@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from tests.simulation.reference import bodies, deepest_overlap, rectangle, separation, shelves
 from tests.simulation.worlds import drawn, room, stage
@@ -59,18 +57,6 @@ def test_a_crowd_that_collides_in_chains() -> None:
     assert (simulator.robots["totals"]["distance"] > 0.2).mean() > 0.5  # and most of them get about
     assert simulator.robots["totals"]["hits_shelf"].sum() > 3
     assert simulator.robots["totals"]["hits_robot"].sum() > 10
-
-
-@settings(max_examples=4)
-@given(st.integers(0, 10**6))
-def test_more_robots_than_one_bucket_holds(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    grid = room(8, 9)
-    poses = crowd(rng, grid, 40, 0.02)
-    assert len(poses) > 32
-    simulator = stage(grid, *poses)
-    assert simulator._params["bucket_rows"][0] > 1
-    shake(simulator, rng, 25, 5)
 
 
 def test_long_tails_that_swing_into_each_other_from_afar() -> None:

@@ -36,18 +36,6 @@ def test_robots_stand_and_go_as_told() -> None:
     np.testing.assert_allclose(first[last], sim.grid.centre(GOAL[0]), atol=1e-3)
 
 
-def test_the_first_goal_is_reached_and_another_follows() -> None:
-    sim = simulator(max_steps=400)
-    sim.reset_to([Assignment(POSE, GOAL)], seed=1)
-    for _ in range(150):
-        sim.step(np.full((1, 2), sim.cruise_action))
-        if (sim.state.goals[0] > 0).all():
-            break
-    assert (sim.state.goals[0] > 0).all()
-    assert sim.state.goal[0].tolist() != [list(goal) for goal in GOAL]
-    assert len({tuple(goal) for goal in sim.state.goal[0].tolist()}) == 2
-
-
 @pytest.mark.parametrize(
     ("pose", "goal", "says"),
     [

@@ -131,11 +131,6 @@ def test_rules_differ_where_they_should() -> None:
     assert ALLOCATORS["optimal"](cost) == [(0, 0), (1, 1)]
 
 
-def test_an_unknown_rule_is_named_with_what_is_near() -> None:
-    with pytest.raises(ConfigError, match="nearest"):
-        make_allocator("neares")
-
-
 def test_the_ledger_counts_by_hand() -> None:
     ledger = Ledger([Order(0, (PICK,), DROP, 50, 1), Order(10, (PICK,), DROP, 20, 1), Order(90, (PICK,), DROP, 99, 1)])
     ledger.release(10)

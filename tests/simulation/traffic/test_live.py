@@ -381,17 +381,6 @@ def test_what_was_stored_with_the_prices_of_today_is_read_and_with_others_refuse
         EnvConfig.from_dict(stored)
 
 
-def test_live_routes_keep_one_way_cells() -> None:
-    one_way = np.zeros((4, 12), np.uint8)
-    one_way[1], one_way[2] = 1, 3
-    ends = np.array([(row, column) for row in (0, 3) for column in range(0, 12, 2)])
-    grid = GridMap(np.zeros((4, 12), bool), picks=ends[:6], stations=ends[6:], one_way=one_way)
-    simulator = Simulator(CONFIG.replace(num_agents=6), grid=grid)
-    simulator.reset([1])
-    drive(simulator)
-    assert simulator.robots["totals"]["goals"].sum() > 0
-
-
 def test_who_is_in_the_cell_of_its_goal_keeps_its_route_to_the_middle() -> None:
     simulator = Simulator(CONFIG)
     simulator.reset([1])
@@ -489,36 +478,15 @@ def test_what_a_colony_finds_depends_on_its_seed_and_on_no_look_before() -> None
     assert first != found(2, fresh=True)
 
 
-def sharpest_turn(route: Any) -> float:
-    """Sharpest turn [rad] between two segments of a route."""
-    steps = np.diff(route.astype(np.float64), axis=0)
-    steps = steps[np.hypot(*steps.T) > 1e-6]
-    turns = np.angle(np.exp(1j * np.diff(np.arctan2(steps[:, 1], steps[:, 0]))))
-    return float(np.abs(turns).max(initial=0.0))
-
-
-def folded(planner: str) -> int:
-    """Count routes that fold back on themselves in their first 7 m, of 500 among robots that stand on `narrow`."""
-    config = EnvConfig(layout="narrow", num_agents=64, planner=planner, traffic="routes")
-    simulator, rng, count = Simulator(config), np.random.default_rng(0), 0
-    simulator.reset([2])
-    routes, robots = live_of(simulator), simulator.robots[0]
-    robots["clocks"]["standing_time"] = STOOD_FOR
-    cells = simulator.grid.free_cells
-    for _ in range(500):
-        me, goal = rng.integers(64), tuple(cells[rng.integers(len(cells))].tolist())
-        robots[me]["motion"]["heading"] = rng.uniform(-np.pi, np.pi)
-        route = routes.route(simulator.robots, simulator.routes, 0, me, 1, goal)
-        count += route is not None and sharpest_turn(route.line[:15]) > 2.0
-    return count
-
-
-def test_the_price_of_hairpins_keeps_live_routes_from_folding(monkeypatch: pytest.MonkeyPatch) -> None:
-    """One that folds passes a place twice, and a robot there may take itself to be where it will be later."""
-    priced, by_ants = folded("astar_turns"), folded("pf_aco")
-    monkeypatch.setattr(live, "HAIRPIN", 0.0)
-    assert 5 * priced < folded("astar_turns")
-    assert by_ants < 4  # of 500; ants do not turn back where they are, so they seldom fold at any price
+def test_a_hairpin_has_its_price() -> None:
+    """Its back to the goal, a robot drives on by a cell before it turns: by a diagonal back, or two right angles."""
+    floor = CostToGo(GridMap(np.zeros((ROWS, COLUMNS), bool)))
+    look = look_of(record({"x": 4.5, "y": 2.5}), eastwards(1, 2, range(9)), 0, turn=3.0)
+    look = look._replace(field=floor.field((2, 0), floor.whole()))
+    labels, trails = make_labels(ROWS, COLUMNS), make_trails(ROWS, COLUMNS)
+    for hairpin, cost in ((0, 4 * UNIT + 2 * DIAGONAL), (10, 6 * UNIT + DIAGONAL)):
+        priced = look._replace(hairpin=hairpin * UNIT)
+        assert cheapest(priced, ANY, labels)[1] == by_ants(priced, ANY, 7, trails)[1] == cost
 
 
 @pytest.mark.parametrize(

@@ -13,13 +13,10 @@ from hypothesis import strategies as st
 from tests.simulation.reference import separation
 from tests.simulation.rights import World, rectangles
 from tests.simulation.worlds import drawn, write
-from warehouse_env.config import EnvConfig
-from warehouse_env.errors import ConfigError
 from warehouse_env.simulation.senses.preferences import GOING, SIDE, SPEED, speed_of
 from warehouse_env.simulation.traffic.reservations import TIGHT, WIDE
 from warehouse_env.simulation.traffic.right_of_way import AHEAD, NOBODY, limit, rank
 from warehouse_env.simulation.traffic.waits import is_urged
-from warehouse_env.traffic_spec import TrafficSpec
 
 ROUNDING = 1e-4  # [m]
 
@@ -195,13 +192,6 @@ def test_who_has_stood_for_long_is_urged_to_go() -> None:
     assert speed_of(r, choices, np.float32(0.0), is_urged(r)) == np.float32(-0.4)
     r["traffic"]["side"] = -1.2  # from a decision before; not among what is offered now
     assert speed_of(r, choices, np.float32(0.7), is_urged(r)) == np.float32(0.7)
-
-
-def test_right_of_way_needs_the_field_and_a_route_to_follow() -> None:
-    with pytest.raises(ConfigError, match="without a shield"):
-        TrafficSpec(right_of_way=True)
-    with pytest.raises(ConfigError, match="raw"):
-        EnvConfig(traffic="rules", action_type="raw")
 
 
 def test_of_two_whose_paths_end_on_each_others_the_first_goes_to_its_goal() -> None:

@@ -16,7 +16,6 @@ from tests.simulation.reference import bodies, separation
 from tests.simulation.safe_stops import checked as checked  # a fixture
 from tests.simulation.worlds import drawn, put, raw, room, stage
 from warehouse_env.config import EnvConfig, RobotSpec
-from warehouse_env.errors import ConfigError
 from warehouse_env.simulation.physics import contact, stops
 from warehouse_env.simulation.physics.kinematics import braking
 from warehouse_env.simulation.simulator import Simulator
@@ -262,14 +261,6 @@ def test_what_a_policy_sees_of_the_field() -> None:
     seconds = float(simulator.robots["shield"]["vetoed_time"][0, 0])
     assert 1.0 < seconds < 20.0
     np.testing.assert_allclose(simulator.observation[0, :, -2:], [[1.0, min(seconds, 5.0) / 5.0], [0.0, 0.0]])
-
-
-def test_shields_that_cannot_be() -> None:
-    with pytest.raises(ConfigError, match="margin"):
-        TrafficSpec(margin=-0.1)
-    weak = RobotSpec(max_acceleration=0.001)
-    with pytest.raises(ConfigError, match="max_acceleration"):
-        Simulator(EnvConfig(traffic=TrafficSpec(shield=True), planner="astar", robot=weak))
 
 
 def test_a_robot_that_is_held_where_it_stands_may_steer() -> None:
