@@ -46,7 +46,7 @@ COMMANDS = {
         f"evaluate --policy brake follow ppo greedy {_FLOOR} --episodes 3 --seconds 10 --out . --report report "
         "--no-pictures --resume"
     ),
-    "record": f"record --policy ppo {_FLOOR} --seconds 100 --out episode.npz --json rows.jsonl",
+    "record": f"record --policy ppo {_FLOOR} --seconds 100 --out episode.npz",
     "tables": "tables papers --tables 000_table_1 --runs 1 --processes 1 --out . --json rows.jsonl",
 }
 

@@ -174,7 +174,8 @@ def with_other_rows(path: Path) -> Any:
 
 def of_training(path: Path) -> Any:
     path.with_name("config.json").write_text(json.dumps(RECORD))
-    return read_run(path.parent).rows()
+    _, curve = read_run(path.parent)
+    return curve.steps.tolist(), {name: values.tolist() for name, values in curve.values.items()}
 
 
 def of_checkpoint(path: Path) -> Any:

@@ -9,7 +9,6 @@ import subprocess
 import sys
 import time
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -18,7 +17,7 @@ from train import cli
 from train.central import CENTRAL
 from train.cli import COMMANDS, main
 from train.evaluation.jobs import Job, Result, Runner, Tick
-from train.reporting.rows import RowFile, read_rows
+from train.reporting.rows import RowFile
 from warehouse_env import __version__
 from warehouse_env.errors import LostError
 from warehouse_env.maps.layouts import LAYOUTS
@@ -26,7 +25,11 @@ from warehouse_env.maps.movingai import EXAMPLE_MAP
 from warehouse_env.planning import PLANNERS
 
 DRAW_NOTHING = (
-    "bench", "benchmark", "compare", "compile", "fleet", "layouts", "places", "planners", "policies",
+    "bench", "benchmark", "compare", "compile", "export", "fleet", "layouts", "places", "planners", "policies",
+)  # fmt: skip
+RESULTS = (  # commands whose results are rows
+    "advise", "audit", "bench", "clmapf", "compare", "demo", "evaluate", "fleet", "live", "plan", "robust",
+    "tables floors", "tables papers", "tables planners",
 )  # fmt: skip
 
 
@@ -62,7 +65,7 @@ def test_every_command_has_help_with_the_common_options(capsys: pytest.CaptureFi
         assert f"warehouse {name}" in shown
         assert ("--seed" in shown) == (name not in DRAW_NOTHING)
         assert "{None,True,False}" not in shown
-        assert ("--json" in shown) == (name != "benchmark")  # which writes its rows under --out
+        assert ("--json" in shown) == (name in RESULTS)
 
 
 def test_help_without_a_command_and_version(capsys: pytest.CaptureFixture[str]) -> None:
@@ -74,8 +77,7 @@ def test_help_without_a_command_and_version(capsys: pytest.CaptureFixture[str]) 
 @pytest.mark.parametrize(
     ("command", "line"),
     [
-        ("layouts --json {out}/rows.jsonl", "wrote the rows to {out}/rows.jsonl"),
-        ("layouts --draw {map}", "wrote no file; --json FILE keeps the rows"),
+        ("layouts --draw {map} --png {out}/floor.png", "wrote the picture to {out}/floor.png"),
         (
             "plan --layout open --planner astar --tasks 1 --runs 1 --no-pictures --out {out} --json {out}/rows.jsonl",
             "wrote the rows to {out}/rows.jsonl, the table to {out}",
@@ -178,13 +180,13 @@ def test_a_folder_where_a_file_should_be(tmp_path: Path, capsys: pytest.CaptureF
 
 
 def test_closed_streams_and_poor_encodings_are_no_fault(tmp_path: Path) -> None:
-    command = f"{shlex.quote(sys.executable)} -m train.cli layouts --json rows.jsonl >&- 2>&-"
+    command = f"{shlex.quote(sys.executable)} -m train.cli layouts --draw open --save open.map >&- 2>&-"
     environment = {**os.environ, "PYTHONIOENCODING": "ascii", "PYTHONPATH": str(Path(__file__).parents[2])}
     done = subprocess.run(
         ["sh", "-c", command], cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
     )
     assert (done.returncode, done.stderr) == (0, "")
-    assert (tmp_path / "rows.jsonl").read_text().count("\n") > 3
+    assert (tmp_path / "open.map").read_text().startswith("type octile")
 
 
 @pytest.mark.parametrize(
@@ -224,26 +226,20 @@ def test_a_termination_stops_as_ctrl_c_does(
 
 
 @pytest.mark.parametrize(
-    ("name", "kind", "known", "cells"),
+    ("name", "known", "last"),
     [
-        ("layouts", "layout", LAYOUTS, {}),
-        ("policies", "policy", {**POLICIES, **CENTRAL}, {
-            ("greedy", "driven with"): "traffic rules", ("follow", "driven with"): "-",
-            ("ppo", "driven with"): "traffic routes, predictions",
-        }),
-        ("planners", "planner", PLANNERS, {("astar", "cost map"): "yes", ("theta_star", "cost map"): "no"}),
+        ("layouts", set(LAYOUTS), {}),
+        ("policies", {*POLICIES, *CENTRAL}, {"greedy": "traffic rules", "ppo": "predictions", "follow": "-"}),
+        ("planners", set(PLANNERS), {"astar": "yes", "theta_star": "no"}),
     ],
-)  # fmt: skip
-def test_parts_are_listed(
-    name: str, kind: str, known: dict[str, Any], cells: dict[tuple[str, str], str], tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-) -> None:  # fmt: skip
-    assert main([name, "--json", str(tmp_path / "rows.jsonl")]) == 0
-    shown = capsys.readouterr().out
-    rows = {row[kind]: row for row in read_rows(tmp_path / "rows.jsonl")}
-    assert rows.keys() == known.keys()
-    assert all(str(row[column]) in shown for row in rows.values() for column in {kind, "what it is"} & row.keys())
-    assert {place: rows[place[0]][place[1]] for place in cells} == cells
+)
+def test_parts_are_listed(name: str, known: set[str], last: dict[str, str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([name]) == 0
+    lines = [[cell.strip() for cell in line.split("│")[1:-1]] for line in capsys.readouterr().out.splitlines()]
+    cells = {line[0]: line for line in lines if line}
+    assert cells.keys() == known
+    assert all(all(line) for line in cells.values())
+    assert all(cells[part][-1].endswith(text) for part, text in last.items())
 
 
 def test_a_slip_in_an_option_gets_the_nearest(capsys: pytest.CaptureFixture[str]) -> None:

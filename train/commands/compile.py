@@ -5,11 +5,9 @@ from __future__ import annotations
 import os
 import time
 from dataclasses import dataclass, field
-from pathlib import Path
 
 from train.evaluation.kernels import compile_all
 from train.reporting.report import Table, number
-from train.reporting.rows import RowFile
 from warehouse_env.checked import Checked
 from warehouse_env.errors import ConfigError
 
@@ -26,20 +24,17 @@ class Compile(Checked):
     cuda: tuple[str, ...] | None = None
     """Also compile the kernels for GPUs of these compute capabilities, which needs no GPU. Without a value: that of
     this machine's GPU, or 9.0 (H100, H200)."""
-    json: Path | None = None
-    """Write the seconds of each part to this file as JSON lines."""
 
     def run(self) -> None:
         """Compile, and print how long each part took."""
         if self.processes < 1:
             raise ConfigError(f"--processes {self.processes} must be at least 1")
         capabilities = self._capabilities()
-        file, begin = RowFile(self.json), time.perf_counter()
-        rows = compile_all(self.processes, file, capabilities)
+        begin = time.perf_counter()
+        rows = compile_all(self.processes, capabilities)
         cells = tuple((row["part"], number(row["seconds"])) for row in rows)
         note = f"All is compiled and kept: {time.perf_counter() - begin:.0f} s in {self.processes} processes."
         Table("Kernels", ("part", "seconds"), cells, note).print()
-        print(file.written())
 
     def _capabilities(self) -> tuple[str, ...]:
         """Return the compute capabilities to compile for; ConfigError for one that is none."""

@@ -12,7 +12,6 @@ from agents import weights_of
 from agents.learned import RecurrentPolicy, learned_policy
 from agents.onnx_model import INPUT, MEMORY, OUTPUT, onnx_model
 from agents.weights_folder import read_record
-from train.reporting.rows import RowFile
 from warehouse_env.checked import Checked
 from warehouse_env.errors import WarehouseError
 from warehouse_env.files import complete_file
@@ -29,21 +28,12 @@ class Export(Checked):
     """A shipped policy with weights, or the folder of a trained one."""
     onnx: Path = Path("policy.onnx")
     """File to write."""
-    seed: int = 0
-    """Seed of the random observations that compare the model with the policy."""
-    json: Path | None = None
-    """Write a row about the model to this file as JSON lines."""
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._require(self.seed >= 0, "seed", "at least 0")
 
     def run(self) -> None:
         """Write the model if it computes what the policy does, and say how nearly; WarehouseError if it does not."""
         directory = weights_of(self.policy)
-        rows = RowFile(self.json)
         model = onnx_model(directory).SerializeToString()
-        apart = largest_difference(model, directory, self.seed)
+        apart = largest_difference(model, directory)
         if not apart <= MOST_APART:
             raise WarehouseError(
                 f"{self.onnx} was not written: its outputs differ from those of {directory} by up to {apart:.1e} "
@@ -51,18 +41,13 @@ class Export(Checked):
             )
         with complete_file(self.onnx) as part:
             part.write_bytes(model)
-        network = read_record(directory).network
-        rows.add([{
-            "policy": self.policy, "onnx": self.onnx, "bytes": len(model), "observation_size": network.observation_size,
-            "actions": network.actions, "discrete": network.discrete, "seed": self.seed, "largest_difference": apart,
-        }])  # fmt: skip
         print(
             f"wrote the network of {directory.name} to {self.onnx}: on {ROWS} random observations its outputs differ "
             f"from the policy's by {apart:.1e} of the largest one at most"
         )
 
 
-def largest_difference(model: bytes, directory: Path, seed: int) -> float:
+def largest_difference(model: bytes, directory: Path) -> float:
     """Return by how much outputs of a model and of the policy's own forward pass differ at most.
 
     On random observations, in shares of the largest output, or of 1 where that is less.
@@ -71,7 +56,7 @@ def largest_difference(model: bytes, directory: Path, seed: int) -> float:
 
     record = read_record(directory)
     shape = (ROWS, record.network.observation_size)
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     given = {INPUT: rng.uniform(-1.0, 1.0, shape).astype(np.float32)}
     policy = learned_policy(directory, record.env)
     if isinstance(policy, RecurrentPolicy):

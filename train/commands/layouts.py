@@ -11,7 +11,7 @@ import tyro
 
 from train.advice.candidates import cut_off, run_lengths
 from train.reporting.report import Table, require_charts
-from train.reporting.rows import Row, RowFile
+from train.reporting.rows import Row
 from warehouse_env.checked import Checked
 from warehouse_env.errors import ConfigError, MapError
 from warehouse_env.maps.grid_map import GridMap
@@ -43,8 +43,6 @@ class Layouts(Checked):
     with places beside it), NAME.lif.json (lanes as LIF) or NAME.geojson (Nav2's route graph)."""
     resolution: float | None = None
     """Width of a pixel [m] of what is saved as NAME.yaml (a cell's)."""
-    json: Path | None = None
-    """Write a row for each floor listed or drawn to this file as JSON lines."""
 
     def run(self) -> None:
         """Save or draw the named floor; list all layouts if none is named."""
@@ -78,8 +76,6 @@ class Layouts(Checked):
 
     def _list(self) -> None:
         rows = [facts(make_layout(name)) for name in LAYOUTS]
-        file = RowFile(self.json)
-        file.add(rows)
         cells = [
             (
                 name,
@@ -91,7 +87,6 @@ class Layouts(Checked):
         ]
         header = ("layout", "cells", "free", "picks", "stations", "narrowest aisle", "floor height [m]", "what it is")
         Table("Layouts", header, tuple(cells)).print()
-        print(file.written())
 
     def _draw(self, grid: GridMap, hall: Hall | None) -> None:
         """Print the floor, what was read of a hall and what was lost, and whether robots can use it."""
@@ -101,8 +96,7 @@ class Layouts(Checked):
         if hall is not None:
             print("\n".join([*hall.report, *(f"note: {text}" for text in hall.notes)]))
         check_connected(grid)
-        row, file = facts(grid), RowFile(self.json)
-        file.add([row])
+        row = facts(grid)
         left_out = int((~grid.occupied).sum()) - row["free"]
         aside = f", {left_out} free cells are cut off and not used" if left_out else ""
         print(
@@ -115,7 +109,6 @@ class Layouts(Checked):
 
             paths(grid, {}, f"{grid.name}: {len(grid.picks)} picks, {len(grid.stations)} stations", self.png)
             print(f"wrote the picture to {self.png}")
-        print(file.written())
 
 
 def check_connected(grid: GridMap) -> None:

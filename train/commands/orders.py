@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 from train.reporting.report import number
-from train.reporting.rows import RowFile
 from warehouse_env.checked import Checked
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, counted
@@ -73,8 +72,6 @@ class Orders(Checked):
     """Seed of the orders."""
     out: Path = Path("orders.csv")
     """CSV file for the orders."""
-    json: Path | None = None
-    """Write a row about the orders to this file as JSON lines."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -86,10 +83,7 @@ class Orders(Checked):
         """Draw the orders and write them."""
         spec = OrderSpec(per_hour=self.per_hour, picks=self.picks)
         grid = make_layout(self.layout)
-        file = RowFile(self.json)
         orders = draw_orders(EnvConfig(arrival="stop", orders=spec), grid, 3600.0 * self.hours, self.seed)
         write_orders(self.out, orders)
         weight = sum(order.weight for order in orders) / max(len(orders), 1)
-        row = {"orders": len(orders), "weight_kg": weight, "layout": self.layout, "seed": self.seed, "out": self.out}
-        file.add([row])
         print(f"wrote {counted(len(orders), 'order')} of {number(weight)} kg on average to {self.out}")

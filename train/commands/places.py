@@ -9,7 +9,6 @@ from typing import ClassVar
 import tyro
 
 from train.reporting.report import require_charts
-from train.reporting.rows import RowFile
 from warehouse_env.checked import Checked
 from warehouse_env.errors import ConfigError
 from warehouse_env.files import companion
@@ -31,8 +30,6 @@ class PlacesCommand(Checked):
     """The picture (NAME.places.png beside the map if left out)."""
     propose: bool = False
     """Propose new places, and replace an existing file."""
-    json: Path | None = None
-    """Write a row for each place, kind, name, x and y [m], to this file as JSON lines."""
 
     rewrites: ClassVar[tuple[str, ...]] = (places.SUFFIX,)
 
@@ -52,8 +49,6 @@ class PlacesCommand(Checked):
         picture = self.png or path.with_suffix(".places.png")
         picks, stations = ([place.name for place in hall.places[kind]] for kind in places.KINDS)
         draw_places(hall.grid, picks, stations, picture)
-        rows = [{"kind": kind, **one._asdict()} for kind, listed in hall.places.items() for one in listed]
-        RowFile(self.json).add(rows)
         for note in hall.notes:
             print(f"note: {note}")
         counts = " and ".join(f"{len(listed)} {kind}" for kind, listed in hall.places.items())

@@ -16,10 +16,9 @@ from numpy.typing import NDArray
 from train.commands.evaluate import Working
 from train.commands.layouts import BY_MAP
 from train.evaluation.recorded import record, shares_of
-from train.evaluation.rollout import Experiment, identity, make_experiment
+from train.evaluation.rollout import make_experiment
 from train.fleet.driven import load_episode
 from train.reporting.report import make_progress, require_video
-from train.reporting.rows import RowFile
 from warehouse_env.checked import Checked
 from warehouse_env.config import EnvConfig, TaskMode
 from warehouse_env.errors import ConfigError, WarehouseError
@@ -46,8 +45,6 @@ class Record(Working):
     """Simulated time of the episode [s]."""
     tasks: TaskMode = "lifelong"
     """lifelong: a new goal after every arrival; one_shot: one goal each, then parked."""
-    json: Path | None = None
-    """Write a row about the episode to this file as JSON lines."""
     out: Path = Path("results/episode.npz")
     """File for the episode."""
 
@@ -55,21 +52,14 @@ class Record(Working):
         """Drive, write the file, and print the command that shows it."""
         base = EnvConfig(self.layout, self.robots, self.planner, self.tasks)
         experiment = make_experiment(self.policy, base, 1, self.seconds, self.seed, self.chosen_for(self.robots))
-        file = RowFile(self.json)
         with make_progress() as progress:
             bar = progress.add_task(experiment.title, total=experiment.config.max_steps)
             episode = record(experiment, lambda: progress.advance(bar))
         episode.save(self.out)
-        file.add([row_of(experiment, episode) | {"out": self.out}])
         own = [f"--{kind}={name}" for kind, name in (("policy", self.policy), ("planner", self.planner)) if split(name)]
         page = str(self.out.with_suffix(".html"))
         show = shlex.join(["warehouse", "replay", str(self.out), "--html", page, *own])
         print(f"wrote the episode to {self.out}; to see it: {show}")
-
-
-def row_of(experiment: Experiment, episode: Episode) -> dict[str, object]:
-    """Return what was recorded, as a row."""
-    return identity(experiment) | {"seed": experiment.seed, "steps": len(episode.actions)}
 
 
 FLUENT = 25.0  # frames a second that a video is to come near
@@ -94,8 +84,6 @@ class ReplayCommand(Checked):
     """Your own planners that the episodes were recorded with, under the same names: files alone never run code."""
     policy: tuple[str, ...] = ()
     """Your own policies that drove the episodes, under the same names, to show their preferences."""
-    json: Path | None = None
-    """Write a row about each episode to this file as JSON lines."""
     ranges: ClassVar = {"speed": (0.01, 1000.0)}
 
     def run(self) -> None:
@@ -107,20 +95,10 @@ class ReplayCommand(Checked):
         episodes = [load_episode(path) for path in self.episodes]
         worlds = [world_of(path, one.seeds, self.seed) for path, one in zip(self.episodes, episodes, strict=True)]
         names = names_of(self.episodes, episodes)
-        file = RowFile(self.json)
         if self.html is not None:
             self._write_page(self.html, episodes, worlds, names)
         elif self.video is not None:
             self._write_video(self.video, episodes, worlds, names)
-        shown = zip(self.episodes, names, episodes, worlds, strict=True)
-        file.add(
-            {
-                "episode": path, "policy": episode.policy, "name": name, "map": episode.grid.name,
-                "robots": episode.config.num_agents, "seed": episode.seeds[world], "steps": len(episode.actions),
-                "html": self.html, "video": self.video,
-            }
-            for path, name, episode, world in shown
-        )  # fmt: skip
 
     def _write_page(self, path: Path, episodes: Sequence[Episode], worlds: Sequence[int], names: Sequence[str]) -> None:
         replays: list[Replay] = []

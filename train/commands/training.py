@@ -18,7 +18,6 @@ from train.learning.config import PPOConfig, ReinforceConfig, ThreadedPPOConfig,
 from train.learning.progress import ROWS, read_run
 from train.learning.recipes import Recipe, ReinforceRecipe, ThreadedPPORecipe, by_recipe
 from train.reporting.report import require_charts
-from train.reporting.rows import RowFile, read_rows
 from warehouse_env.checked import Checked
 from warehouse_env.errors import ConfigError, counted
 from warehouse_env.render.learning_curves import learning_curves
@@ -40,9 +39,6 @@ class _Train:
     """Train with other kinds of robots: a JSON file, as [{"share": 0.25, "robot": {"length": 1.4}}]; "share": 1 changes
     all robots."""
 
-    json: Path | None = None
-    """Also write the rows of the training's progress to this file as JSON lines."""
-
     @classmethod
     def defaults_for(cls, arguments: Sequence[str]) -> Self:
         """Return the options of the recipe that a command line names."""
@@ -58,18 +54,13 @@ class _Train:
             config = dataclasses.replace(self.config, fleet=read_fleet(self.fleet))
             dataclasses.replace(self, fleet=None, config=config).run()
             return
-        file = RowFile(self.json)
         try:
             importlib.import_module(self.module).train(self.config)
         except KeyboardInterrupt:
             if (self.config.directory / ROWS).exists():  # else nothing was begun
-                self._close(file)
+                print(_end(self.config.directory))
             raise
-        self._close(file)
-
-    def _close(self, file: RowFile) -> None:
-        file.add(read_rows(self.config.directory / ROWS))
-        print(_end(self.config.directory, self.json))
+        print(_end(self.config.directory))
 
 
 @dataclass(frozen=True)
@@ -104,16 +95,15 @@ class TrainThreadedPPO(_Train):
     config: Annotated[ThreadedPPOConfig, tyro.conf.arg(name="")] = field(default_factory=ThreadedPPOConfig)
 
 
-def _end(directory: Path, json: Path | None) -> str:
+def _end(directory: Path) -> str:
     """Return the closing line: figures of the training, and what lies where."""
     training = read_record(directory).training
     command = read_record(directory).algorithm
     again = shlex.join(["warehouse", "train", command, "--resume", str(directory)])
     rest = "" if training["spent"] >= 1 else f"; go on with `{again}`"
-    rows = "" if json is None else f", the rows to {json}"
     return (
         f"{training['steps']:,} agent-steps in {training['seconds']:.0f} s; wrote the policy, its card and its log to "
-        f"{directory}{rows}{rest}"
+        f"{directory}{rest}"
     )
 
 
@@ -127,19 +117,14 @@ class Curves(Checked):
     """Draw only runs with these training seeds (default: all runs)."""
     out: Path = Path("results/curves.png")
     """File for the picture."""
-    json: Path | None = None
-    """File for the points, one row each, as JSON lines."""
 
     def run(self) -> None:
         """Read all runs, then draw them."""
         if not self.runs:
             raise ConfigError("name at least one folder of a run")
         require_charts(self.out)
-        file = RowFile(self.json)
         runs = [run for run in map(read_run, dict.fromkeys(self.runs)) if not self.seed or run.seed in self.seed]
         if not runs:
             raise ConfigError(f"no run was trained with --seed {' '.join(map(str, self.seed))}")
-        for run in runs:
-            file.add(run.rows())
         learning_curves([run.curve for run in runs], self.out)
         print(f"wrote the curves of {counted(len(runs), 'run')} to {self.out}")

@@ -85,14 +85,14 @@ def no_actions(simulator: DeviceSimulator) -> torch.Tensor:
     return torch.from_numpy(np.zeros(shape, space.dtype))
 
 
-def compile_all(processes: int, file: RowFile | None = None, capabilities: Sequence[str] = ()) -> list[Row]:
-    """Run all parts under a progress bar; return a row with the seconds of each, written to `file` as well.
+def compile_all(processes: int, capabilities: Sequence[str] = ()) -> list[Row]:
+    """Run all parts under a progress bar; return a row with the seconds of each.
 
     capabilities: of GPUs for which kernels are compiled as well, as "9.0".
     """
     parts = [_Part(name) for name in PARTS]
     parts += [CardPart(name, capability) for capability in capabilities for name in CARD_SETS]
-    with Runner(file or RowFile(None), workers=Processes(processes)) as run_all:
+    with Runner(RowFile(None), workers=Processes(processes)) as run_all:
         return run_all(parts)
 
 

@@ -145,17 +145,10 @@ def _in_words(figures: Mapping[str, float]) -> str:
 
 
 class CurveRun(NamedTuple):
-    """A training: its folder, its seed if that is known, and its curve."""
+    """The seed of a training if that is known, and its curve."""
 
-    folder: Path
     seed: int | None
     curve: Curve
-
-    def rows(self) -> list[Row]:
-        """Return what is drawn, a row for each point."""
-        about = {"run": self.folder.name, "algorithm": self.curve.algorithm, "seed": self.seed}
-        columns = [self.curve.steps, *(self.curve.values[key] for key in KEYS)]
-        return [about | dict(zip(("steps", *KEYS), point, strict=True)) for point in zip(*columns, strict=True)]
 
 
 def read_run(folder: Path) -> CurveRun:
@@ -174,4 +167,4 @@ def read_run(folder: Path) -> CurveRun:
         raise WeightsError(f"{path} holds no rows whose steps grow")
     config = record.training.get("config")
     seed = config.get("seed") if isinstance(config, dict) else None
-    return CurveRun(folder, seed, Curve(record.algorithm, steps, values))
+    return CurveRun(seed, Curve(record.algorithm, steps, values))

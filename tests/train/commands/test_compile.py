@@ -10,7 +10,6 @@ import pytest
 
 from train.cli import main
 from train.evaluation.kernels import PARTS, is_compiled
-from train.reporting.rows import read_rows
 
 NOTHING_IS_LEFT = """
 import sys
@@ -50,12 +49,10 @@ def test_nothing_is_left_to_compile() -> None:
 def test_every_part_runs_in_processes(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    path = tmp_path / "rows.jsonl"
-    assert main(["compile", "--processes", "2", "--json", str(path)]) == 0
-    rows = read_rows(path)
-    assert {row["part"] for row in rows} == set(PARTS)
-    assert all(row["seconds"] > 0 for row in rows)
-    assert "in 2 processes" in capsys.readouterr().out
+    assert main(["compile", "--processes", "2"]) == 0
+    said = capsys.readouterr().out
+    assert all(part in said for part in PARTS)
+    assert "in 2 processes" in said
     assert is_compiled()
     monkeypatch.setattr("numba.config.CACHE_DIR", str(tmp_path))
     assert not is_compiled()
