@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import math
 from typing import Any
 
 import numpy as np
@@ -28,35 +27,22 @@ def near(cells: np.ndarray, others: np.ndarray, distance: int) -> bool:
 # ---- the contract of every layout
 
 
-def test_floor_is_connected(layout: GridMap) -> None:
+def test_the_floor_is_connected_and_its_endpoints_are_distinct_and_enough_for_64_robots(layout: GridMap) -> None:
     assert len(layout.free_cells) == (~layout.occupied).sum()
-
-
-def test_endpoints_are_distinct_and_enough_for_64_robots(layout: GridMap) -> None:
     endpoints = np.concatenate([layout.picks, layout.stations])
     assert len(np.unique(endpoints, axis=0)) == len(endpoints)
     assert len(layout.picks) >= 64
     assert len(layout.stations) >= 20
     assert np.isfinite(layout.distance_to(tuple(layout.stations[0]))[tuple(endpoints.T)]).all()
-
-
-def test_stations_do_not_crowd(layout: GridMap) -> None:
     assert not near(layout.stations, layout.stations, 3)
+    assert layout.name == "random" or not near(layout.picks, layout.stations, 2)
 
 
 @pytest.mark.parametrize("name", sorted(LAYOUTS))
 def test_names_agree_and_floors_are_reproducible(name: str) -> None:
     first, second = make_layout(name), make_layout(name)
     assert first.name == name
-    assert first.key == second.key
-    assert np.array_equal(first.picks, second.picks)
-    assert np.array_equal(first.stations, second.stations)
-
-
-@pytest.mark.parametrize("name", sorted(set(LAYOUTS) - {"random"}))
-def test_no_pick_is_next_to_a_station(name: str) -> None:
-    grid = make_layout(name)
-    assert not near(grid.picks, grid.stations, 2)
+    assert (first.key, first.endpoints) == (second.key, second.endpoints)
 
 
 # ---- named tasks
@@ -108,16 +94,10 @@ def free_gaps(occupied: np.ndarray) -> list[int]:
     [
         ("papr46", {}, "unknown layout 'papr46'; did you mean paper46"),
         ("", {}, "known: aisles, blocks"),
-        ("paper46", {"rows": 3}, "unknown parameter of layout 'paper46'"),
         ("blocks", {"rowz": 3}, "did you mean rows"),
         ("blocks", {"rows": 2}, "rows=2 must be a whole number of at least 3"),
-        ("blocks", {"aisle": 0}, "aisle=0"),
-        ("blocks", {"rows": 46.0}, "rows=46.0"),
-        ("blocks", {"columns": True}, "columns=True"),
         ("blocks", {"rows": 20, "columns": 10}, "no room"),
         ("single_lane", {"rim": 2}, "rim=2"),
-        ("open", {"rows": -5}, "rows=-5"),
-        ("random", {"share": math.nan}, "share=nan"),
         ("random", {"share": 0.61}, "share"),
         ("random", {"seed": -1}, "seed=-1"),
     ],

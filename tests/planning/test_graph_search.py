@@ -1,4 +1,4 @@
-"""The exact searches against hand-counted maps, the map's own distance field, and an exhaustive search for turns."""
+"""The exact searches against hand-counted maps, a plain search, and an exhaustive search for turns."""
 
 from __future__ import annotations
 
@@ -14,20 +14,6 @@ from warehouse_env.planning import make_planner, min_turns, path_length, turns, 
 
 EXACT = ("dijkstra", "astar", "astar_turns")
 RNG = np.random.default_rng(0)
-
-
-def test_lengths_equal_the_distance_field_on_random_maps() -> None:
-    rng = np.random.default_rng(1)
-    for _ in range(40):
-        occupied = rng.random((9, 12)) < 0.35
-        occupied[0, 0] = occupied[8, 11] = False
-        grid = GridMap(occupied)
-        distance = float(grid.distance_to((8, 11))[0, 0])
-        for name in EXACT:
-            plan = make_planner(name).plan(grid, (0, 0), (8, 11), RNG)
-            assert path_length(plan.cells) == pytest.approx(distance)
-            if plan.found:
-                validate(grid, plan.cells, (0, 0), (8, 11))
 
 
 def fewest_turns(grid: GridMap, cell: Cell, goal: Cell, heading: int, left: float) -> float:
@@ -78,16 +64,16 @@ def priced(cells: NDArray[np.int64], cost: NDArray[np.float64]) -> float:
     return path_length(cells) + sum(float(cost[(*cell, m)]) for cell, m in zip(cells[:-1].tolist(), moves, strict=True))
 
 
-def test_random_cost_maps_are_searched_exactly() -> None:
+def test_random_maps_with_and_without_costs_are_searched_exactly() -> None:
     rng = np.random.default_rng(3)
-    for _ in range(40):
+    for number in range(60):
         occupied = rng.random((8, 9)) < 0.25
         occupied[0, 0] = occupied[7, 8] = False
         grid = GridMap(occupied)
-        cost = rng.random((8, 9, 8)) * (rng.random((8, 9, 8)) < 0.7) * 3
+        cost = rng.random((8, 9, 8)) * (rng.random((8, 9, 8)) < 0.7) * (number % 3)
         expected = cheapest(grid, cost, (0, 0), (7, 8))
         for name in EXACT:
-            plan = make_planner(name).plan(grid, (0, 0), (7, 8), RNG, cost)
+            plan = make_planner(name).plan(grid, (0, 0), (7, 8), RNG, cost if cost.any() else None)
             if math.isinf(expected):
                 assert not plan.found
                 continue

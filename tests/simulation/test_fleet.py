@@ -133,11 +133,7 @@ def test_configs_of_fleets() -> None:
     widest = config.widest_body
     assert (widest.width, widest.front_overhang, widest.rear_reach) == pytest.approx((0.8, 0.4, 1.15))
     assert EnvConfig(num_agents=3, fleet=parts(LONG)).bodies == (LONG,)
-    for wrong, why in (
-        ({"num_agents": 5}, "at most 5 robots"),
-        ({"fleet": [{"count": 1, "robot": {}}]}, "a list with a FleetPart"),
-    ):  # fmt: skip
-        with pytest.raises(ConfigError, match=why):
-            config.replace(**wrong)
+    with pytest.raises(ConfigError, match="at most 5 robots"):
+        config.replace(num_agents=5)
     with pytest.raises(ConfigError, match="unknown RobotSpec parameter 'lenth'"):
         EnvConfig.from_dict({"fleet": [{"count": 1, "robot": {"lenth": 1}}]})

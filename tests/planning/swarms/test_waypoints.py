@@ -44,11 +44,6 @@ def test_a_point_on_a_shelf_or_outside_counts_as_the_nearest_cell_that_can_be_re
     assert (0, 3) not in decoded(island, (0, 0), (2, 3), (0.0, 3.0))
 
 
-def test_a_detour_through_known_cells_is_cut() -> None:
-    # There and back along one row: the walk returns over its own cells, the path does not.
-    assert decoded(OPEN, (0, 0), (0, 2), (0.0, 4.0), (0.0, 0.0)) == [(0, 0), (0, 1), (0, 2)]
-
-
 def test_cost_is_length_and_tolls_of_each_code_and_the_best_is_kept() -> None:
     toll = np.zeros((4, 5))
     toll[0, 2] = 5.0

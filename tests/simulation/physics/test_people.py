@@ -229,14 +229,6 @@ def test_whatever_people_and_robots_do_the_field_lets_nobody_be_hit(seed: int) -
     assert simulator.robots["totals"]["distance"].sum() > 1.0
 
 
-@pytest.mark.usefixtures("checked")
-def test_the_check_finds_a_robot_that_cannot_stop_before_a_person() -> None:
-    simulator = with_people(room(10, 20), (5.0, 5.0, 0.0, 1.5), traffic=TrafficSpec(shield=True))
-    still(simulator, 6.2, 5.0)  # put there, where no robot would have been so fast
-    with pytest.raises(AssertionError, match="a person"):
-        simulator.step(raw(simulator, (1.0, 0.0)))
-
-
 def test_people_begin_away_from_robots_and_where_they_can_walk() -> None:
     crowded = Simulator(EnvConfig(num_agents=2, people=1, planner="astar"), grid=room(2, 4))
     with pytest.raises(ConfigError, match="people=1"):

@@ -47,14 +47,6 @@ def test_the_one_with_the_least_right_leaves_the_others_paths() -> None:
         assert float(separation(end, rectangles(world.path(other))).min()) > 0.0
 
 
-def test_who_found_no_way_pauses_and_another_makes_room() -> None:
-    world = ring()
-    world.robots["traffic"]["pause"][1] = 2.0
-    found = resolve(world)
-    assert len(found) == 1
-    assert found != [1]
-
-
 def test_of_equals_it_is_always_the_last() -> None:
     assert resolve(ring(ages=(5, 5, 5))) == [2]
 

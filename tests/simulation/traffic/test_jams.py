@@ -37,13 +37,6 @@ def waits(simulator: Simulator) -> list[int]:
 QUEUE = [(2.5, 5.5, EAST), (4.5, 5.5, EAST), (8.5, 5.5, EAST)]
 
 
-def test_a_queue_waits_for_the_one_ahead() -> None:
-    # Robot 0's nose is 0.85 + 0.25 m... behind 1's tail: 2 - 0.15 - 0.75 = 1.1 m; from 1 to 2 it is 3.1 m, too far.
-    simulator = standing(*QUEUE, goals=[(6, 10), (6, 11), (6, 9)])
-    assert waits(simulator) == [1, NOBODY, NOBODY]
-    assert (simulator.jams().cycle == NOBODY).all()
-
-
 def test_only_who_stands_waits() -> None:
     assert waits(standing(*QUEUE, goals=[(6, 10), (6, 11), (6, 9)], seconds=0.8)) == [NOBODY] * 3
     simulator = standing(*QUEUE, goals=[(6, 10), (6, 11), (6, 9)], seconds=0.0)
@@ -64,6 +57,7 @@ def test_who_has_refused_it_or_goes_first_is_waited_for(refused_by: int, yields_
 
 CROSSING = [(5.2, 5.5, EAST), (6.5, 5.2, NORTH), (6.8, 6.5, WEST), (5.5, 6.8, SOUTH)]  # each before the next flank
 STANDING: dict[str, tuple[list[Pose], list[tuple[int, int]], list[int]]] = {  # poses, goals, whom each waits for
+    "a queue": (QUEUE, [(6, 10), (6, 11), (6, 9)], [1, NOBODY, NOBODY]),  # 1.1 m before the first, 3.1 m: too far
     "a goal before the other body": (QUEUE[:2], [(6, 3), (6, 10)], [NOBODY, NOBODY]),  # 1 m ahead, 0.1 m are left
     "a body 1 cm beside the way": ([(2.5, 5.5, EAST), (4.5, 6.11, EAST)], [(6, 10), (5, 10)], [NOBODY, NOBODY]),
     "a body 1 cm in the way": ([(2.5, 5.5, EAST), (4.5, 6.09, EAST)], [(6, 10), (5, 10)], [1, NOBODY]),
