@@ -1,4 +1,4 @@
-"""README and docs/ do not lie: their Python runs, commands parse, and files, names and sizes are those of the code."""
+"""README and docs/ do not lie: Python runs, commands parse; files, names, figures and sizes are those of the code."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import dataclasses
 import json
 import re
 import shlex
+import subprocess
 import sys
 from importlib import import_module
 from importlib.util import find_spec
@@ -195,3 +196,34 @@ def test_names_are_those_of_the_code() -> None:
     (stepping,) = fenced(PAGES["README.md"], "python")
     (training, *_) = fenced(PAGES["docs/how_to/train.md"], "python")
     assert set(re.findall(r"\b(\w+)=", stepping + training)) & fields >= {"num_agents", "max_steps", "layout"}
+
+
+README = PAGES["README.md"]
+
+
+def table_rows(text: str) -> list[str]:
+    """Return the lines of all tables of figures, headings included."""
+    tables = re.findall(r"(?:^\|.*\n)+", text, re.MULTILINE)
+    return [line for table in tables if "--:" in table for line in table.splitlines()]
+
+
+def test_it_is_short() -> None:
+    assert len(README.splitlines()) <= 150
+    (example,) = fenced(README, "python")
+    assert "parallel_env" in example
+    assert len(example.splitlines()) <= 10
+    assert {"make demo", "make test"} <= command_lines(README)
+    assert "](docs/warehouse.gif)" in README
+
+
+def test_its_python_prints_what_it_says_each_time() -> None:
+    (example,) = fenced(README, "python")
+    runs = [subprocess.run([sys.executable, "-c", example], cwd=ROOT, capture_output=True, text=True) for _ in range(2)]
+    assert runs[0].stdout == runs[1].stdout
+    assert f"`{runs[0].stdout.strip()}`" in README, runs[0].stderr
+
+
+def test_its_figures_are_rows_of_docs() -> None:
+    measured = [row for page, text in PAGES.items() if page.startswith("docs/measured/") for row in table_rows(text)]
+    assert len(table_rows(README)) > 4
+    assert [row for row in table_rows(README) if row not in measured] == []

@@ -1,8 +1,9 @@
-"""Charts write one complete picture each, and show what they are given."""
+"""Charts and drawings hold what they are given, whole and in their inks."""
 
 from __future__ import annotations
 
 import math
+import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +11,20 @@ import pytest
 
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.render import chart_style, charts
+from warehouse_env.render.chart_style import hexed
 from warehouse_env.render.colours import RGB, name_colours
-from warehouse_env.render.report_charts import COLLISIONS, Bar, draw_over_robots
+from warehouse_env.render.heat_maps import Panel, heat_maps
+from warehouse_env.render.learning_curves import PANELS, Curve, draw_curves, learning_curves, spread
+from warehouse_env.render.report_charts import (
+    COLLISIONS,
+    Bar,
+    FloorLoad,
+    Pair,
+    differences,
+    draw_over_robots,
+    over_robots,
+    throughput,
+)
 
 image = pytest.importorskip("matplotlib.image")
 
@@ -57,3 +70,95 @@ def test_rounding_errors_of_zero_are_no_collisions() -> None:
     assert (ax.get_yscale(), ax.get_ylim()) == ("linear", (0, 1))
     chart_style.log_scale(ax, [0.0, 0.3, 40.0])
     assert (ax.get_yscale(), ax.get_ylim()[0]) == ("symlog", 0)
+
+
+figures = pytest.importorskip("matplotlib.figure")
+GOALS = "goals_per_robot_hour"
+
+
+def curve(algorithm: str, steps: list[float], goals: list[float]) -> Curve:
+    values = {key: np.array(goals) for key, _, _ in PANELS}
+    return Curve(algorithm, np.array(steps) * 1e6, values)
+
+
+def test_two_runs_of_an_algorithm_make_a_band() -> None:
+    steps, low, mean, high = spread([curve("a", [0, 4], [0, 40]), curve("a", [0, 2], [20, 20])], GOALS)
+    shared = steps <= 2e6
+    assert low[shared] == pytest.approx(np.minimum(10 * steps / 1e6, 20)[shared])
+    assert mean[shared] == pytest.approx((5 * steps / 1e6 + 10)[shared])
+    assert high[shared] == pytest.approx(20)
+    for line in (low, mean, high):  # the second has ended
+        assert line[~shared] == pytest.approx(10 * steps[~shared] / 1e6)
+    alone = curve("a", [1, 2, 3], [1, np.nan, 3])
+    assert np.array_equal(spread([alone], GOALS)[2], [1, np.nan, 3], equal_nan=True)
+
+
+def test_lines_and_scales() -> None:
+    figure = figures.Figure(layout="constrained")
+    draw_curves(
+        figure, [curve("ppo", [1, 2], [4, 8]), curve("reinforce", [1, 3], [2, 0]), curve("ppo", [1, 2], [6, 8])]
+    )
+    goals, collisions, entropy = figure.axes
+    ppo, reinforce = goals.get_lines()
+    assert reinforce.get_xydata().tolist() == [[1, 2], [3, 0]]
+    assert ppo.get_ydata()[[0, -1]] == pytest.approx([5, 8])
+    colours = name_colours(["ppo", "reinforce"])
+    assert [line.get_color() for line in (ppo, reinforce)] == [hexed(colours["ppo"]), hexed(colours["reinforce"])]
+    assert [ax.get_yscale() for ax in (goals, collisions, entropy)] == ["linear", "symlog", "linear"]
+    (legend,) = figure.legends
+    assert [text.get_text() for text in legend.get_texts()] == ["ppo (2 runs)", "reinforce"]
+
+
+def test_runs_without_figures_are_drawn(tmp_path: Path) -> None:
+    learning_curves([curve("ppo", [1, 2], [np.nan, np.nan]), curve("ppo", [1], [0.0])], tmp_path / "c.png")
+    assert (tmp_path / "c.png").read_bytes()[1:4] == b"PNG"
+
+
+def read(drawing: str) -> list[str]:
+    """Check a drawing, and return its texts."""
+    root = ElementTree.fromstring(drawing)
+    assert root.tag.endswith("svg")
+    assert root.get("role") == "img"
+    assert "var(--ink)" in drawing
+    assert "#2b3038" not in drawing
+    assert "#ffffff" not in drawing
+    assert root.get("width") is None
+    return ["".join(element.itertext()).strip() for element in root.iter() if element.tag.endswith("}text")]
+
+
+def test_over_robots_names_policies_floors_and_counts() -> None:
+    bars = [Bar("ppo", 8, 1.0, 0.5, 1.5), Bar("ppo", 16, 2.0, math.nan, math.nan), Bar("brake", 8, 0.0, 0.0, 0.0)]
+    titles = ("collisions per robot-km", "goals per robot-hour")
+    floors = {"hall": dict.fromkeys(titles, bars), "yard": dict.fromkeys(titles, bars[:1])}
+    texts = read(over_robots(floors, "label <&>"))
+    assert {"ppo", "brake", "8", "16", "hall: collisions per robot-km", "yard: goals per robot-hour"} <= set(texts)
+
+
+def test_drawings_are_the_same_every_time() -> None:
+    pairs = [Pair("a", 1.0, 0.5, 1.5), Pair("b", 0.1, -1.0, 1.2), Pair("c", 1.0, math.nan, math.nan)]
+    drawings = [differences(pairs, "label", "goals") for _ in range(2)]
+    assert drawings[0] == drawings[1]
+    assert {"a", "b", "c", "goals"} <= set(read(drawings[0]))
+
+
+def test_throughput() -> None:
+    loads = [FloorLoad(8, 800.0, 700.0, 900.0, False), FloorLoad(16, 900.0, math.nan, math.nan, True)]
+    drawn = read(throughput(loads, 100.0, loads[0], (6.0, 5.0, math.inf), "label"))
+    assert {"drives", "jams", "most goals, 8 robots", "a further one adds half, from 6"} <= set(drawn)
+    assert "a further one" not in " ".join(read(throughput(loads, 100.0, loads[0], None, "label")))
+
+
+def test_heat_maps_draw_every_panel(grid: GridMap) -> None:
+    heat = np.zeros(grid.shape)
+    heat[0, 0] = 3.0
+    opened, ways = grid.occupied.copy(), np.where(grid.occupied, 0, 1).astype(np.uint8)
+    panels = [
+        Panel("waits", grid, heat, np.array([[1.0, 2.0]]), [(3.0, 4.0), (5.0, 6.0)]),
+        Panel("opened", grid, opened=opened),
+        Panel("ways", grid, heat, one_way=ways),
+        Panel("cold", grid, np.zeros(grid.shape)),
+    ]
+    drawing = heat_maps(panels, "seconds", "label")
+    assert {"waits", "opened", "ways", "cold", "1", "2", "seconds"} <= set(read(drawing))
+    assert drawing.count("<image") >= 6  # shelves of each, and two heats
+    assert read(heat_maps(panels[3:], "seconds", "label"))

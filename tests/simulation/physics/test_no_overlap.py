@@ -1,16 +1,24 @@
-"""No body ever overlaps a shelf or another body, whatever the robots are told: judged by float64 polygons."""
+"""No body ever overlaps another or a shelf, at a sample or between two: judged by float64 polygons on the true arcs."""
 
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
 
-from tests.simulation.reference import bodies, deepest_overlap, rectangle, separation, shelves
-from tests.simulation.worlds import drawn, room, stage
-from warehouse_env.config import RobotSpec
+from tests.simulation.reference import bodies, deepest_overlap, on_arcs, rectangle, separation, shelves
+from tests.simulation.worlds import body_at, drawn, raw, room, stage
+from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.simulation.physics.sweep import Sweep, touch_between
 from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.simulation.state import parameters_of
+from warehouse_env.traffic_spec import TrafficSpec
 
 DEEP = 1e-4  # [m] that float32 at ten metres, over a step, is allowed
 MAZE = ["......", ".#..#.", "......", "..##..", ".#....", "......"]
@@ -76,3 +84,121 @@ def test_long_tails_that_swing_into_each_other_from_afar() -> None:
         for x, y, a in simulator.state.pose[0].tolist()
     )
     assert separation(first, second) > -DEEP
+
+
+BETWEEN = 40  # samples of a substep
+FARTHEST = 4.0  # times the blur [m] of each of two bodies, within which ones that pass may be taken to touch
+
+
+def in_between(simulator: Simulator, actions: Any) -> NDArray[np.float64]:
+    """Step once, a physics step of one substep; return the poses [BETWEEN + 1, N, 3] on the way."""
+    before = [np.copy(simulator.state[k][0]).astype(np.float64) for k in range(3)]
+    simulator.step(actions)
+    after = [np.copy(simulator.state[k][0]).astype(np.float64) for k in range(3)]
+    speed, steer = (np.stack([before[k], after[k]], axis=-1) for k in (1, 2))
+    poses = on_arcs(before[0], speed, steer, simulator.config.time_step, BETWEEN)
+    stopped = (after[0] == before[0]).all(-1)  # put back to where it was
+    poses[:, stopped] = before[0][stopped]
+    arrived = np.abs(poses[-1, :, :2] - after[0][:, :2]).max()
+    assert arrived < DEEP, "the reference drives otherwise than the simulator"
+    return poses
+
+
+def odd_robot(rng: np.random.Generator) -> RobotSpec:
+    """A robot of any size, which steers at the rear or at the front."""
+    length = rng.uniform(0.4, 2.0)
+    return RobotSpec(
+        length=length, width=rng.uniform(0.3, 1.2), front_overhang=rng.uniform(0.05, 0.95) * length,
+        wheelbase=rng.uniform(0.4, 1.2),
+    )  # fmt: skip
+
+
+@settings(max_examples=250)
+@given(st.integers(0, 10**9), st.floats(-0.1, 0.1), st.sampled_from([0.05, 0.2]), st.booleans())
+def test_bodies_touch_between_samples_where_dense_sampling_says_so(
+    seed: int, gap: float, dt: float, alike: bool
+) -> None:
+    """Two that are about to pass each other closely, in the middle of a substep, of one size or of two."""
+    rng = np.random.default_rng(seed)
+    kinds = [RobotSpec(), RobotSpec() if alike else odd_robot(rng)]
+    sizes = np.array([(kind.length, kind.width, kind.front_overhang) for kind in kinds]).T
+    wheelbases = np.array([kind.wheelbase for kind in kinds])
+    p, q = (parameters_of(EnvConfig(robot=kind, time_step=dt, substeps=1), 1.0)[0] for kind in kinds)
+    speed = rng.uniform(-1.5, 1.5, (2, 1)) + [[0.0, 1.0]] * rng.uniform(-dt, dt, (2, 1))
+    if (speed[:, 0] * speed[:, 1] < 0).any():
+        return  # turns back
+    steer = rng.uniform(-1.0, 1.0, (2, 1)) * rng.choice([0.0, 1.0], (2, 1)) + np.zeros((2, 2))
+    pose = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, rng.uniform(-math.pi, math.pi)]])
+    middle = bodies(*on_arcs(pose, speed, steer, dt, 2, wheelbases)[1].T, *sizes)
+    away = rng.uniform(-math.pi, math.pi)
+    for _ in range(40):  # pushed apart until they are `gap` apart half-way
+        short = gap - float(separation(middle[0], middle[1]))
+        if short < 1e-3:
+            break
+        push = max(short, 1e-3) * np.array([math.cos(away), math.sin(away)])
+        pose[1, :2] += push
+        middle[1] += push
+    poses = on_arcs(pose, speed, steer, dt, 400, wheelbases)
+    apart = separation(bodies(*poses[:, 0].T, *sizes[:, 0]), bodies(*poses[:, 1].T, *sizes[:, 1]))
+    if min(apart[0], apart[-1]) <= DEEP:
+        return
+    sweeps = []
+    for robot, kind in enumerate(kinds):
+        ends = (body_at(*pose, kind.length, kind.width, kind.front_overhang) for pose in poses[[0, -1], robot])
+        sweeps.append(Sweep(*ends, np.float32(0.0)))
+    found = touch_between(*sweeps, q["offset"], p, q)
+    if apart.min() < -DEEP:
+        assert found
+    if apart.min() > FARTHEST * 2 * p["blur"] + DEEP:
+        assert not found
+
+
+def test_who_turns_back_within_a_substep_touches_what_its_tail_swings_into() -> None:
+    """It ends where it began, a centimetre further in between, and its tail two."""
+    brisk = RobotSpec(max_acceleration=2.0)
+    turns = (5.0, 5.0, 0.0, 0.2, brisk.max_steering)  # the nose to the right, the tail to the left
+    simulator = stage(room(12, 12), turns, (4.6, 5.615, 0.0), robot=brisk, substeps=1, time_step=0.2)
+    poses = in_between(simulator, raw(simulator, (-2.0, 0.0), (0.0, 0.0)))
+    assert simulator.robots["events"]["hit_robot"][0].tolist() == [1, 1]
+    assert (poses[-1] == poses[0]).all()
+
+
+def test_bodies_that_turn_beside_a_corner_touch_it_where_dense_sampling_says_so() -> None:
+    """Some only between the ends of their arcs."""
+    grid, rng, hits = drawn([".....", ".....", "..#..", ".....", "....."]), np.random.default_rng(1), 0
+    walls = shelves(grid.occupied)
+    for _ in range(400):
+        pose = (rng.uniform(1.0, 4.0), rng.uniform(1.0, 4.0), rng.uniform(-3.0, 3.0))
+        speed, steer = rng.choice([-0.5, 1.5]), rng.choice([-1.0, 1.0])
+        poses = on_arcs(np.array(pose), np.full(2, speed), np.full(2, steer), 0.2, BETWEEN)
+        apart = separation(bodies(*poses.T)[:, None], walls[None]).min(-1)
+        if min(apart[0], apart[-1]) <= DEEP or apart.min() > 0.1:
+            continue
+        simulator = stage(grid, (*pose, speed, steer), substeps=1, time_step=0.2)
+        simulator.step(raw(simulator, (0.0, 0.0)))
+        hit = bool(simulator.robots["events"]["hit_shelf"][0, 0])
+        if abs(apart.min()) > DEEP:
+            assert hit == (apart.min() < 0)
+        hits += hit
+    assert hits > 3
+
+
+@pytest.mark.parametrize("guarded", [False, True], ids=["contact", "field"])
+@settings(max_examples=6)
+@given(st.integers(0, 10**6), st.sampled_from([(0.1, 1.5), (0.1, 3.0), (0.2, 1.5)]))
+def test_fast_crossings(guarded: bool, seed: int, pace: tuple[float, float]) -> None:
+    """Robots that rush about a crowded maze with long substeps and no margin never overlap, at any instant."""
+    (dt, fastest), rng, grid = pace, np.random.default_rng(seed), drawn(MAZE)
+    fast = RobotSpec(max_speed=fastest, max_acceleration=2.0 * fastest)
+    settings_ = {"time_step": dt, "substeps": 1, "robot": fast, "traffic": TrafficSpec(shield=guarded, margin=0.0)}
+    simulator = stage(grid, *crowd(rng, grid, 8, 0.05), **settings_)
+    walls = shelves(grid.occupied)
+    commands = rng.choice([-1.0, 0.0, 1.0], (1, simulator.num_agents, 2))
+    for _ in range(30):
+        fresh = rng.choice([-1.0, 0.0, 1.0], commands.shape, p=[0.2, 0.1, 0.7])
+        commands = np.where(rng.random((1, simulator.num_agents, 1)) < 0.3, fresh, commands)
+        for pose in in_between(simulator, commands)[:: BETWEEN // 10]:
+            assert deepest_overlap(*pose.T, walls) < DEEP
+    if guarded:
+        assert not simulator.robots["totals"]["hits_robot"].any()
+        assert not simulator.robots["totals"]["hits_shelf"].any()

@@ -1,6 +1,8 @@
-"""PIBT on the grid against an independent checker, and its plans as orders at cells and as evaluation rows."""
+"""PIBT on the grid against an independent checker; its plans as orders at cells, as lines and as evaluation rows."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 import pytest
@@ -11,6 +13,7 @@ from numpy.typing import NDArray
 from train.central import CENTRAL, central_config
 from train.central.grid_pibt import BACKWARDS, cost_to_go, pibt_step
 from train.central.orders import CentralOrders, advance, append, forget_future
+from train.central.pibt import rounded
 from train.evaluation.rollout import make_experiment, run
 from warehouse_env.config import EnvConfig
 from warehouse_env.simulation.simulator import Simulator
@@ -114,3 +117,15 @@ def test_a_reset_begins_a_new_plan(name: str) -> None:
             simulator.step(planner.act_on(simulator, generators))
         ways.append(simulator.state.pose.copy())
     assert np.array_equal(ways[0], ways[1])
+
+
+def test_corners_become_arcs() -> None:
+    quarter = rounded(np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0)]))
+    arc = quarter[1:-1]
+    np.testing.assert_allclose(np.hypot(*(arc - [0.5, 0.5]).T), 0.5, atol=1e-12)
+    np.testing.assert_allclose(arc[[0, -1]], [(0.5, 0.0), (1.0, 0.5)], atol=1e-12)
+    eighth = rounded(np.array([(0.0, 0.0), (1.0, 0.0), (2.0, 1.0)]))
+    radius = np.hypot(*(eighth[1:-1] - [0.5, 0.5 / math.tan(math.pi / 8)]).T)
+    assert radius == pytest.approx(0.5 / math.tan(math.pi / 8))
+    straight = np.array([(0.0, 0.0), (1.0, 1.0), (2.0, 2.0)])
+    np.testing.assert_array_equal(rounded(straight), straight[[0, 2]])

@@ -1,4 +1,4 @@
-"""Evaluation: rows with all fields, reproducible, independent of what runs beside them, and resumable."""
+"""Evaluations, the demo and the robustness table: whole rows, reproducible, resumable, independent of each other."""
 
 from __future__ import annotations
 
@@ -160,3 +160,45 @@ def test_orders_are_drawn_carried_out_and_tabled(tmp_path: Path, capsys: pytest.
     table = (out / "table.md").read_text()
     assert all(heading in table for heading in ("orders/h", "late orders", "stations used %", "lowest charge %"))
     assert main(["evaluate", *drive, "--orders", str(orders), "--orders-per-hour", "9", "--out", str(out)]) == 2
+
+
+def test_demo_writes_rows_pictures_and_a_video(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for package in ("matplotlib", "pygame", "imageio_ffmpeg"):
+        pytest.importorskip(package)
+    options = "--policy follow ppo --layout open --robots 2 --episodes 1 --planner astar"
+    short = "--seconds 10 --video-seconds 1 --processes 1"
+    assert main(["demo", *options.split(), *short.split(), "--out", str(tmp_path)]) == 0
+    printed = capsys.readouterr().out
+    assert "collisions/km" in printed
+    assert "all else to" in printed
+    assert {path.name for path in tmp_path.iterdir()} == {
+        "rows.jsonl", "table.md", "collisions.png", "video.mp4",
+    }  # fmt: skip
+    assert len(read_rows(tmp_path / "rows.jsonl")) == 2
+    assert (tmp_path / "video.mp4").read_bytes()[4:8] == b"ftyp"
+
+
+COMMON = "robust --policy follow brake --layout open --robots 2 --episodes 2 --seconds 5 --planner astar --seed 700"
+
+
+def test_one_command_makes_one_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    command = [*COMMON.split(), "--disturbance", "delay", "long", "--out", str(tmp_path)]
+    assert main(command) == 0
+    printed = capsys.readouterr().out
+    lines = [line for line in (tmp_path / "table.md").read_text().splitlines() if line.startswith("| ")]
+    named = [tuple(cell.strip() for cell in line.split("|")[1:3]) for line in lines[2:]]
+    summaries = ("undisturbed", "seen 0.2 s late", "body 1.2 m long")
+    assert named == [(summary, policy) for summary in summaries for policy in ("follow", "brake")]
+    assert all(summary in printed for summary in summaries)
+    rows = read_rows(tmp_path / "rows.jsonl")
+    assert len(rows) == 3 * 2 * 2
+    assert {row["seed"] for row in rows} == {700, 701}
+    assert {row["config"]["robot"]["length"] for row in rows if row["disturbance"] == "long"} == {1.2}
+
+    kept = (tmp_path / "rows.jsonl").read_text().splitlines()
+    (tmp_path / "rows.jsonl").write_text("\n".join(kept[:5]) + "\n")
+    assert main([*command, "--resume"]) == 0
+    again = read_rows(tmp_path / "rows.jsonl")
+    assert again[:5] == rows[:5]
+    timeless = [[{**row, "ms_per_step": 0} for row in found] for found in (rows, again)]
+    assert timeless[0] == timeless[1]

@@ -1,18 +1,32 @@
-"""Means, intervals and tables against numbers worked out by hand; files of rows."""
+"""Means, intervals and tables by hand; files of rows and their locks; pages."""
 
 from __future__ import annotations
 
+import errno
 import io
 import math
+import os
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from train.evaluation.workers import RowOptions
+from train.reporting.page import Link, Page, PagePart, Shown, made_by
 from train.reporting.report import Table, evaluation_table, number, summarise, with_interval
-from train.reporting.rows import Interval, RowFile, mean_interval, read_rows, t_quantile, whole_rows, wilson_interval
+from train.reporting.rows import (
+    Interval,
+    RowFile,
+    held,
+    mean_interval,
+    read_rows,
+    t_quantile,
+    whole_rows,
+    wilson_interval,
+)
 from warehouse_env.errors import WarehouseError
 from warehouse_env.traffic_spec import TrafficSpec
 
@@ -188,3 +202,64 @@ def test_a_damaged_line_is_named_and_left_in_the_file(tmp_path: Path) -> None:
     with pytest.raises(WarehouseError, match="line 2"):
         whole_rows(path)
     assert path.read_text() == '{"a": 1}\n[1]\n'
+
+
+ROOT = Path(__file__).parents[3]
+
+
+def test_who_holds_it_is_said_and_nothing_is_left(tmp_path: Path) -> None:
+    lock = tmp_path / "new" / ".lock"
+    with held(lock, tmp_path):
+        with pytest.raises(WarehouseError, match=rf"{tmp_path} is in use by process {os.getpid()}, since 2\d\d\d-"):
+            held(lock, tmp_path).__enter__()
+        assert lock.exists()  # which the other one left alone
+    assert not lock.exists()
+    assert not lock.parent.exists()
+    with held(lock, tmp_path):
+        (tmp_path / "new" / "file").touch()
+    assert [path.name for path in lock.parent.iterdir()] == ["file"]
+
+
+def test_a_file_of_rows_has_one_writer(tmp_path: Path) -> None:
+    path = tmp_path / "rows.jsonl"
+    with RowFile(path), pytest.raises(WarehouseError, match=rf"{path} is in use by process {os.getpid()}, since"):
+        RowFile(path, keep=True).__enter__()
+
+
+def test_a_killed_process_holds_nothing(tmp_path: Path) -> None:
+    lock = tmp_path / ".lock"
+    body = "import os, sys; from pathlib import Path; from train.reporting.rows import held\n"
+    body += "with held(Path(sys.argv[1]), Path('it')): os.kill(os.getpid(), 9)"
+    subprocess.run([sys.executable, "-c", body, lock], cwd=ROOT, check=False)
+    assert lock.exists()
+    with held(lock, tmp_path):
+        assert lock.read_text().startswith(f"process {os.getpid()},")
+
+
+def test_a_file_system_without_locks_is_written_to(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> None:
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr("fcntl.flock", refuse)
+    with RowFile(tmp_path / "rows.jsonl") as file:
+        file.add([{"a": 1}])
+    assert (tmp_path / "rows.jsonl").read_text() == '{"a": 1}\n'
+
+
+def test_a_page_holds_all_that_it_is_given(tmp_path: Path) -> None:
+    table = Table(
+        "T", ("name", "figure", "verdict"), (("a<b", "1.5", "better"), ("c", "-2", "may be chance")), "a note"
+    )
+    part = PagePart(
+        "Part", "some *text*", [Shown("<svg></svg>", "a `caption`")], [table], [Link("a b.html", "L", "why")]
+    )
+    Page("A & B", "sub", ["**bold** <i>"], [part, PagePart(facts=made_by(Seeds="1"))]).write(tmp_path / "page.html")
+    page = (tmp_path / "page.html").read_text()
+    for text in (
+        "<title>A &amp; B</title>", "<p><b>bold</b> &lt;i&gt;</p>", "<p>some <i>text</i></p>", "<svg></svg>",
+        "a <code>caption</code>", "<td>a&lt;b</td>", '<td class="number">-2</td>', '<a href="a%20b.html">', "a note",
+        "default-src 'none'; style-src 'unsafe-inline'; img-src data:",
+        '<span class="better">better</span>', "<dt>Seeds</dt><dd>1</dd>", "prefers-color-scheme: dark",
+    ):  # fmt: skip
+        assert text in page, text
+    assert not re.search(r'src=|href="(?!a%20b)|url\(|@import|<script', page)

@@ -1,10 +1,84 @@
-"""Rows in words: the table adds up, each fault has its sentence."""
+"""An audit of a real simulator, of what is done behind its back, and its rows in words."""
 
 from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+import pytest
+
 from train.evaluation.audit.table import audit_table, faults_of, sentences
+from train.evaluation.audit.watcher import Audit, solid_of
+from warehouse_env.config import EnvConfig
+from warehouse_env.errors import ConfigError
+from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.simulation.simulator import Simulator
+
+CONFIG = EnvConfig(layout="open", num_agents=3, planner="astar", people=2)
+
+
+def looked_at(config: EnvConfig = CONFIG, worlds: int = 1) -> tuple[Simulator, Audit]:
+    """A simulator that was just reset, and who has looked at it."""
+    simulator, audit = Simulator(config, worlds), Audit(config)
+    simulator.reset(4)
+    audit(simulator, 0)
+    return simulator, audit
+
+
+@pytest.mark.parametrize("changes", [{}, {"action_repeat": 2}])
+def test_what_the_simulator_drives_is_clean(changes: dict[str, object]) -> None:
+    simulator, audit = looked_at(CONFIG.replace(**changes), worlds=2)
+    rng = np.random.default_rng(1)
+    space = simulator.action_space
+    for step in range(1, 81):
+        simulator.step(rng.integers(0, int(space.n), (2, 3)))  # type: ignore[attr-defined]
+        audit(simulator, step)
+    for world, row in enumerate(audit.rows()):
+        assert row["faults"] == []
+        assert row["steps"] == 80
+        assert row["robot_km"] == pytest.approx(simulator.episode_metrics(world)["robot_km"], rel=0.01)
+
+
+def test_a_robot_that_is_moved_jumps() -> None:
+    simulator, audit = looked_at()
+    simulator.robots["motion"]["x"][0, 1] += 0.01
+    audit(simulator, 1)
+    (row,) = audit.rows()
+    assert row["jumps"] == 1
+    (fault,) = row["faults"]
+    assert (fault["kind"], fault["robot"], fault["other"], fault["step"]) == ("jump", 1, None, 0)
+    assert 0.005 < fault["size"] < 0.0101  # what no motion within the limits makes up for
+
+
+def test_an_overlap_that_goes_on_is_one() -> None:
+    simulator, audit = Simulator(CONFIG), Audit(CONFIG)
+    simulator.reset(4)
+    for name in ("x", "y", "heading", "cos", "sin"):
+        simulator.robots["motion"][name][0, 2] = simulator.robots["motion"][name][0, 0]
+    simulator.robots["motion"]["y"][0, 2] += 0.5
+    for step in range(4):
+        if step == 2:
+            simulator.robots["motion"]["y"][0, 2] += 1.0  # a jump, and out of it
+        audit(simulator, step)
+    row = audit.rows()[0]
+    assert (row["overlaps_robot"], row["jumps"]) == (1, 1)
+    overlap = next(fault for fault in row["faults"] if fault["kind"] == "robot")
+    assert (overlap["robot"], overlap["other"], overlap["step"], overlap["last_step"]) == (0, 2, 0, 1)
+    assert row["deepest_m"] == overlap["size"] > 0
+    assert row["closest_m"] == 0
+
+
+def test_steps_that_cannot_be_told_from_their_ends_are_refused() -> None:
+    with pytest.raises(ConfigError, match="action_repeat=3 must be at most 2"):
+        Audit(CONFIG.replace(action_repeat=3))
+
+
+def test_columns_and_rows_count_from_the_origin() -> None:
+    occupied = np.zeros((2, 3), dtype=np.bool_)
+    occupied[0, 2] = True  # the top right one
+    solid = solid_of(GridMap(occupied))
+    assert solid.shape == (3, 2)
+    assert np.argwhere(solid).tolist() == [[2, 1]]
 
 
 def fault(kind: str, size: float, other: int | None = None) -> dict[str, Any]:
