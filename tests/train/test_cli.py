@@ -25,10 +25,10 @@ from warehouse_env.maps.movingai import EXAMPLE_MAP
 from warehouse_env.planning import PLANNERS
 
 DRAW_NOTHING = (
-    "bench", "benchmark", "compare", "compile", "export", "fleet", "layouts", "places", "planners", "policies",
+    "bench", "benchmark", "compare", "compile", "demo", "export", "fleet", "layouts", "places", "planners", "policies",
 )  # fmt: skip
 RESULTS = (  # commands whose results are rows
-    "advise", "audit", "bench", "clmapf", "compare", "demo", "evaluate", "fleet", "live", "plan", "robust",
+    "advise", "audit", "bench", "clmapf", "compare", "evaluate", "fleet", "live", "plan", "robust",
     "tables floors", "tables papers", "tables planners",
 )  # fmt: skip
 

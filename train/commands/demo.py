@@ -14,7 +14,6 @@ from train.learning.config import HELD_OUT_SEED
 from train.reporting.report import require_video, tell
 from train.reporting.rows import read_rows
 from warehouse_env.checked import Checked
-from warehouse_env.config import EnvConfig
 
 _SIDE = 560  # [px], longest side of one of the two floors in the video
 
@@ -36,14 +35,8 @@ class Demo(Checked):
     """Simulated time of an episode [s]."""
     video_seconds: float = 60.0
     """Simulated time in the video of two policies with the same tasks, shown at twice the speed [s]; 0: no video."""
-    planner: str = EnvConfig.planner
-    """Planner of the routes."""
     processes: int = field(default_factory=lambda: min(os.cpu_count() or 1, 4))
     """Policies to drive at a time, each in a process of its own."""
-    seed: int = HELD_OUT_SEED
-    """Seed of the first episode; no training uses seeds from the default on."""
-    json: Path | None = None
-    """File for the rows, one per episode, as JSON lines (default: OUT/rows.jsonl)."""
     out: Path = Path("results/demo")
     """Folder for the rows, the table, the pictures and the video."""
     overwrite: bool = False
@@ -59,8 +52,8 @@ class Demo(Checked):
             compile_all(self.processes)
         Evaluate(
             policy=self.policy, layout=(self.layout,), robots=(self.robots,), episodes=self.episodes,
-            seconds=self.seconds, planner=self.planner, seed=self.seed, json=self.json, out=self.out,
-            processes=self.processes, overwrite=self.overwrite or (self.json, self.out) == (None, Demo.out),
+            seconds=self.seconds, out=self.out, processes=self.processes,
+            overwrite=self.overwrite or self.out == Demo.out,
         ).run()  # fmt: skip
         if self.video_seconds:
             from train.evaluation.films import film
@@ -68,14 +61,14 @@ class Demo(Checked):
             tell("films the first policy and the best of the others")
             film(
                 self.out / "video.mp4", *self._filmed(), begin=0.7 * self.seconds, seconds=self.video_seconds,
-                pixels=_SIDE, seed=self.seed, layout=self.layout, num_agents=4 * self.robots, planner=self.planner,
+                pixels=_SIDE, seed=HELD_OUT_SEED, layout=self.layout, num_agents=4 * self.robots,
             )  # fmt: skip
         video = f"the video to {self.out / 'video.mp4'}, " * (self.video_seconds > 0)
         print(f"wrote {video}all else to {self.out}, in {time.perf_counter() - begin:.0f} s")
 
     def _filmed(self) -> list[str]:
         """Return the first policy and, of the others, the one with the most goals in the rows just written."""
-        rows = read_rows(self.json or self.out / "rows.jsonl")
+        rows = read_rows(self.out / "rows.jsonl")
         goals = {name: sum(row["goals"] for row in rows if row["policy"] == name) for name in self.policy}
         first, *others = self.policy
         return [first, max(others, key=goals.__getitem__)] if others else [first]

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any, ClassVar, NamedTuple, Protocol
 
 from train.reporting.report import make_progress
-from train.reporting.rows import Row, RowFile, write_rows
+from train.reporting.rows import Row, RowFile
 from warehouse_env.errors import LostError
 
 _EACH = 4  # parts of jobs for each worker, so that none idles for long at the end
@@ -147,25 +147,6 @@ def of_all_runs(rows: Sequence[Row], runs: int) -> list[Row]:
 
 def _key(row: Row, names: Sequence[str]) -> str:
     return json.dumps([row.get(name) for name in names], sort_keys=True)
-
-
-def go_on(file: RowFile, jobs: Sequence[Job], ours: Callable[[Row], bool], fresh: bool = False) -> list[Row]:
-    """Return the valid rows of a file, for `Runner`; print how many jobs are done.
-
-    Rows that are `ours` but belong to no job, made by other code or from other seeds, are removed from the file. With
-    `fresh`, all rows that are ours are removed.
-    """
-    old = file.old()
-    known = rows_of_jobs(jobs, [] if fresh else old)
-    done = [job.left(rows) for job, rows in zip(jobs, known, strict=True)]
-    kept = [row for rows, _ in done for row in rows]
-    good = [*(row for row in old if not ours(row)), *kept]
-    if file.path is not None and len(good) < len(old):
-        write_rows(file.path, good)
-    whole = sum(left is None for _, left in done)
-    if whole:
-        print(f"{whole} of {len(jobs)} jobs are kept from {file.path}; --fresh does them again")
-    return kept
 
 
 class Runner:

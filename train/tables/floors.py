@@ -20,7 +20,6 @@ from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
 from warehouse_env.maps.layouts import make_layout
 from warehouse_env.maps.movingai import write_map
-from warehouse_env.planning import make_planner
 
 LAYOUTS = ("paper46", "narrow", "single_lane")
 AISLES = (1, 2)  # [cells] of the MovingAI warehouses
@@ -58,14 +57,11 @@ class FloorsTable(TableOptions):
     """Numbers of robots, except on large floors."""
     runs: int = 4
     """Episodes of each floor; one each on drawn floors, half as many on large ones."""
-    planner: str = EnvConfig.planner
-    """Planner of the routes."""
     maps: tuple[str, ...] = ()
     """Layouts to drive on, instead of all floors."""
 
     def run(self) -> None:
         """Drive what is missing, then write the tables."""
-        self.check_writable()
         rows = self.rows_of([EpisodesJob(one) for one in self.experiments(self.folder)])
         table = floors_table(rows, self.policy)
         table.print()
@@ -73,15 +69,14 @@ class FloorsTable(TableOptions):
 
     def experiments(self, folder: Path) -> Iterator[Experiment]:
         """Yield what is driven: on every floor one robot alone by the rule, then the rule and every policy."""
-        make_planner(self.planner)  # a wrong name is refused before anything drives
         if not self.robots or min(self.robots) < 2:
             raise ConfigError(f"--robots {self.robots} must be numbers of at least 2")
         for place, (layout, fleets, many) in enumerate(self._floors(folder)):
             seed = SEED + self.seed + place * layout.startswith(GENERATED)
-            alone = EnvConfig(layout, num_agents=1, planner=self.planner)
+            alone = EnvConfig(layout, num_agents=1)
             yield make_experiment(RULE, alone, ALONE * many, SECONDS, seed)
             for robots, policy in itertools.product(fleets, _with_rule(self.policy)):
-                env = EnvConfig(layout, num_agents=robots, planner=self.planner)
+                env = EnvConfig(layout, num_agents=robots)
                 yield make_experiment(policy, env, many, SECONDS, seed)
 
     def _floors(self, folder: Path) -> Iterator[tuple[str, tuple[int, ...], int]]:

@@ -3,24 +3,23 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
-from train.evaluation.jobs import Job, Runner, go_on
+from train.evaluation.jobs import Job, Runner
 from train.evaluation.rollout import MOST
-from train.evaluation.workers import WorkerOptions
+from train.evaluation.workers import GOES_ON, RowOptions
 from train.reporting.report import Table
-from train.reporting.rows import Row, RowFile
+from train.reporting.rows import Row
 from warehouse_env.files import check_writable, write_text
 
 PAGE = "README.md"
-GOES_ON = "the same command goes on from there"
 
 
 @dataclass(frozen=True)
-class TableOptions(WorkerOptions):
+class TableOptions(RowOptions):
     """Options of every table; a subclass says what is run."""
 
     name: ClassVar[str] = ""  # of the folder in OUT
@@ -28,8 +27,6 @@ class TableOptions(WorkerOptions):
 
     seed: int = 0
     """Seed of the runs; named maps are fixed."""
-    fresh: bool = False
-    """Run everything again, instead of keeping the rows that the file holds already."""
     json: Path | None = None
     """File for the rows, as JSON lines (rows.jsonl in the table's folder if left out)."""
     out: Path = Path("results/tables")
@@ -46,19 +43,14 @@ class TableOptions(WorkerOptions):
         """Where the rows go."""
         return self.json or self.folder / "rows.jsonl"
 
-    def check_writable(self) -> None:
-        """Raise WarehouseError if the page cannot be written; asked before a long run."""
+    def rows_of(self, jobs: Sequence[Job]) -> list[Row]:
+        """Return the rows of jobs, in their order; WarehouseError if the page cannot be written."""
         check_writable(self.folder / PAGE)
-
-    def rows_of(self, jobs: Sequence[Job], ours: Callable[[Row], bool] | None = None) -> list[Row]:
-        """Return the rows of jobs, in their order; jobs whose rows the file holds are not done again.
-
-        ours: which rows of the file are removed if no job has them, since other code or other seeds made them.
-        """
-        with RowFile(self.rows_path, keep=ours is not None or not self.fresh) as file:
-            kept = file.old() if ours is None else go_on(file, jobs, ours, self.fresh)
-            with Runner(file, kept, self.workers(), goes_on=GOES_ON, mixed=True) as run:
-                return run(jobs)
+        with (
+            self.file_of(self.rows_path) as file,
+            Runner(file, file.old(), self.workers(), goes_on=GOES_ON, mixed=True) as run,
+        ):
+            return run(jobs)
 
     def write(self, title: str, tables: Sequence[Table], text: str = "") -> None:
         """Write the page: the title, some Markdown, and the tables; say where it is."""

@@ -121,11 +121,11 @@ def test_rows_of_another_floor_of_that_name_are_not_mixed(tmp_path: Path) -> Non
 
 @pytest.mark.parametrize("name", ["evaluate", "robust", "audit", "demo"])
 def test_rows_are_not_replaced_unasked(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    short = "--policy brake --layout open --robots 2 --episodes 1 --seconds 2 --planner astar"
+    short = "--policy brake --layout open --robots 2 --episodes 1 --seconds 2"
     options = {
-        "evaluate": f"{short} --no-pictures",
-        "robust": f"{short} --disturbance dropout",
-        "audit": short,
+        "evaluate": f"{short} --planner astar --no-pictures",
+        "robust": f"{short} --planner astar --disturbance dropout",
+        "audit": f"{short} --planner astar",
         "demo": f"{short} --video-seconds 0",
     }[name]
     RowFile(tmp_path / "rows.jsonl").add([{"old": 1}, {"old": 2}])
@@ -165,7 +165,7 @@ def test_orders_are_drawn_carried_out_and_tabled(tmp_path: Path, capsys: pytest.
 def test_demo_writes_rows_pictures_and_a_video(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for package in ("matplotlib", "pygame", "imageio_ffmpeg"):
         pytest.importorskip(package)
-    options = "--policy follow ppo --layout open --robots 2 --episodes 1 --planner astar"
+    options = "--policy follow ppo --layout open --robots 2 --episodes 1"
     short = "--seconds 10 --video-seconds 1 --processes 1"
     assert main(["demo", *options.split(), *short.split(), "--out", str(tmp_path)]) == 0
     printed = capsys.readouterr().out

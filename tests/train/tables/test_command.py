@@ -74,12 +74,13 @@ def test_goes_on_where_it_stopped(
     path = tmp_path / "rows.jsonl"
     path.write_text(path.read_text()[:-30])  # as a kill may leave it
     counted.clear()
-    assert tables(tmp_path) == 0
+    assert tables(tmp_path) == 2
+    assert "--resume keeps them and goes on" in capsys.readouterr().err
+    assert tables(tmp_path, "--resume") == 0
     assert len(counted) == 6 - 1
-    assert "1 of 6 jobs are kept" in capsys.readouterr().out
-    assert tables(tmp_path) == 0
+    assert tables(tmp_path, "--resume") == 0
     assert len(counted) == 5
-    assert tables(tmp_path, "--fresh") == 0
+    assert tables(tmp_path, "--overwrite") == 0
     assert len(counted) == 11
     assert len(read_rows(path)) == 18
 
@@ -92,10 +93,9 @@ def test_rows_of_other_code_maps_parameters_or_seeds_are_not_reused(tmp_path: Pa
         rows = [{**row, name: "other"} if row["system"] == "ants" else row for row in read_rows(path)]
         path.write_text("".join(json.dumps(row) + "\n" for row in rows))
         counted.clear()
-        assert tables(tmp_path, "--runs", "2") == 0
+        assert tables(tmp_path, "--runs", "2", "--resume") == 0
         assert [block.system for block in counted] == ["ants"] * 3
-        assert len(read_rows(path)) == 12  # the old ones are gone
-    assert tables(tmp_path, "--runs", "2", "--seed", "1") == 0
+    assert tables(tmp_path, "--runs", "2", "--seed", "1", "--resume") == 0
     assert len(counted) == 3 + 6
 
 
@@ -104,7 +104,7 @@ def test_tables_that_are_not_asked_for_keep_their_rows(tmp_path: Path, toy: Path
     other = text[text.index("[[studies]]") :].replace('"toy"\ntitle = "A', '"toy_2"\ntitle = "Another')
     toy.write_text(text + other)
     for name in ("toy", "toy_2"):
-        assert tables(tmp_path, "--tables", name, "--runs", "1") == 0
+        assert tables(tmp_path, "--tables", name, "--runs", "1", "--resume") == 0
     page = (tmp_path / "README.md").read_text()
     assert "Another toy" in page
     assert "A toy table" not in page
@@ -183,7 +183,7 @@ def test_the_whole_study_small(
     monkeypatch.setattr(floors, "ALONE", 3)
     asked = [
         "tables", "floors", "--maps", "open", "aisles:seed=3", "--policy", "follow", "--robots", "2", "--runs", "2",
-        "--out", str(tmp_path), "--processes", "1",
+        "--out", str(tmp_path), "--processes", "1", "--resume",
     ]  # fmt: skip
     assert main(asked) == 0
     assert main(asked) == 0  # plays nothing again
