@@ -7,11 +7,9 @@ from typing import Any
 
 import pytest
 
-from agents import WEIGHTS_FOLDER
-from agents.weights_folder import read_record
 from train.learning.config import ReinforceConfig, ThreadedPPOConfig
 from warehouse_env.checked import from_plain
-from warehouse_env.config import EnvConfig, TrafficMode
+from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
 from warehouse_env.traffic_spec import TRAFFIC, ErrorBounds, TrafficSpec, UncertaintySpec
 
@@ -72,21 +70,6 @@ def test_every_old_name_has_its_meaning(stored: dict[str, Any], today: dict[str,
 def test_what_makes_no_sense_is_refused_in_one_sentence(stored: dict[str, Any], sentence: str) -> None:
     with pytest.raises(ConfigError, match=sentence):
         EnvConfig.from_dict(stored)
-
-
-@pytest.mark.parametrize(
-    ("name", "traffic"),
-    [
-        ("reinforce", "routes"),
-        ("ppo", "routes"),
-        ("unshielded", "routes"),
-        ("careful", "routes"),
-        ("threaded_ppo", "assist"),
-    ],
-)
-def test_shipped_weights_are_driven_as_before(name: str, traffic: TrafficMode) -> None:
-    env = read_record(WEIGHTS_FOLDER / name).env
-    assert (env.traffic, env.uncertainty) == (traffic, None)
 
 
 @pytest.mark.parametrize(

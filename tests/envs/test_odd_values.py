@@ -11,6 +11,7 @@ import pytest
 from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.envs.parallel import parallel_env
 from warehouse_env.envs.single import single_env
+from warehouse_env.envs.tensors import tensor_env
 from warehouse_env.envs.vector import vec_env
 from warehouse_env.errors import ConfigError
 from warehouse_env.simulation.simulator import Simulator
@@ -45,6 +46,8 @@ def test_a_robot_that_could_leap_over_the_rim_is_refused() -> None:
         (lambda: vec_env(0, TINY), "num_worlds=0"),
         (lambda: vec_env(1, num_agnets=3), "num_agents"),  # type: ignore[call-arg]
         (lambda: parallel_env(num_agent=3), "num_agents"),  # type: ignore[call-arg]
+        (lambda: tensor_env(2, num_agent=3), "num_agents"),  # type: ignore[call-arg]
+        (lambda: tensor_env(2, device="cpu", people=1), "people"),
         (lambda: vec_env([[1]]), r"num_worlds=\[1\] must be"),  # type: ignore[list-item]
         (lambda: parallel_env(**BASE).reset(seed="x"), "seed='x' must be a whole number"),  # type: ignore[arg-type]
         (lambda: single_env(**BASE).reset(seed=-1), "seed=-1 must be a whole number, not negative"),

@@ -101,12 +101,3 @@ def test_rewards_and_ends_are_those_of_the_simulator(changes: dict[str, Any]) ->
 def test_the_same_seed_gives_the_same_episode_in_any_number_of_worlds() -> None:
     few, many = warehouse_env.tensor_env(1, CONFIG, device="cpu"), warehouse_env.tensor_env(4, CONFIG, device="cpu")
     assert torch.equal(few.reset(seed=9)[0], many.reset(seed=9)[0][:6])
-
-
-def test_it_takes_the_changes_that_every_env_takes() -> None:
-    env = warehouse_env.tensor_env(2, device="cpu", num_agents=3, layout="narrow")
-    assert env.num_envs == 6
-    with pytest.raises(ConfigError, match="num_agent"):
-        warehouse_env.tensor_env(2, device="cpu", num_agent=3)  # type: ignore[call-arg]
-    with pytest.raises(ConfigError, match="people"):
-        warehouse_env.tensor_env(2, device="cpu", people=1)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import shlex
-import signal
 import subprocess
 import sys
 import time
@@ -16,8 +15,6 @@ from agents import POLICIES
 from train import cli
 from train.central import CENTRAL
 from train.cli import COMMANDS, main
-from train.evaluation.jobs import Job, Result, Runner, Tick
-from train.reporting.rows import RowFile
 from warehouse_env import __version__
 from warehouse_env.errors import LostError
 from warehouse_env.maps.layouts import LAYOUTS
@@ -189,50 +186,26 @@ def test_closed_streams_and_poor_encodings_are_no_fault(tmp_path: Path) -> None:
     assert (tmp_path / "open.map").read_text().startswith("type octile")
 
 
-@pytest.mark.parametrize(
-    ("error", "code", "said"), [(KeyboardInterrupt(), 130, "stopped"), (LostError("a job is lost"), 3, "a job is lost")]
-)
-def test_a_stop_and_a_lost_job_have_codes_of_their_own(
-    error: BaseException, code: int, said: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_lost_job_has_a_code_of_its_own(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     def ended(arguments: list[str]) -> int:
-        raise error
+        raise LostError("a job is lost")
 
     monkeypatch.setattr(cli, "_run", ended)
-    assert main(["plan"]) == code
-    assert capsys.readouterr().err == f"warehouse: {said}\n"
-
-
-def test_a_termination_stops_as_ctrl_c_does(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def ended(arguments: list[str]) -> int:
-        with RowFile(None) as file, Runner(file) as run:
-            run([Ended()])
-        return 0
-
-    class Ended(Job):
-        titled = "ended"
-
-        def run(self, tick: Tick) -> Result:
-            os.kill(os.getpid(), signal.SIGTERM)
-            return Result([])
-
-    before = signal.getsignal(signal.SIGTERM)
-    monkeypatch.setattr(cli, "_run", ended)
-    assert main(["plan"]) == 143
-    assert capsys.readouterr().err == "warehouse: stopped; no rows were kept\n"
-    assert signal.getsignal(signal.SIGTERM) is before
+    assert main(["plan"]) == 3
+    assert capsys.readouterr().err == "warehouse: a job is lost\n"
 
 
 @pytest.mark.parametrize(
     ("name", "known", "last"),
     [
         ("layouts", set(LAYOUTS), {}),
-        ("policies", {*POLICIES, *CENTRAL}, {"greedy": "traffic rules", "ppo": "predictions", "follow": "-"}),
+        ("policies", {*POLICIES, *CENTRAL}, {
+            "greedy": "traffic rules", "follow": "-", "threaded_ppo": "traffic assist, predictions",
+            **dict.fromkeys(("reinforce", "ppo", "unshielded", "careful"), "traffic routes, predictions"),
+        }),
         ("planners", set(PLANNERS), {"astar": "yes", "theta_star": "no"}),
     ],
-)
+)  # fmt: skip
 def test_parts_are_listed(name: str, known: set[str], last: dict[str, str], capsys: pytest.CaptureFixture[str]) -> None:
     assert main([name]) == 0
     lines = [[cell.strip() for cell in line.split("│")[1:-1]] for line in capsys.readouterr().out.splitlines()]

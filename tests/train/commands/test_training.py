@@ -152,6 +152,7 @@ def test_stopped_before_the_first_row_it_says_how_to_go_on(
     assert main(["train", "reinforce", *SMALL.split(), *words]) == code
     shown = capsys.readouterr()
     assert shown.err.endswith("\nwarehouse: stopped\n")
+    assert signal.getsignal(number) is usual
     out = shown.out.splitlines()
     assert len(out) == 1
     assert out[0].endswith(f"go on with `warehouse train reinforce --resume '{tmp_path / 'of us' / 'mine'}'`")

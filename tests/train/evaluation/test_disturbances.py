@@ -1,4 +1,4 @@
-"""Disturbances against observations made by hand; none leaves the bits alone; worlds do not depend on each other."""
+"""Disturbances against observations made by hand, and the table of what holds; notes of where robots wait and touch."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ import pytest
 from numpy.typing import NDArray
 
 from train.evaluation.disturbances import DISTURBANCES, UNDISTURBED, Breakdown, Disturbance, Senses, body, in_aisles
+from train.evaluation.places import PlaceNotes, floor_of_notes, peaks
+from train.evaluation.robustness import measure, robust_table, verdict
 from train.evaluation.rollout import Experiment, make_experiment, run
 from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.maps.grid_map import GridMap
@@ -148,10 +150,93 @@ def test_one_robot_of_each_world_breaks_down_in_an_aisle() -> None:
     assert (simulator.state.alive == 0).sum(axis=1).tolist() == [1, 1]
     assert all(10.0 <= seconds < 30.0 for seconds in broken_at)
     assert len(set(stood)) == 1
-    alone = Simulator(config)
-    alone.reset([4])
-    watch = Breakdown(10.0, [4])
-    for step in range(400):
-        alone.step(np.full((1, 8), alone.cruise_action))
-        watch(alone, step)
-    np.testing.assert_array_equal(alone.state.pose[0], simulator.state.pose[1])
+
+
+def rows(name: str, goals: tuple[float, ...], contacts: float = 1.0, standing: float = 20.0) -> list[dict[str, Any]]:
+    """Two episodes on each of two floors; goals: of the first floor, of the second one."""
+    return [
+        {
+            "disturbance": name, "policy": "ppo", "layout": layout, "robots": robots, "episode": episode,
+            "seconds": 300.0, "goals_per_robot_hour": goal + change, "robot_km": 2.0, "collisions_robot": contacts,
+            "collisions_shelf": contacts / 2, "collisions_person": contacts / 4,
+            "longest_standing_s": standing + change,
+        }
+        for (layout, robots), goal in zip((("open", 16), ("narrow", 32)), goals, strict=True)
+        for episode, change in enumerate((-1.0, 1.0))
+    ]  # fmt: skip
+
+
+USUAL = rows("none", (100.0, 60.0))
+
+
+def test_what_is_measured() -> None:
+    found = measure(USUAL)
+    # strata of standard error 1 each: half of sqrt(2), and with one degree of freedom each t = 4.303 of two
+    assert (found.goals.mean, found.goals.high) == pytest.approx((80.0, 80.0 + 4.30265 * 2**0.5 / 2), rel=1e-5)
+    assert (found.robot_contacts, found.shelf_contacts, found.standing) == (0.5, 0.25, 20.0)
+    worse = measure(rows("delay", (90.0, 30.0)))
+    assert worse.share_of(found) == 0.75
+    assert worse.worst_floor(found) == (0.5, ("narrow", 32))
+
+
+@pytest.mark.parametrize(
+    ("goals", "contacts", "standing", "word"),
+    [
+        ((100.0, 60.0), 1.0, 20.0, "holds"),
+        ((92.0, 52.0), 1.5, 79.0, "holds"),
+        ((92.0, 51.0), 1.0, 79.0, "slower"),
+        ((92.0, 51.0), 1.0, 80.0, "jams"),
+        ((92.0, 51.0), 1.51, 80.0, "contacts"),
+    ],
+)
+def test_verdicts(goals: tuple[float, ...], contacts: float, standing: float, word: str) -> None:
+    assert verdict(measure(rows("delay", goals, contacts, standing)), measure(USUAL)) == word
+
+
+def test_a_line_for_each_disturbance() -> None:
+    table = robust_table([*USUAL, *rows("delay", (90.0, 30.0))])
+    assert "open with 16, narrow with 32 robots; 2 episodes of 300 s each" in table.title
+    first, second = table.cells
+    assert first == ("undisturbed", "ppo", "80.0 [77.0, 83.0]", "", "", "0.50", "0.25", "0.12", "20", "")
+    assert second[0] == "seen 0.2 s late"
+    assert second[3:5] == ("75", "50 (narrow, 32)")
+    assert second[-1] == "slower"
+    assert all(word in table.note for word in ("contacts", "jams", "slower", "holds"))
+
+
+def test_notes_agree_with_the_rows() -> None:
+    base = EnvConfig(layout="narrow", num_agents=12, planner="astar")
+    experiment = make_experiment("follow", base, 2, 60.0, seed=400)
+    places = PlaceNotes(experiment)
+    rows, notes = run(experiment, [places]), places.rows()
+    assert sum(row["collisions_robot"] for row in rows) > 0
+    for row, note in zip(rows, notes, strict=True):
+        assert [row[name] for name in ("policy", "layout", "robots", "seed")] == [
+            note[name] for name in ("policy", "layout", "robots", "seed")
+        ]
+        assert note["seconds"] == pytest.approx(60.0)
+        waited = sum(seconds for _, seconds in note["waited"])
+        assert waited == pytest.approx(row["waiting_share"] * 12 * 60.0, abs=0.01 * len(note["waited"]))
+        assert sum(kind == "shelf" for *_, kind in note["contacts"]) == row["collisions_shelf"]
+        # Contacts of three robots in one step may share a middle.
+        assert 0 <= row["collisions_robot"] - sum(kind == "robot" for *_, kind in note["contacts"]) <= 1
+
+
+def test_the_floor_of_two_notes_by_hand() -> None:
+    one = {"shape": [2, 3], "seconds": 1800.0, "waited": [[0, 10.0], [5, 2.0]], "contacts": [[1.0, 2.0, "robot"]]}
+    two = {"shape": [2, 3], "seconds": 1800.0, "waited": [[5, 4.0]], "contacts": []}
+    floor = floor_of_notes([one, two])
+    assert floor.hours == 1.0
+    assert floor.waiting.tolist() == [[10.0, 0.0, 0.0], [0.0, 0.0, 6.0]]
+    assert floor.contacts.tolist() == [[1.0, 2.0]]
+
+
+def test_peaks_are_the_hottest_squares_apart() -> None:
+    heat = np.zeros((7, 9))
+    heat[1, 1], heat[1, 2] = 5.0, 4.0  # 9 together; the square around either holds both, and (1, 1) is hotter
+    heat[5, 7] = 7.0
+    heat[3, 5] = 1.0
+    assert peaks(heat, 9, radius=1) == [(1, 1, 9.0), (5, 7, 7.0), (3, 5, 1.0)]
+    assert peaks(heat, 1, radius=1) == [(1, 1, 9.0)]
+    assert peaks(np.zeros((3, 3)), 3, radius=1) == []
+    assert heat.sum() == 17.0  # left as it was

@@ -12,7 +12,7 @@ import pytest
 from tests.train.tables.toy import row
 from train.tables.catalogue import EXPERIMENTS, PAPERS, settings_of, studies_of
 from train.tables.measures import TableFigures
-from train.tables.papers.settings import BESIDE, IN_FRONT, OPTIMA, clutter_task
+from train.tables.papers.settings import OPTIMA, clutter_task
 from train.tables.runner import PapersTable
 from train.tables.study import FAILS, HOLDS, OPEN, ClaimVerdict, TableStudy, TableTask
 from train.tables.verdicts import judge
@@ -131,28 +131,6 @@ def test_paper_004_has_floors_of_the_printed_lengths() -> None:
     lines = [line for line in studies_of("004")["004_table_1"].printed if not line.ours]
     printed = {line.setting: line.figures["best_line_length"] for line in lines if "best_line_length" in line.figures}
     assert {setting: OPTIMA[setting] for setting in printed} == pytest.approx(printed, abs=5e-3)
-
-
-@pytest.mark.parametrize(
-    ("study", "setting", "number", "arrive"),
-    [
-        ("001_walkers", BESIDE, 3, ["apf", "apf_improved (001)", "apf_improved (001), strong repulsion", "dijkstra"]),
-        ("002_walkers", IN_FRONT, 4, ["apf_improved, intermediate point only", "apf_improved (002)", "dijkstra"]),
-    ],
-)
-def test_walkers_arrive_where_their_repair_helps(study: str, setting: str, number: int, arrive: list[str]) -> None:
-    grid, start, goal, _ = settings_of(study[:3], study)[setting].tasks[number]
-    systems, rng = studies_of(study[:3])[study].systems, np.random.default_rng(0)
-    assert [one.label for one in systems if one.make().plan(grid, start, goal, rng).found] == arrive
-
-
-def test_the_shipped_shaa_acs_is_optimal_and_the_papers_is_at_the_traps() -> None:
-    systems = {system.label: system.make() for system in studies_of("003")["003_table_5"].systems}
-    for name, setting in settings_of("003", "003_table_5").items():
-        task = setting.tasks[0]
-        for label in ("shaa_acs", "shaa_acs (paper)") if name in ("E-shaped", "concave") else ("shaa_acs",):
-            plan = systems[label].plan(task.grid, task.start, task.goal, np.random.default_rng(0))
-            assert plan.best_by_iteration[-1] == pytest.approx(shortest(task))
 
 
 def test_a_share_that_leaves_no_path_is_refused() -> None:
