@@ -1,4 +1,4 @@
-"""The options: what type checkers know of them, how they are stored, and what is refused in one sentence."""
+"""The options: what type checkers know of them, how they are and were stored, and what is refused in one sentence."""
 
 from __future__ import annotations
 
@@ -12,11 +12,13 @@ from typing import Any, ClassVar, get_args, get_type_hints
 import numpy as np
 import pytest
 
+from train.learning.config import ReinforceConfig, ThreadedPPOConfig
 from warehouse_env.checked import Checked, from_plain
 from warehouse_env.config import ConfigChanges, EnvConfig, RobotSpec, TrafficMode
 from warehouse_env.errors import ConfigError
 from warehouse_env.simulation.state import latency_steps
 from warehouse_env.traffic_spec import TRAFFIC, ErrorBounds, TrafficSpec, UncertaintySpec, read_traffic, written_traffic
+from warehouse_env.work import BatterySpec, OrderSpec, ServiceSpec
 
 ROOT = Path(__file__).parent.parent
 CONFIG = ROOT / "warehouse_env" / "config.py"
@@ -96,10 +98,6 @@ def test_the_shield_counts_on_the_real_bounds_unless_others_are_declared() -> No
     assert UncertaintySpec(pose_error=0.1).errs
 
 
-if __name__ == "__main__":
-    CONFIG.write_text(with_option_types(CONFIG.read_text(encoding="utf-8")), encoding="utf-8")
-
-
 @pytest.mark.parametrize(
     ("changes", "sentence"),
     [
@@ -122,6 +120,10 @@ if __name__ == "__main__":
         ({"time_step": 1e-30}, "time_step=1e-30 must be a number from 0.001 to 10"),
         ({"stuck_after": float("inf")}, "stuck_after=inf must be a finite number"),
         ({"traffic": "rules", "action_type": "raw"}, "raw"),
+        ({"service": ServiceSpec()}, 'set arrival="stop"'),
+        ({"orders": OrderSpec(), "arrival": "stop", "tasks": "one_shot"}, "lifelong"),
+        ({"battery": BatterySpec(), "arrival": "stop", "terminate_on_collision": True}, "no collision"),
+        ({"service": ServiceSpec(load=900.0), "arrival": "stop"}, "payload of 500 kg"),
     ],
 )
 def test_wrong_values_are_named(changes: dict[str, Any], sentence: str) -> None:
@@ -150,6 +152,8 @@ def test_errors_of_from_dict_name_what_is_wrong() -> None:
         ({"robot": None}, "robot=None must be a RobotSpec"),
         ({"robot": {"width": "x"}}, "width='x'"),
         ({"traffic": {"margin": -0.1}}, "margin=-0.1"),
+        ({"orders": {"demand": [0.5, 0.2], "faces": [0.5, 0.5]}}, "shares that make 1"),
+        ({"battery": {"low": 0.9, "full": 0.5}}, "less than full"),
         ({"robot": {"widht": 1}}, "did you mean width"),
         ({1: 2}, "unknown EnvConfig parameter 1"),
         ({"smooth_routes": True}, "EnvConfig parameter 'smooth_routes' is no option any more: it is False for all"),
@@ -175,3 +179,89 @@ def test_a_field_that_is_gone_is_passed_over_where_it_asks_for_nothing() -> None
     assert from_plain(Cart, {"wheel": {"size": 2, "spokes": 8}}) == Cart(Wheel(2.0))
     with pytest.raises(ConfigError, match="Wheel parameter 'spokes' is no option any more: it is 8 for all"):
         from_plain(Cart, {"wheel": {"spokes": 9}})
+
+
+SHIELD = TrafficSpec(shield=True)
+OLD: list[tuple[dict[str, Any], dict[str, Any]]] = [  # stored fields -> fields of today
+    ({"map_file": "hall.map", "layout": "narrow"}, {"layout": "hall.map"}),
+    ({"map_file": None, "layout": "narrow"}, {"layout": "narrow"}),
+    ({"protective_field": True}, {"traffic": SHIELD}),
+    ({"protective_field": False, "right_of_way": False, "reroute": False}, {"traffic": "none"}),
+    ({"protective_field": True, "field_margin": 0.1}, {"traffic": TrafficSpec(shield=True, margin=0.1)}),
+    ({"protective_field": True, "right_of_way": True}, {"traffic": TrafficSpec(shield=True, right_of_way=True)}),
+    ({"protective_field": True, "right_of_way": True, "reroute": True}, {"traffic": "rules"}),
+    (
+        {"protective_field": True, "right_of_way": True, "right_of_way_after": 12.0, "reroute": True},
+        {"traffic": "assist"},
+    ),
+    ({"reroute": True}, {"traffic": "routes"}),
+    ({"reroute": True, "reroute_spec": {"only_barred": True, "every": 4.0}}, {"traffic": TrafficSpec(routes="barred")}),
+    ({"reroute": False, "reroute_spec": {"only_barred": True, "every": 1.0}}, {"traffic": "none"}),
+    ({"reroute": True, "planner": "astar", "reroute_spec": {"planner": "astar"}}, {"traffic": "routes"}),
+    (
+        {"protective_field": True, "field_spec": {"scanner_rays": 36, "unseen_speed": 1.5}}, {"traffic": SHIELD},
+    ),
+    ({"message_loss": 0.1, "message_burst": 5.0}, {"uncertainty": UncertaintySpec(loss=0.1, burst=5.0)}),
+    ({"message_loss": 0.0, "field_spec": {}}, {"uncertainty": None}),
+    ({"message_latency": 0.3}, {"uncertainty": UncertaintySpec(latency=0.3, declared=ErrorBounds())}),
+    ({"message_latency": 0.3, "field_spec": {"latency": 0.3}}, {"uncertainty": UncertaintySpec(latency=0.3)}),
+    ({"field_spec": {"latency": 0.3}}, {"uncertainty": UncertaintySpec(declared=ErrorBounds(latency=0.3))}),
+    *(
+        ({name: 0.02, "field_spec": {name: bound}}, {"uncertainty": UncertaintySpec(**{name: 0.02}, declared=declared)})
+        for name in ("pose_error", "heading_error", "actuation_error")
+        for bound, declared in ((0.02, None), (0.03, ErrorBounds(**{name: 0.03})))
+    ),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("stored", "today"), OLD)
+def test_every_old_name_has_its_meaning(stored: dict[str, Any], today: dict[str, Any]) -> None:
+    planner = {name: stored[name] for name in ("planner",) if name in stored}
+    assert EnvConfig.from_dict(stored) == EnvConfig(**planner, **today)
+
+
+@pytest.mark.parametrize(
+    ("stored", "sentence"),
+    [
+        ({"traffic": "rules", "reroute": True}, "'reroute' is an old name of what 'traffic' says"),
+        ({"uncertainty": None, "message_loss": 0.1}, "'message_loss' is an old name of what 'uncertainty' says"),
+        ({"right_of_way": True}, "False without a shield"),
+        ({"protective_field": 3}, r"TrafficSpec\.shield=3 must be True or False"),
+        ({"reroute_spec": 3}, "reroute_spec must be an object"),
+        ({"reroute": True, "reroute_spec": {"every": 2.0}}, r"'every' is no option any more: it is 4\.0 for all"),
+        ({"reroute": True, "reroute_spec": {"evry": 2.0}}, "unknown TrafficSpec parameter 'evry'"),
+        ({"field_spec": {"latncy": 0.3}}, "did you mean latency"),
+        ({"protective_field": "lidar"}, r"TrafficSpec\.shield='lidar' must be True or False"),
+        ({"map_file": 3}, "layout=3 must be a text"),
+    ],
+)
+def test_what_makes_no_sense_is_refused_in_one_sentence(stored: dict[str, Any], sentence: str) -> None:
+    with pytest.raises(ConfigError, match=sentence):
+        EnvConfig.from_dict(stored)
+
+
+@pytest.mark.parametrize(
+    ("kind", "stored", "traffic"),
+    [
+        (ReinforceConfig, {}, "routes"),
+        (ReinforceConfig, {"protective_field": False, "reroute": False, "right_of_way_after": None}, "none"),
+        (ReinforceConfig, {"protective_field": True, "right_of_way_after": 0.0}, "rules"),
+        (ThreadedPPOConfig, {"right_of_way_after": None}, "shield"),
+        (ThreadedPPOConfig, {"reroute": True}, "assist"),
+        (
+            ThreadedPPOConfig,
+            {"right_of_way_after": 6.0},
+            dataclasses.replace(TRAFFIC["assist"], right_of_way_after=6.0),
+        ),
+    ],
+)
+def test_a_training_goes_on_as_it_began(kind: Any, stored: dict[str, Any], traffic: Any) -> None:
+    spec = TRAFFIC[traffic] if isinstance(traffic, str) else traffic
+    assert from_plain(kind, stored).traffic_spec == spec
+    assert from_plain(kind, from_plain(kind, stored).to_dict()) == from_plain(kind, stored)
+    with pytest.raises(ConfigError, match="unknown"):
+        from_plain(kind, {"traffic": "rules", "reroute": True})
+
+
+if __name__ == "__main__":
+    CONFIG.write_text(with_option_types(CONFIG.read_text(encoding="utf-8")), encoding="utf-8")

@@ -7,14 +7,17 @@ from typing import Any
 
 import pytest
 
+from tests.pages import CLIENTS
+
 # Left out where its package is not installed: `make clients` has an environment with all of them.
 NEEDS = {
     "test_sweep.py": "ray",  # with its parts rllib and tune, which the extra `ray` has not
-    "test_supersuit.py": "supersuit",
     "test_torchrl.py": "torchrl",
     "test_benchmarl.py": "benchmarl",
 }
-INSTALLED = {package: find_spec({"ray": "tree"}.get(package, package)) is not None for package in set(NEEDS.values())}
+INSTALLED = {
+    package: find_spec({"ray": "tree"}.get(package, package)) is not None for package in {*NEEDS.values(), *CLIENTS}
+}
 collect_ignore = [file for file, package in NEEDS.items() if not INSTALLED[package]]
 
 

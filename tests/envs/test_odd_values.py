@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from typing import Any
 
+import gymnasium
 import numpy as np
 import pytest
 
-from warehouse_env.config import EnvConfig, RobotSpec
-from warehouse_env.envs.parallel import parallel_env
-from warehouse_env.envs.single import single_env
-from warehouse_env.envs.tensors import tensor_env
-from warehouse_env.envs.vector import vec_env
-from warehouse_env.errors import ConfigError
+from warehouse_env import BatterySpec, EnvConfig, OrderSpec, aec_env, parallel_env, single_env, tensor_env, vec_env
+from warehouse_env.config import RobotSpec
+from warehouse_env.errors import ConfigError, WarehouseError
 from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.simulation.tasks.orders import Order
 
 BASE: dict[str, Any] = {"num_agents": 2, "planner": "astar", "layout": "open", "max_steps": 6}
 TINY = EnvConfig(**BASE)
+STOP: dict[str, Any] = {"arrival": "stop"}
 
 
 def test_a_robot_that_could_leap_over_the_rim_is_refused() -> None:
@@ -47,11 +48,19 @@ def test_a_robot_that_could_leap_over_the_rim_is_refused() -> None:
         (lambda: vec_env(1, num_agnets=3), "num_agents"),  # type: ignore[call-arg]
         (lambda: parallel_env(num_agent=3), "num_agents"),  # type: ignore[call-arg]
         (lambda: tensor_env(2, num_agent=3), "num_agents"),  # type: ignore[call-arg]
-        (lambda: tensor_env(2, device="cpu", people=1), "people"),
+        (lambda: tensor_env(2, device="cpu", people=1, traffic="rules"), "people, live routes"),
         (lambda: vec_env([[1]]), r"num_worlds=\[1\] must be"),  # type: ignore[list-item]
         (lambda: parallel_env(**BASE).reset(seed="x"), "seed='x' must be a whole number"),  # type: ignore[arg-type]
         (lambda: single_env(**BASE).reset(seed=-1), "seed=-1 must be a whole number, not negative"),
         (lambda: vec_env(1, **BASE).seed([1]), r"seed=\[1\] must be"),  # type: ignore[arg-type]
+        (lambda: Simulator(TINY, 2).reset(seed=[1, 2, 3]), "3 entries for 2 worlds"),
+        (lambda: Simulator(TINY, 2).reset(seed=[4, -2]), "seed=-2"),
+        (lambda: tensor_env(1, num_agents=2, device="foo"), "must be 'cpu', 'cuda'"),
+        (lambda: tensor_env(1, num_agents=2, device="cuda:x"), "must be 'cpu', 'cuda'"),
+        (lambda: Simulator(TINY.replace(battery=BatterySpec(chargers=4000), **STOP)), "chargers=4000 are too many"),
+        (lambda: Simulator(TINY.replace(battery=BatterySpec(capacity=4.0), **STOP)), "capacity=4 Wh is too little"),
+        (lambda: Simulator(TINY.replace(orders=OrderSpec(allocation="neares"), **STOP)), "did you mean nearest"),
+        (lambda: Simulator(TINY, orders=[Order(0.0, ((1, 1),), (2, 2), 1.0, 1.0)]), "need orders=OrderSpec"),
     ],
 )
 def test_what_was_found(make: Callable[[], Any], sentence: str) -> None:
@@ -65,3 +74,38 @@ def test_large_real_valued_actions_are_clipped_in_a_vec_env_too() -> None:
     env.seed(1)
     env.reset()
     assert np.isfinite(env.step(np.full((2, 2), 1e300))[0]).all()
+
+
+FACTORIES: dict[str, Callable[..., Any]] = {
+    "parallel_env": parallel_env,
+    "aec_env": aec_env,
+    "single_env": single_env,
+    "vec_env": lambda config, **options: vec_env(2, config, **options),
+    "gymnasium.make": lambda config, **options: gymnasium.make("Warehouse-v0", config=config, **options),
+    "gymnasium.make_vec": lambda config, **options: gymnasium.make_vec("Warehouse-v0", 1, config=config, **options),
+}
+
+
+@pytest.fixture
+def bare(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No package of the extra `render` is installed."""
+    for package in ("pygame", "matplotlib", "imageio_ffmpeg"):
+        monkeypatch.setitem(sys.modules, package, None)
+
+
+@pytest.mark.parametrize("mode", ["rgb_array", "human"])
+@pytest.mark.parametrize("factory", FACTORIES)
+def test_a_missing_package_is_named_at_once(factory: str, mode: str, tiny: EnvConfig, bare: None) -> None:
+    with pytest.raises(WarehouseError) as caught:
+        FACTORIES[factory](tiny, render_mode=mode)
+    assert str(caught.value) == "pictures need the package 'pygame'; pip install \"warehouse-env[render]\""
+
+
+@pytest.mark.parametrize("factory", FACTORIES)
+def test_without_pictures_no_package_is_missed(factory: str, tiny: EnvConfig, bare: None) -> None:
+    FACTORIES[factory](tiny).reset()
+
+
+def test_a_wrong_mode_is_named_first(tiny: EnvConfig, bare: None) -> None:
+    with pytest.raises(ConfigError, match="rgb_array"):
+        parallel_env(tiny, render_mode="rgb_aray")

@@ -1,4 +1,4 @@
-"""GridMap: eq. 26's moves, exact distances, frames, endpoints, and what it refuses."""
+"""GridMap: eq. 26's moves, exact distances, gaps, frames, endpoints, and what it refuses."""
 
 from __future__ import annotations
 
@@ -10,12 +10,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from warehouse_env.errors import MapError, WarehouseError
 from warehouse_env.maps import distance
+from warehouse_env.maps.clearance import segment_gap
 from warehouse_env.maps.grid_map import MOVES, GridMap
 
 
@@ -171,6 +172,18 @@ NAN_HEIGHT[1, 2] = np.nan
         ({"tight": np.zeros((3, 3))}, "tight must hold True or False for each cell"),
         ({"price": np.zeros((3, 3, 8))}, r"price at \(0, 0, 0\) is 0; it must be from 1 to 1000"),
         ({"speed": "fast"}, r"speed must hold a number .* of shape \(3, 3\)"),
+        ({"speed": np.zeros((3, 3))}, "speed"),
+        ({"speed": np.full((3, 3), np.nan)}, "speed"),
+        ({"one_way": np.full((3, 3), 5)}, "one_way"),
+        ({"one_way": np.zeros((3, 4), int)}, "one_way"),
+        ({"one_way": [[0.5, 0, 0], [0, 0, 0], [0, 0, 0]]}, r"one_way at cell \(0, 0\) is 0.5"),
+        ({"one_way": [[1], [1, 2]]}, "one_way"),
+        ({"one_way": np.ones((3, 3), int)}, r"one_way at cell \(1, 1\)"),  # on a shelf
+        ({"discs": [(1.0, 2.0)]}, "each three numbers"),
+        ({"discs": "pillars"}, "each three numbers"),
+        ({"discs": [(1.0, 2.0, 0.0)]}, "radius from 0.001"),
+        ({"discs": [(1.0, 1.0, 0.1), (3.5, 1.0, 0.1)]}, r"disc 1 \(3.5, 1.0, 0.1\) .* on the floor of 3 x 3 m"),
+        ({"discs": [(1.5, 1.5, 5.0)]}, "no free cell"),
         ({"name": 3}, "name=3 must be a text"),
     ],
 )
@@ -209,3 +222,21 @@ def test_cut_cells_are_those_without_which_a_region_falls_apart(grid: GridMap) -
         rest[row, column] = False
         expected[row, column] = distance.label_regions(rest).max() > regions
     np.testing.assert_array_equal(distance.cut_cells(free), expected)
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.integers(0, 10_000))
+def test_gap_of_a_segment_against_many_points_of_it(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    occupied = rng.random((5, 6)) < 0.3
+    solid = np.pad(occupied, 1, constant_values=True).astype(np.uint8)
+    cell = float(rng.uniform(0.5, 2.0))
+    a, b = rng.uniform(0, [6 * cell, 5 * cell], (2, 2))
+    points = a + np.linspace(0, 1, 4001)[:, None] * (b - a)
+    rows, columns = np.nonzero(solid)
+    low = np.stack([columns - 1, rows - 1], -1) * cell
+    away = np.maximum(np.maximum(low - points[:, None], points[:, None] - low - cell), 0.0)
+    true = float(np.hypot(away[..., 0], away[..., 1]).min())
+    step = float(np.hypot(*(b - a))) / 4000
+    assert true - step <= segment_gap(solid, *a, *b, cell, 9.0) <= true + 1e-9
+    assert segment_gap(solid, *a, *b, cell, 0.1) == pytest.approx(min(true, 0.1), abs=step)

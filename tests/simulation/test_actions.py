@@ -9,7 +9,7 @@ import pytest
 
 from tests.simulation.worlds import room
 from warehouse_env.config import EnvConfig
-from warehouse_env.errors import ActionError, ConfigError, WarehouseError
+from warehouse_env.errors import ActionError, WarehouseError
 from warehouse_env.simulation.actions import ActionDecoder
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.traffic_spec import TrafficSpec
@@ -117,11 +117,3 @@ def test_a_bad_action_is_one_sentence_and_changes_nothing(action_type: str, acti
     assert "\n" not in str(caught.value)
     assert simulator.robots.tobytes() == before
     assert simulator.steps.tolist() == [0, 0]
-
-
-@pytest.mark.parametrize(
-    ("seed", "hint"), [(-1, "seed=-1"), ([1, 2, 3], "3 entries for 2 worlds"), ([4, -2], "seed=-2")]
-)
-def test_bad_seeds(seed: Any, hint: str) -> None:
-    with pytest.raises(ConfigError, match=hint):
-        small("raw").reset(seed=seed)

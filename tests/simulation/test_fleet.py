@@ -1,7 +1,9 @@
-"""Fleets of several kinds: who is judged by whose body, and by whose limits."""
+"""Robots of other kinds: who is judged by whose body and limits; bodies that arrive and touch no shelf."""
 
 from __future__ import annotations
 
+import dataclasses
+import math
 from typing import Any
 
 import numpy as np
@@ -12,8 +14,10 @@ from tests.simulation.physics.test_no_overlap import DEEP
 from tests.simulation.reference import bodies, separation, shelves
 from tests.simulation.safe_stops import checked as checked  # a fixture
 from tests.simulation.worlds import plain_python, room, stage
-from warehouse_env.config import EnvConfig, FleetPart, RobotSpec, SensorSpec
+from warehouse_env.config import ArrivalMode, EnvConfig, FleetPart, RobotSpec, SensorSpec
 from warehouse_env.errors import ConfigError
+from warehouse_env.maps.generators import blocks
+from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.state import OWNER, field_of
 from warehouse_env.traffic_spec import TrafficSpec, UncertaintySpec
@@ -137,3 +141,38 @@ def test_configs_of_fleets() -> None:
         config.replace(num_agents=5)
     with pytest.raises(ConfigError, match="unknown RobotSpec parameter 'lenth'"):
         EnvConfig.from_dict({"fleet": [{"count": 1, "robot": {"lenth": 1}}]})
+
+
+BODIES = {
+    "large": RobotSpec(length=3.0, width=2.0, wheelbase=2.0, front_overhang=0.5),
+    "large front": RobotSpec(length=3.0, width=2.0, wheelbase=2.0, front_overhang=2.5, max_steering=math.radians(50.0)),
+    "small": RobotSpec(length=0.5, width=0.4, wheelbase=0.34, front_overhang=0.08),
+    "small front": RobotSpec(length=0.5, width=0.4, wheelbase=0.34, front_overhang=0.42),
+}
+
+
+def floor_for(name: str) -> GridMap:
+    """Shelves with aisles of two lengths of the body, in cells of a third of a metre or a metre."""
+    wide = blocks(
+        36, 36, block_rows=2, block_columns=8, aisle=6, cross=7, zone_rows=2, zone_columns=2, rim_rows=7, rim_columns=7
+    )
+    return wide if name.startswith("large") else dataclasses.replace(wide, cell_size=0.2)
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("arrival", ["pass", "stop", "pose"])
+@pytest.mark.parametrize("name", BODIES)
+def test_bodies_drive_and_arrive(name: str, arrival: ArrivalMode) -> None:
+    config = EnvConfig(
+        num_agents=1, planner="astar_turns", arrival=arrival, robot=BODIES[name], max_steps=10**6,
+        arrival_radius=0.5 if name.startswith("large") else 0.3,
+    )  # fmt: skip
+    simulator = Simulator(config, 8, grid=floor_for(name))
+    simulator.reset(31600007)
+    cruise = np.full((8, 1), simulator.cruise_action)
+    for _ in range(1000):
+        simulator.step(cruise)
+    robots = simulator.robots
+    assert robots["totals"]["hits_shelf"].sum() == 0
+    assert robots["totals"]["goals"].min() >= 1
+    assert robots["totals"]["goals"].mean() >= 2

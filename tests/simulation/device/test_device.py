@@ -16,7 +16,7 @@ from warehouse_env.errors import ActionError
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import make_layout
 from warehouse_env.simulation.device import drivers, memory
-from warehouse_env.simulation.device.simulator import DeviceSimulator, check_device
+from warehouse_env.simulation.device.simulator import DeviceSimulator
 from warehouse_env.simulation.state import OWNER, field_of
 from warehouse_env.simulation.tasks.assignment import Assignment
 from warehouse_env.simulation.tasks.dispatch import ROUTE_BLOCK
@@ -102,6 +102,8 @@ def compare(here: Simulator, there: DeviceSimulator, steps: int, seconds: float 
         alike(f"step {step}: terminated", here.terminated, there.terminated.cpu().numpy())
         alike(f"step {step}: observation", here.observation, there.observation.cpu().numpy())
         alike(f"step {step}: reward", here.reward, there.reward.cpu().numpy())
+        if step == 50:
+            here.reward_weights = there.reward_weights = RewardWeights(progress=5.0)
         if here.steps[last] == 100:
             here.reset_worlds([last])
             there.reset_worlds([last])
@@ -180,17 +182,6 @@ def test_robots_are_put_as_by_the_simulator(name: str) -> None:
     alike("the next", here.step(cruise), there.step(torch.from_numpy(cruise)).numpy())
 
 
-def test_rewards_take_new_weights_on_the_way() -> None:
-    here, there = Simulator(config(), WORLDS), DeviceSimulator(config(), WORLDS, device="cpu")
-    assert np.array_equal(here.reset(7), there.reset(7))
-    given = np.full((WORLDS, ROBOTS), here.cruise_action)
-    for progress in (0.5, 5.0):
-        here.reward_weights = there.reward_weights = RewardWeights(progress=progress)
-        here.step(given)
-        there.step(torch.from_numpy(given))
-        assert np.array_equal(here.reward, there.reward)
-
-
 @pytest.mark.parametrize("device", DEVICES)
 def test_a_saved_state_continues_to_the_same_bits(device: str) -> None:
     first, second = (DeviceSimulator(config(traffic=SHIELD), WORLDS, device=device) for _ in range(2))
@@ -217,11 +208,6 @@ def test_threads_share_the_worlds_and_have_scratch_of_their_own(monkeypatch: pyt
     monkeypatch.setattr(memory.Memory, "threads", lambda self, most: 3)  # five worlds: 1, 2 and 2
     assert [drivers.part_of(thread, 3, WORLDS) for thread in range(3)] == [(0, 1), (1, 3), (3, 5)]
     test_a_device_has_the_bits_of_the_simulator(SETS["shield"])
-
-
-def test_what_a_device_has_not_is_named() -> None:
-    with pytest.raises(ConfigError, match="people, live routes"):
-        check_device(config(traffic="rules", people=1))
 
 
 @pytest.mark.parametrize("bad", [torch.zeros(WORLDS, ROBOTS), torch.zeros(WORLDS, 1, dtype=torch.int64)])

@@ -23,7 +23,7 @@ from tests.simulation.device.test_device import ON_CARD, RULES, SETS, compare, c
 from tests.simulation.worlds import ROOT, plain_python
 from train.cli import main
 from train.evaluation import kernels
-from warehouse_env import ConfigError, Simulator, tensor_env
+from warehouse_env import ConfigError, Simulator
 from warehouse_env.config import FleetPart, RobotSpec
 from warehouse_env.simulation.device import memory, shim, simulator
 from warehouse_env.simulation.device.simulator import DeviceSimulator
@@ -156,12 +156,6 @@ def test_kernels_that_were_compiled_ahead_are_found(tmp_path: Path, monkeypatch:
     sim = DeviceSimulator(kernels.CARD_SETS["predictions"], device="compiler:9.0")
     with pytest.raises(TypeError, match="NoneType"):  # another architecture: compiles
         sim.step(kernels.no_actions(sim))
-
-
-@pytest.mark.parametrize("device", ["foo", "mps", "cuda:x"])
-def test_a_device_of_another_kind_is_refused(device: str) -> None:
-    with pytest.raises(ConfigError, match="must be 'cpu', 'cuda'"):
-        tensor_env(1, num_agents=2, device=device)
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from warehouse_env.config import EnvConfig, RobotSpec
-from warehouse_env.errors import ConfigError
 from warehouse_env.maps.distance import label_regions
 from warehouse_env.maps.layouts import make_layout
 from warehouse_env.simulation.record.recording import Episode, Recorder
@@ -185,32 +184,3 @@ def test_an_episode_of_a_file_of_orders_replays_without_the_file(tmp_path: Path)
     path.unlink()
     *_, last = Episode.load(tmp_path / "e.npz").replay()
     assert same(last, recorder.simulator)
-
-
-@pytest.mark.parametrize(
-    ("changes", "said"),
-    [
-        ({"arrival": "pass", "service": ServiceSpec()}, 'set arrival="stop"'),
-        ({"tasks": "one_shot", "orders": OrderSpec()}, "lifelong"),
-        ({"terminate_on_collision": True, "battery": BatterySpec()}, "no collision"),
-        ({"service": ServiceSpec(load=900.0)}, "payload of 500 kg"),
-    ],
-)
-def test_what_makes_no_sense_together_is_refused(changes: dict[str, Any], said: str) -> None:
-    with pytest.raises(ConfigError, match=said):
-        BASE.replace(**changes)
-
-
-def test_wrong_specs_say_what_is_right() -> None:
-    with pytest.raises(ConfigError, match="shares that make 1"):
-        OrderSpec(demand=(0.5, 0.2), faces=(0.5, 0.5))
-    with pytest.raises(ConfigError, match="less than full"):
-        BatterySpec(low=0.9, full=0.5)
-    with pytest.raises(ConfigError, match="chargers=4000 are too many"):
-        Simulator(BASE.replace(battery=BatterySpec(chargers=4000)))
-    with pytest.raises(ConfigError, match="capacity=4 Wh is too little"):
-        Simulator(BASE.replace(battery=BatterySpec(capacity=4.0)))
-    with pytest.raises(ConfigError, match="neares"):
-        Simulator(BASE.replace(orders=OrderSpec(allocation="neares")))
-    with pytest.raises(ConfigError, match="need orders=OrderSpec"):
-        Simulator(BASE, orders=[Order(0.0, (PICKS[0],), STATIONS[0], 1.0, 1.0)])

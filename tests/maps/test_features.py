@@ -1,4 +1,4 @@
-"""Discs of a floor: which cells they close, what stays a shelf, their files, and what a wrong one is told."""
+"""Discs and one-way cells: which cells they close, their files, what is drawn, and what a wrong one is told."""
 
 from __future__ import annotations
 
@@ -18,6 +18,8 @@ from warehouse_env.maps.halls.hall import read_hall
 from warehouse_env.maps.halls.saved import write_hall
 from warehouse_env.maps.layouts import make_layout
 from warehouse_env.maps.movingai import read_map, write_map
+from warehouse_env.maps.one_way import against, parse, text
+from warehouse_env.routes.lanes import drivable_line
 
 FREE = np.zeros((5, 6), dtype=bool)
 PILLARS = [(2.5, 2.5, 0.4), (4.0, 1.0, 0.2)]
@@ -72,22 +74,6 @@ def test_robots_in_a_closed_cell_or_off_the_floor_plan_from_the_nearest_free_cel
     assert floor().standing(points).tolist() == [[2, 1], [2, 3], [1, 0], [4, 5], [0, 1], [4, 5]]
 
 
-@pytest.mark.parametrize(
-    ("discs", "says"),
-    [
-        ([(1.0, 2.0)], "each three numbers"),
-        ("pillars", "each three numbers"),
-        ([(1.0, 2.0, 0.0)], "radius from 0.001"),
-        ([(1.0, float("nan"), 0.5)], "disc 0"),
-        ([(1.0, 1.0, 0.1), (6.5, 1.0, 0.1)], r"disc 1 \(6.5, 1.0, 0.1\) must have its centre on the floor of 6 x 5 m"),
-        ([(3.0, 2.5, 5.0)], "no free cell"),
-    ],
-)
-def test_wrong_discs_are_told_so(discs: object, says: str) -> None:
-    with pytest.raises(MapError, match=says):
-        GridMap(FREE, discs=discs)  # type: ignore[arg-type]
-
-
 def test_a_map_file_keeps_its_discs_beside_it(tmp_path: Path) -> None:
     grid = make_layout("pillars:rows=20,columns=20,count=9")
     write_map(grid, tmp_path / "hall.map")
@@ -124,12 +110,63 @@ def test_files_of_discs(tmp_path: Path) -> None:
     discs = np.float32([(0.1, 2.7, 0.3), (1e-3, 33.3333, 1.0)])
     write_beside(tmp_path / "a.map", discs)
     assert (read_discs(tmp_path / "a.discs.json").astype(np.float32) == discs).all()
-    for text, says in (
+    for content, says in (
         ("[", "line 1: not valid"), ('{"disc": []}', 'must hold "discs"'), ('{"discs": [{"x": 1, "y": 2}]}', "disc 1"),
         ('{"discs": [{"x": 1, "y": 2, "radius": -1}]}', "radius from 0.001"), ('{"discs": [3]}', "disc 1"),
     ):  # fmt: skip
-        (tmp_path / "b.json").write_text(text)
+        (tmp_path / "b.json").write_text(content)
         with pytest.raises(MapError, match=says):
             read_discs(tmp_path / "b.json")
     with pytest.raises(ConfigError, match="radius"):
         make_layout("pillars:radius=0")
+
+
+AISLE = [".........", ".>>>>>>>.", ".>>>>>>>.", "........."]
+
+
+def aisle() -> GridMap:
+    occupied = np.zeros((4, 9), bool)
+    occupied[[0, 3], 1:8] = True
+    return GridMap(occupied, one_way=parse(AISLE), name="aisle")
+
+
+def test_text_is_read_back() -> None:
+    assert text(parse(AISLE)) == AISLE
+    assert parse([".>^<v"]).tolist() == [[0, 1, 2, 3, 4]]
+    for wrong in ([".>", "."], [".x"]):
+        with pytest.raises(MapError, match="line"):
+            parse(wrong)
+
+
+def test_three_of_eight_moves_are_against_an_arrow() -> None:
+    # moves counter-clockwise from east: 0 E, 1 NE, 2 N, 3 NW, 4 W, 5 SW, 6 S, 7 SE
+    moves = [np.flatnonzero(row).tolist() for row in against(parse([".>^<v"]))[0]]
+    assert moves == [[], [3, 4, 5], [5, 6, 7], [0, 1, 7], [1, 2, 3]]
+
+
+def test_directions_stand_beside_a_map_file(tmp_path: Path) -> None:
+    grid, path = aisle(), tmp_path / "aisle.map"
+    write_map(grid, path)
+    assert (tmp_path / "aisle.oneway").read_text().splitlines() == AISLE
+    assert read_map(path).key == grid.key
+    for lines, wrong in (("..\n>?\n", "line 2"), ("..\n..\n", r"\(2, 2\) rows and columns, the floor \(4, 9\)")):
+        (tmp_path / "aisle.oneway").write_text(lines)
+        with pytest.raises(MapError, match=rf"aisle\.oneway: .*{wrong}"):
+            read_map(path)
+    (tmp_path / "AISLE.MAP").write_text(path.read_text())
+    (tmp_path / "AISLE.ONEWAY").write_text("\n".join(AISLE).lower() + " \n")
+    assert make_layout(str(tmp_path / "AISLE.MAP")).one_way.tolist() == grid.one_way.tolist()
+    write_map(GridMap(grid.occupied), path)
+    assert not read_map(path).one_way.any()
+
+
+def test_a_lane_runs_in_the_middle_of_a_one_way_aisle() -> None:
+    grid = aisle()
+    solid = np.pad(grid.occupied[::-1], 1, constant_values=True).astype(np.uint8)
+    arrows = np.pad(grid.one_way[::-1], 1)
+    points = grid.centre([(1, column) for column in range(9)])
+    one_way = drivable_line(points, solid, arrows, 1.0, 0.5)
+    two_way = drivable_line(points, solid, np.zeros_like(arrows), 1.0, 0.5)
+    inner, other = ((line[:, 0] > 3.0) & (line[:, 0] < 6.0) for line in (one_way, two_way))
+    np.testing.assert_allclose(one_way[inner, 1], 2.0, atol=0.02)  # two cells wide, from y = 1 to 3
+    assert two_way[other, 1].max() < 1.7  # to the right, which is south
