@@ -174,7 +174,7 @@ def with_other_rows(path: Path) -> Any:
 
 def of_training(path: Path) -> Any:
     path.with_name("config.json").write_text(json.dumps(RECORD))
-    _, curve = read_run(path.parent)
+    curve = read_run(path.parent)
     return curve.steps.tolist(), {name: values.tolist() for name, values in curve.values.items()}
 
 

@@ -28,7 +28,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from agents import Network, PolicyRecord, make_policy
-from tests.readers import EVALUATED, HALL, NETWORK, PROGRESS, READERS, RECORD, SMALL, an_episode
+from tests.readers import EVALUATED, HALL, NETWORK, READERS, SMALL, an_episode
 from train.commands.bench import Bench
 from train.commands.demo import Demo
 from train.commands.evaluate import Evaluate
@@ -37,7 +37,7 @@ from train.evaluation.episodes import EpisodesJob
 from train.evaluation.jobs import of_all_runs
 from train.evaluation.rollout import make_experiment
 from train.learning.config import PPOConfig, ReinforceConfig, ThreadedPPOConfig
-from train.learning.progress import ProgressLog, read_run
+from train.learning.progress import ProgressLog
 from train.live.commands import read_command
 from train.reporting.comparison import compare, read_runs
 from train.reporting.rows import read_rows
@@ -462,9 +462,3 @@ def test_rows_of_a_training_or_an_evaluation_with_odd_values_are_made_again(tmp_
     job = EpisodesJob(make_experiment("follow", EnvConfig(**SMALL), 1, 1.0, 1))
     assert job.left([{"seed": [1], "episode": 0}, {"seed": 1}]) == ([], job)
     assert of_all_runs([{"run": {}}, {"run": 0}], 1) == [{"run": 0}]
-
-
-def test_a_run_whose_record_tells_no_seed_is_drawn_without(tmp_path: Path) -> None:
-    (tmp_path / "config.json").write_text(json.dumps({**RECORD, "training": {"config": "x"}}))
-    (tmp_path / "progress.jsonl").write_text("\n".join(map(json.dumps, PROGRESS)))
-    assert read_run(tmp_path).seed is None

@@ -22,10 +22,11 @@ from warehouse_env.maps.movingai import EXAMPLE_MAP
 from warehouse_env.planning import PLANNERS
 
 DRAW_NOTHING = (
-    "bench", "benchmark", "compare", "compile", "demo", "export", "fleet", "layouts", "places", "planners", "policies",
+    "bench", "benchmark", "compare", "compile", "curves", "demo", "export", "fleet", "layouts", "places", "planners",
+    "policies",
 )  # fmt: skip
 RESULTS = (  # commands whose results are rows
-    "advise", "audit", "bench", "clmapf", "compare", "evaluate", "fleet", "live", "plan", "robust",
+    "advise", "audit", "bench", "clmapf", "compare", "evaluate", "fleet", "plan", "robust",
     "tables floors", "tables papers", "tables planners",
 )  # fmt: skip
 

@@ -61,7 +61,7 @@ class FleetCommand(Checked):
     interface: str = "uagv"
     """First part of the topics that are written."""
     json: Path | None = None
-    """File for a row about the result, as JSON lines."""
+    """File for a row about what was checked or heard, as JSON lines."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -98,7 +98,7 @@ class FleetCommand(Checked):
         folder = FOLDER if self.out is None and broker is None else self.out
         if folder is not None:
             check_writable(folder / LOG)
-        begin, rows = _DAY if broker is None else datetime.now(UTC), RowFile(self.json)
+        begin = _DAY if broker is None else datetime.now(UTC)
         names, episode = Names("warehouse_env", self.interface, begin), load_simulated(path)
         with make_progress() as progress:
             bar = progress.add_task("episode", total=len(episode.pose))
@@ -113,10 +113,6 @@ class FleetCommand(Checked):
         if folder is not None:
             print(f"wrote {count:,} messages of {counted(episode.config.num_agents, 'robot')} to {folder / LOG}")
             print(f"to check them: warehouse fleet --check {folder}; the floor for --listen: --map {floor}")
-        rows.add([{
-            "episode": path, "map": episode.grid.name, "robots": episode.config.num_agents, "messages": count,
-            "seed": episode.seeds[0], "begin": names.stamp(0.0), "out": folder, "mqtt": self.mqtt,
-        }])  # fmt: skip
 
     def _publish(self, broker: Broker, story: Story, names: Names, progress: Progress) -> int:
         """Publish, and print how it went; return the number of messages."""

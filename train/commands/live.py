@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 import threading
 import webbrowser
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Annotated, ClassVar
 
 from agents import POLICIES
@@ -18,7 +16,6 @@ from train.live.commands import MOST_ROBOTS
 from train.live.runner import WorldRunner
 from train.live.server import Server
 from train.live.world import LiveFloors, World, WorldSetting
-from train.reporting.rows import RowFile
 from warehouse_env.config import EnvConfig
 from warehouse_env.planning import make_planner
 from warehouse_env.render.live_page import live_page
@@ -42,8 +39,6 @@ class Live(Fleet, Drive):
     """Port of this machine to serve at; 0: any that is free."""
     open: bool = False
     """Open the page in the browser."""
-    json: Path | None = None
-    """Write a row about the world at the end to this file as JSON lines."""
     ranges: ClassVar = {"port": (0, 65_535), "robots": (1, MOST_ROBOTS), "seed": (0, 2**53)}
 
     def run(self) -> None:
@@ -54,7 +49,6 @@ class Live(Fleet, Drive):
         )  # fmt: skip
         make_planner(self.planner)
         config = config_of(self.policy, EnvConfig(num_agents=self.robots), setting.given)
-        file = RowFile(self.json)
         about = about_live(floors, self.policy, self.robots)
         runner = WorldRunner(lambda: World(setting, floors))
         with Server(runner, live_page("Live warehouse", config.near_miss_gap, about), self.port) as server:
@@ -72,7 +66,6 @@ class Live(Fleet, Drive):
                 raise
             finally:
                 server.shutdown()
-                file.add([row_of(runner)] if runner.drive is not None else [])
         if runner.failed is not None:
             raise runner.failed
 
@@ -85,23 +78,9 @@ def about_live(floors: LiveFloors, policy: str, robots: int) -> dict[str, object
     }  # fmt: skip
 
 
-def row_of(runner: WorldRunner) -> dict[str, object]:
-    """Return a row about a live world."""
-    assert runner.drive is not None
-    world = runner.drive.world
-    setting = world.setting
-    goals, contacts, near_misses = world.moment()["totals"].tolist()
-    return {
-        "policy": setting.policy, "floor": setting.floor, "robots": setting.robots, "seed": setting.seed,
-        "people": world.simulator.config.people, "seconds": world.seconds, "goals": goals, "contacts": contacts,
-        "near_misses": near_misses, "worlds": world.made, "digest": world.digest,
-        **({} if setting.kinds is None else {"kinds": dataclasses.asdict(setting.kinds)["parts"]}),
-    }  # fmt: skip
-
-
 def _said(runner: WorldRunner) -> str:
     """Describe a world that was stopped."""
     if runner.drive is None:
         return "the world was still being made"
-    row = row_of(runner)
-    return f"the last world ran for {row['seconds']:.0f} s and reached {row['goals']} goals"
+    world = runner.drive.world
+    return f"the last world ran for {world.seconds:.0f} s and reached {world.moment()['totals'][0]} goals"

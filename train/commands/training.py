@@ -16,7 +16,7 @@ from agents.weights_folder import read_record
 from train.kinds import read_fleet
 from train.learning.config import PPOConfig, ReinforceConfig, ThreadedPPOConfig, TrainingConfig
 from train.learning.progress import ROWS, read_run
-from train.learning.recipes import Recipe, ReinforceRecipe, ThreadedPPORecipe, by_recipe
+from train.learning.recipes import by_recipe
 from train.reporting.report import require_charts
 from warehouse_env.checked import Checked
 from warehouse_env.errors import ConfigError, counted
@@ -31,9 +31,9 @@ class _Train:
 
     module: ClassVar[str]  # with a function `train`, imported when it is called, for it needs torch
 
-    recipe: Recipe = "shipped"
-    """Defaults of the other options. shipped: those of the shipped weights; bare: without shield, live routes and
-    shared rewards, as in the papers. `--recipe NAME --help` shows them."""
+    recipe: str = "shipped"
+    """Defaults of the other options: of the weights shipped under this name; bare: without shield, live routes and
+    shared rewards, as in the papers; others are in docs/how_to/train.md. `--recipe NAME --help` shows them."""
 
     fleet: Path | None = None
     """Train with other kinds of robots: a JSON file, as [{"share": 0.25, "robot": {"length": 1.4}}]; "share": 1 changes
@@ -42,11 +42,10 @@ class _Train:
     @classmethod
     def defaults_for(cls, arguments: Sequence[str]) -> Self:
         """Return the options of the recipe that a command line names."""
-        kinds = get_type_hints(cls)
-        named = make_dataclass("named", [("recipe", kinds["recipe"], cls.recipe)])
+        named = make_dataclass("named", [("recipe", str, cls.recipe)])
         words = [word for word in arguments if word not in ("-h", "--help")]
         recipe: Any = tyro.cli(named, args=words, return_unknown_args=True, add_help=False)[0].recipe
-        return cls(config=by_recipe(kinds["config"], recipe), recipe=recipe)
+        return cls(config=by_recipe(get_type_hints(cls)["config"], recipe), recipe=recipe)
 
     def run(self) -> None:
         """Train; the last line says what was written where, also after Ctrl-C."""
@@ -68,9 +67,6 @@ class TrainReinforce(_Train):
     """Train our policy gradient: REINFORCE over the next action command, with a learned value as baseline."""
 
     module = "train.reinforce"
-    recipe: ReinforceRecipe = "shipped"  # type: ignore[assignment]
-    """Defaults of the other options. shipped: those of the shipped weights; bare: without shield, live routes and
-    shared rewards, as in the papers; device: many worlds for --device cuda. `--recipe NAME --help` shows them."""
     config: Annotated[ReinforceConfig, tyro.conf.arg(name="")] = field(default_factory=ReinforceConfig)
 
 
@@ -87,11 +83,6 @@ class TrainThreadedPPO(_Train):
     """Train our own proximal policy optimisation, in threads."""
 
     module = "train.threaded_ppo"
-    recipe: ThreadedPPORecipe = "shipped"  # type: ignore[assignment]
-    """Defaults of the other options. shipped: those of the shipped weights; bare: without shield, live routes and
-    shared rewards, as in the papers; device: many worlds for --device cuda; unshielded: those of the policy
-    `unshielded`, with large contact penalties instead of the shield; careful: those of the policy that goes on from
-    there, on floors drawn anew and with a memory. `--recipe NAME --help` shows them."""
     config: Annotated[ThreadedPPOConfig, tyro.conf.arg(name="")] = field(default_factory=ThreadedPPOConfig)
 
 
@@ -113,8 +104,6 @@ class Curves(Checked):
 
     runs: tyro.conf.Positional[tuple[Path, ...]]
     """Folders of runs, as `warehouse train` makes them."""
-    seed: tuple[int, ...] = ()
-    """Draw only runs with these training seeds (default: all runs)."""
     out: Path = Path("results/curves.png")
     """File for the picture."""
 
@@ -123,8 +112,6 @@ class Curves(Checked):
         if not self.runs:
             raise ConfigError("name at least one folder of a run")
         require_charts(self.out)
-        runs = [run for run in map(read_run, dict.fromkeys(self.runs)) if not self.seed or run.seed in self.seed]
-        if not runs:
-            raise ConfigError(f"no run was trained with --seed {' '.join(map(str, self.seed))}")
-        learning_curves([run.curve for run in runs], self.out)
-        print(f"wrote the curves of {counted(len(runs), 'run')} to {self.out}")
+        curves = [read_run(run) for run in dict.fromkeys(self.runs)]
+        learning_curves(curves, self.out)
+        print(f"wrote the curves of {counted(len(curves), 'run')} to {self.out}")

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import TracebackType
-from typing import Any, NamedTuple, Self
+from typing import Any, Self
 
 import numpy as np
 from rich.console import Console
@@ -144,15 +144,8 @@ def _in_words(figures: Mapping[str, float]) -> str:
     return f"{goals:.0f} goals/robot-h, {contacts:.2f} collisions/km, {100 * stuck:.1f}% stuck"
 
 
-class CurveRun(NamedTuple):
-    """The seed of a training if that is known, and its curve."""
-
-    seed: int | None
-    curve: Curve
-
-
-def read_run(folder: Path) -> CurveRun:
-    """Return the training in a folder; WarehouseError in one sentence if there is none, or it has no rows yet."""
+def read_run(folder: Path) -> Curve:
+    """Return the curve of the training in a folder; WeightsError if there is none, or it has no rows yet."""
     for name in (CONFIG, ROWS):
         if not (folder / name).is_file():
             raise WeightsError(f"{folder} is no run of training: it has no {name}")
@@ -165,6 +158,4 @@ def read_run(folder: Path) -> CurveRun:
         raise WeightsError(f"{path} holds rows that are none of a training") from None
     if not len(steps) or not (np.diff(steps) > 0).all():
         raise WeightsError(f"{path} holds no rows whose steps grow")
-    config = record.training.get("config")
-    seed = config.get("seed") if isinstance(config, dict) else None
-    return CurveRun(seed, Curve(record.algorithm, steps, values))
+    return Curve(record.algorithm, steps, values)

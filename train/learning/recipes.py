@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal, TypeVar
+from typing import Any, TypeVar
 
 from train.learning.config import DRAWN, PPOConfig, ReinforceConfig, ThreadedPPOConfig, TrainingConfig
+from warehouse_env.errors import unknown_name
 
 Config = TypeVar("Config", bound=TrainingConfig)
-Recipe = Literal["shipped", "bare"]
-ReinforceRecipe = Literal["shipped", "bare", "device"]
-ThreadedPPORecipe = Literal["shipped", "bare", "device", "unshielded", "careful"]
 
 # The policy alone avoids collisions, as in the papers: no shield, live routes or shared rewards.
 _BARE: dict[str, Any] = {
@@ -50,5 +48,7 @@ RECIPES: dict[type[TrainingConfig], dict[str, dict[str, Any]]] = {
 
 
 def by_recipe(kind: type[Config], recipe: str, **options: Any) -> Config:
-    """Return a trainer's options by one of its recipes; those that are given override it."""
+    """Return a trainer's options by one of its recipes; those that are given override it. ConfigError for no recipe."""
+    if recipe not in RECIPES[kind]:
+        raise unknown_name("recipe", recipe, RECIPES[kind])
     return kind(**(RECIPES[kind][recipe] | options))

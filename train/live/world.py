@@ -6,7 +6,6 @@ The same setting gives the same bits, at any pace and with any pages.
 from __future__ import annotations
 
 import dataclasses
-import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -86,7 +85,6 @@ class World:
         self.steps = 0
         self._stations = station_cells(simulator.grid)
         self.made += 1
-        self._digest = hashlib.blake2b(simulator.state.pose.tobytes(), digest_size=16)
 
     @property
     def grid(self) -> GridMap:
@@ -104,17 +102,11 @@ class World:
         config = self.simulator.config
         return config.action_repeat * config.time_step
 
-    @property
-    def digest(self) -> str:
-        """A digest of all poses at all steps so far, 32 hex digits."""
-        return self._digest.hexdigest()
-
     def step(self) -> Moment:
         """Let all robots decide once; return the moment after."""
         simulator = self.simulator
         simulator.step(self._act(simulator.observation, self._rng))
         self.steps += 1
-        self._digest.update(simulator.state.pose.tobytes())
         return self.moment()
 
     def moment(self) -> Moment:

@@ -27,3 +27,8 @@ def messages(stream: bytes) -> Iterator[tuple[dict[str, Any], bytes]]:
         if size:
             (length,) = struct.unpack_from("<I", message)
             yield json.loads(message[4 : 4 + length]), message[4 + length :]
+
+
+def bits(one: World) -> bytes:
+    """Return all poses."""
+    return one.simulator.state.pose.tobytes()
