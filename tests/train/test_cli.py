@@ -102,7 +102,7 @@ def test_the_last_line_says_what_was_written_and_where(
         ("replay episode.npz", ["--html FILE and --video FILE"]),
         ("plan --planner astar --start 3,5 --goal 1,1", ["start (3, 5) is on a shelf"]),
         ("plan --planner astar --start 1,1", ["--goal", "both"]),
-        ("plan --runs 0", ["--runs 0"]),
+        ("plan --runs 0", ["runs=0 must be a whole number from 1"]),
         ("evaluate --policy brake --seconds 1e308", ["seconds=1e+308 must be at most"]),
         ("tables --runs 2", ["unknown tables command '--runs'", "papers"]),
         ("layouts --png picture.png", ["--draw"]),
@@ -149,7 +149,7 @@ def test_the_last_line_says_what_was_written_and_where(
         ("tables papers --tables 000_table_9", ["000_table_9"]),
         ("benchmark --policy nobody", ["unknown policy 'nobody'"]),
         ("clmapf none", ["none is no folder"]),
-        ("compile --processes 0", ["--processes 0"]),
+        ("compile --processes 0", ["processes=0"]),
         ("places paper46", ["no map of a hall"]),
     ],
 )

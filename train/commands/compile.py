@@ -5,11 +5,11 @@ from __future__ import annotations
 import os
 import time
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 from train.evaluation.kernels import compile_all
 from train.reporting.report import Table, number
 from warehouse_env.checked import Checked
-from warehouse_env.errors import ConfigError
 
 
 @dataclass(frozen=True)
@@ -24,11 +24,10 @@ class Compile(Checked):
     cuda: tuple[str, ...] | None = None
     """Also compile the kernels for GPUs of these compute capabilities, which needs no GPU. Without a value: that of
     this machine's GPU, or 9.0 (H100, H200)."""
+    ranges: ClassVar = {"processes": (1, 4096)}
 
     def run(self) -> None:
         """Compile, and print how long each part took."""
-        if self.processes < 1:
-            raise ConfigError(f"--processes {self.processes} must be at least 1")
         capabilities = self._capabilities()
         begin = time.perf_counter()
         rows = compile_all(self.processes, capabilities)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import tyro
 from rich.progress import Progress
@@ -62,11 +62,10 @@ class FleetCommand(Checked):
     """First part of the topics that are written."""
     json: Path | None = None
     """File for a row about what was checked or heard, as JSON lines."""
+    ranges: ClassVar = {"speed": (0.01, 1000.0), "every": (0.001, 3600.0)}
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._between(0.01, 1000.0, "speed")
-        self._between(0.001, 3600.0, "every")
         plain = self.interface.isprintable() and 0 < len(self.interface) <= 100 and not set(self.interface) & set("/+#")
         self._require(plain, "interface", "a part of a topic: some characters, none of / + #")
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from train.reporting.report import number
 from warehouse_env.checked import Checked
@@ -72,12 +72,11 @@ class Orders(Checked):
     """Seed of the orders."""
     out: Path = Path("orders.csv")
     """CSV file for the orders."""
+    ranges: ClassVar = {"hours": (0.001, 10_000.0), "seed": (0, 2**62)}
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._between(0.001, 10_000.0, "hours")
         self._require(self.hours * self.per_hour <= 1e6, "per_hour", "so few that all make a million at most")
-        self._require(self.seed >= 0, "seed", "at least 0")
 
     def run(self) -> None:
         """Draw the orders and write them."""

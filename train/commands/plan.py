@@ -8,7 +8,7 @@ import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 
@@ -60,11 +60,10 @@ class PlanCommand(Checked):
     """Folder for the table and the pictures of the paths and of the convergence."""
     pictures: bool = True
     """Draw the pictures."""
+    ranges: ClassVar = {"runs": (1, MOST), "tasks": (1, MOST), "seed": (0, 2**62)}
 
     def run(self) -> None:
         """Plan all, print the table, write rows and pictures."""
-        if not 1 <= self.runs <= MOST or self.seed < 0:
-            raise ConfigError(f"--runs {self.runs} must lie in 1..{MOST:,} and --seed {self.seed} be at least 0")
         planners = {name: make_planner(name) for name in self.planner}
         if not planners:
             raise ConfigError("--planner needs at least one name")
@@ -100,8 +99,6 @@ class PlanCommand(Checked):
 
     def _tasks(self, grid: GridMap) -> list[PlanningTask]:
         """Return the tasks that the options ask for."""
-        if self.tasks is not None and not 1 <= self.tasks <= MOST:
-            raise ConfigError(f"--tasks {self.tasks} must lie in 1..{MOST:,}")
         if (self.start is None) != (self.goal is None):
             raise ConfigError("--start and --goal belong together; give both")
         if self.start is not None and self.goal is not None:
