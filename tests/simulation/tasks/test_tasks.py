@@ -1,4 +1,4 @@
-"""Goals: distinct, alternating, given or drawn, and never more robots than places."""
+"""Goals: distinct, alternating, given or drawn, well-formed, and never more robots than places."""
 
 from __future__ import annotations
 
@@ -17,7 +17,9 @@ from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.maps.layouts import LAYOUTS, make_layout
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.tasks.assignment import Assignment
+from warehouse_env.simulation.tasks.one_shot import OneShotTasks
 from warehouse_env.simulation.tasks.tasks import Tasks
+from warehouse_env.simulation.tasks.well_formed import cut_off, disc_of
 from warehouse_env.work import OrderSpec
 
 KEY = np.array([4, 7, 0], np.uint64)
@@ -201,20 +203,87 @@ def test_robots_stand_and_go_as_told() -> None:
         (POSE, [(1, 2, 3, 4)] * 2, "goal=.*a cell.*a point, a pose"),
         ([(2.3, 5.4, 0.0), (2.5, 5.4, 0.0)], GOAL, "robot 1 touches"),
         ([(0.2, 5.4, 0.0), (8.5, 2.5, 0.0)], GOAL, "robot 0 touches"),
+        (POSE, [(50, 1), (0, 0)], "goal of robot 0 .* outside"),
+        ([POSE[0], (50.0, 2.0, 0.0)], GOAL, r"pose: \(50, 2\) is not on the floor of 12 x 12 m"),
     ],
 )
 def test_what_cannot_be_is_an_error(pose: object, goal: object, says: str) -> None:
-    with pytest.raises(ConfigError, match=says):
+    with pytest.raises((ConfigError, MapError), match=says):
         simulator().reset_to([Assignment(pose, goal)])  # type: ignore[arg-type]
 
 
-def test_an_assignment_must_fit_worlds_robots_and_floor() -> None:
-    told = Assignment(POSE, GOAL)
-    with pytest.raises(ConfigError, match="2 of type Assignment"):
-        simulator(2).reset_to([told])
-    with pytest.raises(ConfigError, match="2 robots does not fit num_agents=3"):
-        simulator(num_agents=3).reset_to([told])
-    with pytest.raises(MapError, match=r"goal of robot 0 .* outside"):
-        simulator().reset_to([Assignment(POSE, [(50, 1), (0, 0)])])
-    with pytest.raises(ConfigError, match=r"pose: \(50, 2\) is not on the floor of 12 x 12 m"):
-        simulator().reset_to([Assignment([POSE[0], (50.0, 2.0, 0.0)], GOAL)])
+def test_an_assignment_must_fit_worlds_and_robots() -> None:
+    for worlds, robots, says in ((2, 2, "2 of type Assignment"), (1, 3, "2 robots does not fit num_agents=3")):
+        with pytest.raises(ConfigError, match=says):
+            simulator(worlds, num_agents=robots).reset_to([Assignment(POSE, GOAL)])
+
+
+ONE_SHOT = EnvConfig(tasks="one_shot")
+DISC = disc_of(ONE_SHOT, 1.0)
+
+
+def plain_cut_off(grid: GridMap, starts: np.ndarray, goals: np.ndarray) -> list[bool]:
+    """For each robot: occupy the discs of all others' goals, and ask the map for the way."""
+    result = []
+    for k in range(len(goals)):
+        occupied = grid.occupied.copy()
+        for j, goal in enumerate(goals):
+            cells = goal + DISC
+            inside = ((cells >= 0) & (cells < grid.shape)).all(axis=1)
+            if j != k:
+                occupied[tuple(cells[inside].T)] = True
+        if occupied[tuple(starts[k])] or occupied[tuple(goals[k])]:
+            result.append(True)
+            continue
+        left = GridMap(occupied)
+        result.append(not np.isfinite(left.distance_to(tuple(goals[k].tolist()))[tuple(starts[k])]))
+    return result
+
+
+def test_the_disc_holds_every_parked_body() -> None:
+    # 0.5 m of arrival, 0.808 m from the axle to a rear corner, 0.3 m of the passing body and 0.05 m: 1.658 m.
+    assert sorted((DISC**2).sum(axis=1).tolist()) == [0, 1, 1, 1, 1, 2, 2, 2, 2]
+    assert len(disc_of(ONE_SHOT, 0.5)) == sum(r * r + c * c < 3.316**2 for r in range(-4, 5) for c in range(-4, 5))
+
+
+@settings(max_examples=60)
+@given(st.integers(0, 10**6))
+def test_cut_off_is_what_a_plain_search_finds(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    grid = GridMap(rng.random((9, 12)) < 0.3)
+    free = grid.free_cells
+    chosen = rng.permutation(len(free))
+    count = int(rng.integers(2, 5))
+    starts, goals = free[chosen[:count]], free[chosen[count : 2 * count]]
+    assert cut_off(grid, starts, goals, DISC).tolist() == plain_cut_off(grid, starts, goals)
+
+
+@pytest.mark.parametrize(("layout", "robots"), [("paper46", 32), ("narrow", 16), ("single_lane", 8), ("open", 16)])
+def test_tasks_are_well_formed(layout: str, robots: int) -> None:
+    grid = make_layout(layout)
+    tasks = OneShotTasks(grid, ONE_SHOT.replace(num_agents=robots))
+    for seed in range(3):
+        key = np.array([seed, 0, 0], np.uint64)
+        tasks.reset(key)
+        starts = tasks.starts(key)[:robots]
+        goals = tasks.first_goals(starts, key)
+        assert len(set(goals)) == robots
+        assert all(start != goal for start, goal in zip(starts, goals, strict=True))
+        assert tasks.cut_off() == 0
+        assert not any(plain_cut_off(grid, np.array(starts), np.array(goals)))
+
+
+def test_a_floor_too_small_says_so() -> None:
+    # Nine goals whose discs cover no other goal are every second cell of 5 x 5; all about the middle one is shared.
+    tasks = OneShotTasks(drawn(["....."] * 5), ONE_SHOT.replace(num_agents=9))
+    key = np.zeros(3, np.uint64)
+    tasks.reset(key)
+    goals = tasks.first_goals(tasks.starts(key)[:9], key)
+    assert tasks.cut_off() > 0
+    assert len(set(goals)) == 9
+
+
+def test_lifelong_robots_park_nowhere() -> None:
+    simulator = Simulator(EnvConfig(num_agents=2, planner="astar"), grid=drawn(["......"] * 6))
+    simulator.reset(seed=0)
+    assert np.isnan(simulator.episode_metrics()["cut_off"])

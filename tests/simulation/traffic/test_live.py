@@ -9,7 +9,6 @@ import pytest
 
 from tests.simulation.worlds import room, stage, write
 from warehouse_env.config import EnvConfig
-from warehouse_env.errors import ConfigError
 from warehouse_env.kernel import kernel
 from warehouse_env.maps.grid_map import MOVES, GridMap
 from warehouse_env.planning.cost_to_go import DIAGONAL, UNIT, CostToGo
@@ -368,17 +367,12 @@ def test_a_new_route_begins_at_the_robot_and_ends_at_the_same_goal_and_the_task_
     assert seen > 0
 
 
-def test_what_was_stored_with_the_prices_of_today_is_read_and_with_others_refused() -> None:
+def test_stored_prices_are_read_where_they_are_those_of_today() -> None:
     prices = {name: value for name, value in TrafficSpec.retired.items() if name in PRICES._fields}
     assert len(prices) == 8
     assert prices.items() <= PRICES._asdict().items()
     numbers = {"every": EVERY, "look_ahead": live.LOOK_AHEAD, "stood_for": STOOD_FOR, "saving": live.SAVING}
     assert numbers.items() <= TrafficSpec.retired.items()
-    stored = {"reroute": True, "reroute_spec": {**prices, **numbers, "planner": None, "only_barred": True}}
-    assert EnvConfig.from_dict(stored).traffic_spec == TrafficSpec(routes="barred")
-    stored["reroute_spec"] = prices | {"against": 2.0}
-    with pytest.raises(ConfigError, match=r"TrafficSpec parameter 'against' is no option any more: it is 1\.0"):
-        EnvConfig.from_dict(stored)
 
 
 def test_who_is_in_the_cell_of_its_goal_keeps_its_route_to_the_middle() -> None:

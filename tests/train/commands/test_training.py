@@ -62,6 +62,14 @@ def test_without_a_bar_it_says_what_it_begins_and_what_it_wrote(
         ("--layout open nowhere", "unknown layout 'nowhere'"),
         ("--robots 2 400", "num_agents=400 is too many"),
         ("--planner nobody", "unknown planner 'nobody'"),
+        ("--minutes -1", "minutes=-1.0"),
+        ("--traffic asist", "did you mean assist"),
+        ("--gamma 1.5", "gamma=1.5"),
+        ("--rows 0", "rows=0"),
+        ("--name a/b", "name='a/b'"),
+        ("--layout paper46:seed=new", "unknown parameter of layout 'paper46': 'seed'"),
+        ("--layout aisles:seed=new --traffic none --device cpu", "choose seeds, as in aisles:seed=1"),
+        ("--device cpu", "does not simulate live routes yet: leave that out"),
     ],
 )
 def test_what_is_refused_is_refused_before_anything_is_said_or_written(

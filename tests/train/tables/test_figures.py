@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from tests.train.tables.toy import row
+from tests.train.tables.conftest import row
 from train.tables.catalogue import studies_of
 from train.tables.measures import MEASURES, TableFigures
 from train.tables.study import FAILS, HOLDS, IN_PART, OPEN, Claim, ClaimVerdict, PrintedLine
