@@ -1,18 +1,24 @@
-"""Theta*: its sight against exact geometry, its lines against the visibility graph of small maps, its cells by hand."""
+"""Lines off the grid: Theta* against exact geometry and visibility graphs, smoothing by eq. 13 of paper 004 by hand."""
 
 from __future__ import annotations
 
 import itertools
 import math
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
-from hypothesis import given
+import pytest
+from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
+from warehouse_env.maps.clearance import segment_gap
 from warehouse_env.maps.grid_map import Cell, GridMap
-from warehouse_env.planning import validate
+from warehouse_env.planning import make_planner, validate
 from warehouse_env.planning.any_angle import ThetaStar, line_of_sight
 from warehouse_env.planning.plan import Plan, validate_line
+from warehouse_env.planning.smoothing import smooth
 
 RNG = np.random.default_rng(0)
 
@@ -85,3 +91,74 @@ def test_lines_on_random_maps_lie_between_the_shortest_line_and_the_lattice() ->
         saved.append(lattice / shortest - 1)
     assert len(excess) > 30
     assert np.mean(excess) < 0.5 * np.mean(saved)  # most of what a line at any angle can save
+
+
+OPEN = np.zeros((8, 8), dtype=bool)
+
+
+def objective(line: NDArray[np.float64], cells: NDArray[np.int64], power: int, share: float = 0.5) -> float:
+    """Eq. 13 with lambda = mu = share."""
+    return share * float(
+        (np.hypot(*(line - cells).T) ** power).sum() + (np.hypot(*np.diff(line, axis=0).T) ** power).sum()
+    )
+
+
+def length(line: NDArray[Any]) -> float:
+    return float(np.hypot(*np.diff(line, axis=0).T).sum())
+
+
+def test_printed_norms_cannot_move_a_corner_of_45_degrees() -> None:
+    cells = np.array([(3, 0), (3, 1), (3, 2), (2, 3), (1, 4), (0, 5)])
+    np.testing.assert_array_equal(smooth(cells, OPEN, power=1), cells)
+    assert length(smooth(cells, OPEN, power=2)) < length(cells) - 0.2
+
+
+def test_printed_norms_move_a_right_angle_to_its_fermat_point() -> None:
+    # Equal weights: the point from which the corners of the triangle (legs 1) are seen 120 degrees apart.
+    cells = np.array([(0, 0), (0, 1), (1, 1)])
+    off = (3 - math.sqrt(3)) / 6
+    np.testing.assert_allclose(smooth(cells, OPEN, power=1)[1], [off, 1 - off], atol=1e-4)
+
+
+def test_whole_segments_keep_off_a_shelf_where_nodes_alone_would_cut_it() -> None:
+    occupied = OPEN.copy()
+    occupied[2, 2] = True
+    cells = np.array([(3, 2), (3, 1), (2, 1), (1, 1), (1, 2)])
+    free = smooth(cells, occupied, deviation=0.01, clearance=0.0)
+    line = smooth(cells, occupied, deviation=0.01, clearance=0.35)
+    grid = GridMap(occupied)
+    validate_line(grid, line, (3, 2), (1, 2), 0.35 - 1e-6)
+    assert length(free) < length(line) < length(cells)
+    # it is taut round the shelf: it touches the clearance
+    solid = np.pad(occupied, 1, constant_values=True).astype(np.uint8)
+    gaps = [segment_gap(solid, *(a[::-1] + 0.5), *(b[::-1] + 0.5), 1.0, 2.0) for a, b in pairwise(line)]
+    assert min(gaps) == pytest.approx(0.35, abs=2e-3)
+
+
+def some_path(seed: int, share: float, rows: int = 9, columns: int = 12) -> tuple[GridMap, NDArray[np.int64]]:
+    """A random map and a winding path on it: the shortest one under random costs."""
+    rng = np.random.default_rng(seed)
+    occupied = rng.random((rows, columns)) < share
+    occupied[0, 0] = False
+    grid = GridMap(occupied)
+    start, goal = (tuple(grid.free_cells[k].tolist()) for k in rng.integers(0, len(grid.free_cells), 2))
+    cost = rng.exponential(1.0, (rows, columns))
+    return grid, make_planner("astar").plan(grid, start, goal, rng, cost).cells
+
+
+@settings(max_examples=150, deadline=None)
+@given(
+    seed=st.integers(0, 10_000),
+    share=st.floats(0, 0.45),
+    clearance=st.floats(0, 0.8),
+    power=st.sampled_from([1, 2]),
+)
+def test_lines_are_valid_shorter_and_lower_the_objective(seed: int, share: float, clearance: float, power: int) -> None:
+    grid, cells = some_path(seed, share)
+    line = smooth(cells, grid.occupied, clearance=clearance, power=power)
+    assert line.shape == cells.shape
+    start, goal = tuple(cells[0].tolist()), tuple(cells[-1].tolist())
+    validate_line(grid, line, start, goal, min(clearance, 0.5) - 1e-6)
+    assert objective(line, cells, power) <= objective(cells.astype(np.float64), cells, power) + 1e-9
+    if power == 2:
+        assert length(line) <= length(cells) + 1e-9
