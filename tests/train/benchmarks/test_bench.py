@@ -1,4 +1,4 @@
-"""The benchmark: speeds by a fake clock, and parts on a tiny budget."""
+"""Speeds and ratios to fixed work by a clock in hand, each part on a tiny budget, the check against the release."""
 
 from __future__ import annotations
 
@@ -6,20 +6,25 @@ import os
 import re
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, get_args
 
+import numpy as np
 import pytest
 import torch
 
-from train.benchmarks import parts
+from train.benchmarks import parts, reference
 from train.benchmarks import peers as peers_part
+from train.benchmarks.fixed_work import FixedWork, compiler
 from train.benchmarks.parts import PARTS
-from train.benchmarks.timing import speeds
+from train.benchmarks.reference import ROOT, Size, reference_table
+from train.benchmarks.timing import Timed, in_turns, speeds
 from train.cli import main
 from train.commands.bench import What, tables
 from train.learning import recipes
 from train.learning.recipes import by_recipe
-from train.reporting.rows import read_rows
+from train.reporting.rows import Row, read_rows, write_rows
+from warehouse_env.errors import WarehouseError
 from warehouse_env.simulation.device import memory, simulator
 from warehouse_env.threads import get_num_threads, set_num_threads
 
@@ -29,20 +34,31 @@ SMALL: dict[str, Any] = {
 TINY = 0.02  # [s]
 
 
-def test_speeds_by_a_clock_in_hand() -> None:
-    now, order = 0.0, ""
+class Clock:
+    """Time in hand, and who took it."""
 
-    def takes(seconds: float, name: str) -> Any:
+    def __init__(self) -> None:
+        self.now, self.order = 0.0, ""
+
+    def __call__(self) -> float:
+        return self.now
+
+    def takes(self, seconds: float, name: str = "") -> Any:
+        """Return work that takes so long."""
+
         def call(_: int) -> None:
-            nonlocal now, order
-            now, order = now + seconds, order + name
+            self.now, self.order = self.now + seconds, self.order + name
 
         return call
 
-    fast, slow = speeds([(takes(0.25, "f"), 8), (takes(1.0, "s"), 8)], 9.0, lambda: now)
+
+def test_speeds_by_a_clock_in_hand() -> None:
+    clock = Clock()
+    fast, slow = speeds([(clock.takes(0.25, "f"), 8), (clock.takes(1.0, "s"), 8)], 9.0, clock)
     assert [fast[name] for name in ("agent_steps_per_s", "low", "high")] == pytest.approx([32.0] * 3)
     assert slow["agent_steps_per_s"] == pytest.approx(8.0)
-    assert order == 5 * "f" + 2 * "s" + 9 * "ffffs"  # the first call may compile, then a second to count, then turns
+    # the first call may compile, then a second to count, then turns
+    assert clock.order == 5 * "f" + 2 * "s" + 9 * "ffffs"
 
 
 @pytest.mark.parametrize("what", ["simulator", "vec_env"])
@@ -113,3 +129,110 @@ def test_a_peer_steps(package: str, monkeypatch: pytest.MonkeyPatch) -> None:
     call, rows = peers_part.PEERS[package](2, "cpu")
     call(0)
     assert rows % (2 * peers_part.ROBOTS) == 0
+
+
+needs_compiler = pytest.mark.skipif(compiler() is None, reason="there is no C compiler")
+
+
+RUNS = ("same work", "random commands", "full speed", "training")
+
+
+@needs_compiler
+def test_the_work_is_the_same_each_time(tmp_path: Path) -> None:
+    ends = []
+    for _ in range(2):
+        work = FixedWork(2, 8, tmp_path)
+        for k in range(40):
+            work(k)
+        ends.append(work.seen)
+    assert np.array_equal(ends[0], ends[1])
+    assert np.isfinite(ends[0]).all()
+    assert ends[0].std() > 0.3
+
+
+def test_ratios_by_a_clock_in_hand(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = Clock()
+    monkeypatch.setattr(reference, "time", SimpleNamespace(process_time=clock))
+    ours, theirs = Timed(clock.takes(3.0), rows=2, steps=5), Timed(clock.takes(1.0), rows=4, steps=7)
+    assert in_turns([ours, theirs], 3, clock) == [pytest.approx([1.5e6] * 3), pytest.approx([0.25e6] * 3)]
+    row = reference._ratio(ours, theirs, 4)
+    assert (row["ratio"], row["low"], row["high"]) == pytest.approx((1 / 6,) * 3)
+    assert (row["us_a_robot"], row["reference_us"]) == pytest.approx((1.5e6, 0.25e6))
+
+
+@needs_compiler
+def test_every_row_is_measured(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(reference, "SIZES", (Size(2, 4, 2, 2, 2, 1),))
+    monkeypatch.setattr(reference, "DECISIONS", {8: 2})
+    rows = [{"what": "reference", "commit": "c", "date": "d", **row} for row in reference.reference(2, 0)]
+    assert [row["run"] for row in rows] == [*RUNS, "greedy's decision"]
+    assert all(min(row["ratio"], row["us_a_robot"], row["reference_us"]) > 0 for row in rows)
+    (table,) = tables(rows)
+    assert [line[0] for line in table.cells] == [*RUNS, "greedy's decision"]
+    monkeypatch.setenv("CC", "no-such-compiler")
+    with pytest.raises(WarehouseError, match="no C compiler"):
+        next(reference.reference(2, 0))
+
+
+def row(ratio: float, run: str = "random commands") -> Row:
+    return {
+        "what": "reference", "run": run, "envs": 64, "agents": 16, "ratio": ratio, "commit": "abc1234",
+        "date": "2026-07-01",
+    }  # fmt: skip
+
+
+def test_a_third_below_the_release_fails(tmp_path: Path) -> None:
+    path = tmp_path / "release.jsonl"
+    reference.write_release([row(0.9), row(0.6, "full speed"), {"what": "plan"}], path)
+    assert len(read_rows(path)) == 2
+    reference.judge([row(0.61), row(0.41, "full speed")], path)
+    with pytest.raises(WarehouseError) as told:
+        reference.judge([row(0.6), row(0.41, "full speed")], path)
+    for part in ("random commands at 64 x 16 fell from 0.9 of the speed of C to 0.6", "abc1234", reference.RENEW):
+        assert part in str(told.value)
+    assert "full speed" not in str(told.value)
+    with pytest.raises(WarehouseError, match=r"no ratio for parked at 64 x 16: .*--write-release"):
+        reference.judge([row(0.9), row(0.9, "parked")], path)
+
+
+def test_the_release_has_every_ratio() -> None:
+    rows = read_rows(reference.RELEASE)
+    wanted = [(run, size.worlds, size.robots) for size in reference.SIZES for run in RUNS]
+    wanted += [("greedy's decision", 1, robots) for robots in reference.DECISIONS]
+    assert [(one["run"], one["envs"], one["agents"]) for one in rows] == wanted
+    assert all(one["chunks"] == 9 for one in rows)  # as long as the check measures
+
+
+@needs_compiler
+def test_the_command_checks(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(reference, "SIZES", (Size(1, 2, 1, 1, 1, 1),))
+    monkeypatch.setattr(reference, "DECISIONS", {})
+    path = tmp_path / "release.jsonl"
+    for function in (reference.judge, reference.write_release):
+        monkeypatch.setattr(function, "__defaults__", (path,))
+    json = tmp_path / "rows.jsonl"
+    bench = ["bench", "--only", "reference", "--seconds", "0.6"]
+    assert main([*bench, "--write-release", "--json", str(json)]) == 0
+    written = read_rows(path)
+    assert written == read_rows(json)
+    assert {"commit", "date", "ratio", "version"} <= set(written[0])
+    write_rows(path, [{**one, "ratio": one["ratio"] / 1e3} for one in written])
+    assert main([*bench, "--check", "--json", str(json), "--append"]) == 0
+    assert len(read_rows(json)) > len(written)
+    write_rows(path, [{**one, "ratio": one["ratio"] * 1e3} for one in written])
+    capsys.readouterr()
+    assert main([*bench, "--check"]) == 2
+    assert "the step has lost a third of its speed" in capsys.readouterr().err
+    assert main(["bench", "--only", "simulator", "--check"]) == 2
+    assert main(["bench", "--rows", str(json)]) == 0
+    assert "| same work | 1 x 2 | " in capsys.readouterr().out
+
+
+def test_the_page_has_the_releases_table() -> None:
+    page = (ROOT / "docs/measured/speed.md").read_text(encoding="utf-8")
+    shown = f"warehouse bench --rows {reference.RELEASE.relative_to(ROOT).as_posix()}"
+    assert shown in page
+    _, table = reference_table(read_rows(reference.RELEASE)).markdown().split("\n", 1)
+    assert table.strip() in page, f"put into the page what `{shown}` prints"

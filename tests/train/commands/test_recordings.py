@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from agents import WEIGHTS_FOLDER
+from tests.train.test_cli import fails
 from train.cli import main
 from train.reporting.rows import read_rows
 from warehouse_env.simulation.record.recording import Episode
@@ -33,11 +34,7 @@ def run(capsys: pytest.CaptureFixture[str], *words: str | Path) -> str:
 
 def refused(capsys: pytest.CaptureFixture[str], *words: str | Path) -> str:
     """Run a replay that is refused and return its sentence."""
-    assert main(["replay", *map(str, words)]) == 2
-    shown = capsys.readouterr()
-    assert shown.out == ""
-    assert shown.err.count("\n") == 1
-    return shown.err
+    return fails(capsys, "replay", *map(str, words))
 
 
 def test_a_recorded_episode_is_told_of(files: tuple[Path, Path]) -> None:
