@@ -1,16 +1,25 @@
-"""Plan, the measures of a path by hand-computed numbers, and a validator that finds every kind of fault."""
+"""Plans, their measures and lines off the grid: a validator by hand, Theta* by exact geometry, smoothing by eq. 13."""
 
 from __future__ import annotations
 
+import itertools
 import math
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from warehouse_env.errors import ConfigError, PlanError
-from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.maps.clearance import segment_gap
+from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.planning import climb, make_planner, path_length, turns, validate
-from warehouse_env.planning.plan import edge_cost, validate_line
+from warehouse_env.planning.any_angle import ThetaStar, line_of_sight
+from warehouse_env.planning.plan import Plan, edge_cost, validate_line
+from warehouse_env.planning.smoothing import smooth
 
 # Shelf at (1, 1); the path goes round it on the south-west side.
 ROUND = [(0, 0), (1, 0), (2, 0), (2, 1), (2, 2), (1, 3)]
@@ -122,3 +131,147 @@ def test_unknown_names_are_refused_with_near_matches() -> None:
 def test_bad_parameters_are_refused_by_name(parameter: str, value: object) -> None:
     with pytest.raises(ConfigError, match=f"aco parameter {parameter}="):
         make_planner("aco", **{parameter: value})
+
+
+RNG = np.random.default_rng(0)
+
+
+def plan(grid: GridMap, start: Cell, goal: Cell) -> Plan:
+    return ThetaStar().plan(grid, start, goal, RNG)
+
+
+def touches(a: Cell, b: Cell, square: Cell) -> bool:
+    """Does the segment between two cell centres meet the closed unit square of a cell? Exact, by separating axes."""
+    (r, c), (r2, c2) = ((2 * (p[0] - square[0]), 2 * (p[1] - square[1])) for p in (a, b))  # the square is [-1, 1]^2
+    if min(r, r2) > 1 or max(r, r2) < -1 or min(c, c2) > 1 or max(c, c2) < -1:
+        return False
+    sides = [(r2 - r) * (y - c) - (c2 - c) * (x - r) for x in (-1, 1) for y in (-1, 1)]
+    return min(sides) <= 0 <= max(sides)
+
+
+@given(st.data())
+def test_sight_equals_exact_geometry(data: st.DataObject) -> None:
+    rows, cols = data.draw(st.integers(1, 7)), data.draw(st.integers(1, 7))
+    shelves = data.draw(st.sets(st.tuples(st.integers(0, rows - 1), st.integers(0, cols - 1)), max_size=6))
+    occupied = np.zeros((rows, cols), dtype=bool)
+    for cell in shelves:
+        occupied[cell] = True
+    free = [tuple(cell) for cell in np.argwhere(~occupied).tolist()]
+    if not free:
+        return
+    a, b = data.draw(st.sampled_from(free)), data.draw(st.sampled_from(free))
+    assert line_of_sight(occupied, np.zeros(occupied.shape, np.uint8), *a, *b) == (
+        not any(touches(a, b, shelf) for shelf in shelves)
+    )
+
+
+def visibility_length(grid: GridMap, start: Cell, goal: Cell) -> float:
+    """The shortest any-angle line between cell centres, by Dijkstra on all pairs that see each other."""
+    cells = [tuple(cell) for cell in np.argwhere(~grid.occupied).tolist()]
+    length = dict.fromkeys(cells, math.inf)
+    length[start] = 0.0
+    while cells:
+        here = min(cells, key=length.__getitem__)
+        cells.remove(here)
+        for other in cells:
+            if math.isfinite(length[here]) and line_of_sight(grid.occupied, grid.one_way, *here, *other):
+                length[other] = min(length[other], length[here] + math.dist(here, other))
+    return length[goal]
+
+
+def test_lines_on_random_maps_lie_between_the_shortest_line_and_the_lattice() -> None:
+    rng = np.random.default_rng(5)
+    excess, saved = [], []
+    for _ in range(60):
+        occupied = rng.random((8, 10)) < rng.choice([0.1, 0.25, 0.4])
+        occupied[0, 0] = occupied[7, 9] = False
+        grid = GridMap(occupied)
+        found = plan(grid, (0, 0), (7, 9))
+        shortest, lattice = visibility_length(grid, (0, 0), (7, 9)), float(grid.distance_to((7, 9))[0, 0])
+        assert found.found == math.isfinite(lattice) == math.isfinite(shortest)
+        if not found.found:
+            assert found.line is None
+            continue
+        assert found.line is not None
+        validate_line(grid, found.line, (0, 0), (7, 9))
+        vertices = found.line.astype(int).tolist()
+        assert all(
+            line_of_sight(occupied, np.zeros(occupied.shape, np.uint8), *a, *b) for a, b in itertools.pairwise(vertices)
+        )
+        assert shortest - 1e-9 <= found.line_length <= lattice + 1e-9
+        validate(grid, found.cells, (0, 0), (7, 9))
+        excess.append(found.line_length / shortest - 1)
+        saved.append(lattice / shortest - 1)
+    assert len(excess) > 30
+    assert np.mean(excess) < 0.5 * np.mean(saved)  # most of what a line at any angle can save
+
+
+OPEN = np.zeros((8, 8), dtype=bool)
+
+
+def objective(line: NDArray[np.float64], cells: NDArray[np.int64], power: int, share: float = 0.5) -> float:
+    """Eq. 13 with lambda = mu = share."""
+    return share * float(
+        (np.hypot(*(line - cells).T) ** power).sum() + (np.hypot(*np.diff(line, axis=0).T) ** power).sum()
+    )
+
+
+def length(line: NDArray[Any]) -> float:
+    return float(np.hypot(*np.diff(line, axis=0).T).sum())
+
+
+def test_printed_norms_cannot_move_a_corner_of_45_degrees() -> None:
+    cells = np.array([(3, 0), (3, 1), (3, 2), (2, 3), (1, 4), (0, 5)])
+    np.testing.assert_array_equal(smooth(cells, OPEN, power=1), cells)
+    assert length(smooth(cells, OPEN, power=2)) < length(cells) - 0.2
+
+
+def test_printed_norms_move_a_right_angle_to_its_fermat_point() -> None:
+    # Equal weights: the point from which the corners of the triangle (legs 1) are seen 120 degrees apart.
+    cells = np.array([(0, 0), (0, 1), (1, 1)])
+    off = (3 - math.sqrt(3)) / 6
+    np.testing.assert_allclose(smooth(cells, OPEN, power=1)[1], [off, 1 - off], atol=1e-4)
+
+
+def test_whole_segments_keep_off_a_shelf_where_nodes_alone_would_cut_it() -> None:
+    occupied = OPEN.copy()
+    occupied[2, 2] = True
+    cells = np.array([(3, 2), (3, 1), (2, 1), (1, 1), (1, 2)])
+    free = smooth(cells, occupied, deviation=0.01, clearance=0.0)
+    line = smooth(cells, occupied, deviation=0.01, clearance=0.35)
+    grid = GridMap(occupied)
+    validate_line(grid, line, (3, 2), (1, 2), 0.35 - 1e-6)
+    assert length(free) < length(line) < length(cells)
+    # it is taut round the shelf: it touches the clearance
+    solid = np.pad(occupied, 1, constant_values=True).astype(np.uint8)
+    gaps = [segment_gap(solid, *(a[::-1] + 0.5), *(b[::-1] + 0.5), 1.0, 2.0) for a, b in pairwise(line)]
+    assert min(gaps) == pytest.approx(0.35, abs=2e-3)
+
+
+def some_path(seed: int, share: float, rows: int = 9, columns: int = 12) -> tuple[GridMap, NDArray[np.int64]]:
+    """A random map and a winding path on it: the shortest one under random costs."""
+    rng = np.random.default_rng(seed)
+    occupied = rng.random((rows, columns)) < share
+    occupied[0, 0] = False
+    grid = GridMap(occupied)
+    start, goal = (tuple(grid.free_cells[k].tolist()) for k in rng.integers(0, len(grid.free_cells), 2))
+    cost = rng.exponential(1.0, (rows, columns))
+    return grid, make_planner("astar").plan(grid, start, goal, rng, cost).cells
+
+
+@settings(max_examples=150, deadline=None)
+@given(
+    seed=st.integers(0, 10_000),
+    share=st.floats(0, 0.45),
+    clearance=st.floats(0, 0.8),
+    power=st.sampled_from([1, 2]),
+)
+def test_lines_are_valid_shorter_and_lower_the_objective(seed: int, share: float, clearance: float, power: int) -> None:
+    grid, cells = some_path(seed, share)
+    line = smooth(cells, grid.occupied, clearance=clearance, power=power)
+    assert line.shape == cells.shape
+    start, goal = tuple(cells[0].tolist()), tuple(cells[-1].tolist())
+    validate_line(grid, line, start, goal, min(clearance, 0.5) - 1e-6)
+    assert objective(line, cells, power) <= objective(cells.astype(np.float64), cells, power) + 1e-9
+    if power == 2:
+        assert length(line) <= length(cells) + 1e-9
