@@ -88,5 +88,5 @@ def test_a_rule_names_the_slice_that_it_needs() -> None:
                 make_policy(policy, config)
         else:
             make_policy(policy, config).act(np.zeros((1, 8, observation_layout(config).size), np.float32), RNG)
-    with pytest.raises(ConfigError, match="predictions=True must be False without neighbours or route_points"):
+    with pytest.raises(ConfigError, match="predictions=True must be False without neighbours"):
         SensorSpec(neighbours=0, predictions=True)

@@ -109,8 +109,7 @@ class SensorSpec(Checked):
         super().__post_init__()
         self._between(0, 4096, "rays", "neighbours", "route_points")
         self._between(_LEAST, _MOST, "lidar_range", "route_spacing")
-        seen = self.neighbours > 0 and self.route_points > 0
-        self._require(seen or not self.predictions, "predictions", "False without neighbours or route_points")
+        self._require(self.neighbours > 0 or not self.predictions, "predictions", "False without neighbours")
 
 
 @dataclass(frozen=True)

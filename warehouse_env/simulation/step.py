@@ -273,11 +273,17 @@ def _advance(begin, end, worlds, setup, scratch):
 
 
 @inline
-def _predict(row, starts, table, sights, p):
+def _predict(worlds, at, row, starts, table, sights, p, floor):
     """Write the predictions if the config has them."""
     if table is not None:
-        _, legs, path = sights
-        prediction.write_predictions(row, starts, table[p["kind"]], legs, path, p)
+        prediction.write_predictions(worlds, at, row, starts, table[p["kind"]], sights, p, floor)
+
+
+@inline
+def _plan(worlds, b, table, vehicles, floor, sights):
+    """Write what the robots plan if others predict by it."""
+    if table is not None:
+        prediction.write_plans(worlds, b, vehicles, floor, sights)
 
 
 @inline
@@ -287,18 +293,19 @@ def _observe_world(worlds, b, setup, scratch):
     p, robots, rays, starts = params[0], worlds.robots[b], equipment.rays, equipment.starts
     near = starts.neighbours
     buckets.sort(robots, p, kinds, begins, order, bodies)
+    _plan(worlds, b, equipment.table, (params, kinds), setup.floor, scratch.sights)
     for n in range(robots.shape[0]):
         i = order[n]
         r, own, row = robots[i], kind_of(i, p, kinds), worlds.observation[b, i]
         pose = bodies[buckets.CENTRE_X, n], bodies[buckets.CENTRE_Y, n], r["motion"]["cos"], r["motion"]["sin"]
-        sensing.scan_shelves(pose, own, setup.floor.edges, rays, scratch.sights[0], row)
+        sensing.scan_shelves(pose, own, setup.floor.edges, rays, scratch.sights.turned, row)
         sensing.look_around(n, scratch.places, own, kinds, rays, row, near)
         people.scan_people(worlds.persons[b], pose, setup.features.walking, rays, row)
-        sensing.write_neighbours(n, bodies, own, row, near)
+        sensing.write_neighbours(n, bodies, own, row, near, order, scratch.sights.who)
         for k in range(p["rays"]):
             row[k] = ONE / (ONE + row[k])
         sensing.write_ego_and_route(r, worlds.routes[b, i], own, row, starts.ego, starts.route)
-        _predict(row, starts, equipment.table, scratch.sights, own)
+        _predict(worlds, (b, i), row, starts, equipment.table, scratch.sights, own, setup.floor)
         shield.observe(r, own, row, starts.field)
         arrival.observe(r, own, row, starts.goal)
         worlds.reward[b, i] = write_terms(r, own, equipment.weights, worlds.terms[b, i])

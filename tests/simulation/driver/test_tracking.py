@@ -320,6 +320,23 @@ def test_round_others_it_searches_the_more_rarely_the_longer_it_gets_nowhere(mon
     np.testing.assert_allclose(gaps, float(tracking.AGAIN_HELD) + np.array(seconds[:-1]), atol=0.35)
 
 
+@pytest.mark.parametrize("clear", [True, False])
+def test_without_a_shield_it_goes_around_a_robot_that_its_manoeuvre_does_not_heed(clear: bool) -> None:
+    """It turns round in a wide room; after HELD seconds of standing in its manoeuvre, another counts that is near."""
+    grid = room(12, 24)
+    simulator = stage(grid, (12.0, 6.0, math.pi), (3.0 if clear else 11.0, 4.9, 0.0), action_type="discrete")
+    lay(simulator, (12.0, 6.0), (22.0, 6.0))
+    go, stop = np.array([[int(simulator.cruise_action), STOP]]), np.full((1, 2), STOP)
+    for actions, steps in ((go, 2), (stop, 30), (go, 1)):
+        before = simulator.arcs[0, 0].copy()
+        for _ in range(steps):
+            simulator.step(actions)
+    around, r = simulator.arcs[0, 0], simulator.robots[0, 0]
+    assert r["manoeuvre"]["arcs"] > 0
+    assert (around == before).all() == clear
+    assert (r["manoeuvre"]["search_wait"] == tracking.AGAIN) == clear
+
+
 @pytest.mark.parametrize("field", ["alive", "arrived"])
 def test_nobody_searches_for_who_is_parked_or_gets_another_route(field: str) -> None:
     grid = drawn(["#" * 24, "." * 24, "." * 24, "#" * 24])

@@ -1,42 +1,37 @@
-"""The seconds that each command has until a predicted conflict, against polygons and by hand."""
+"""The share of the next seconds that each command is free of conflicts, against robots that really drive."""
 
 from __future__ import annotations
 
+import copy
 import math
 from typing import Any
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from tests.simulation.reference import OFFSET, rectangle, separation
-from tests.simulation.worlds import lay, room, stage, write
-from warehouse_env.config import RobotSpec, SensorSpec
+from tests.simulation.reference import OFFSET, Points, bodies, rectangle, separation
+from tests.simulation.worlds import drawn, lay, room, stage, write
+from warehouse_env.config import SensorSpec
+from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.simulation.simulator import Simulator
 
-REAR_STEERED = RobotSpec()
 SPEEDS, SIDES = (-0.4, 0.0, 0.5, 1.3), (0.0, 0.6, -0.6, 1.2, -1.2)  # the commands
-TIMES = 2.4 * np.arange(1, 9) / 8  # [s] looked at
+BACK, STAND, SLOWLY, FAST = range(4)
+TIMES = 0.3 * np.arange(1, 9)  # [s] looked at
 
 
-def metres(speed: float, target: float, t: float) -> float:
-    """Metres driven in t seconds at 1 m/s^2 towards a speed, by summing up."""
-    n = 20000
-    at = (np.arange(n) + 0.5) * t / n
-    return float(
-        np.sum(np.where(target > speed, np.minimum(speed + at, target), np.maximum(speed - at, target))) * t / n
-    )
+ROOM = room(40, 40)
 
 
-def scene(
-    own: tuple[float, ...], *others: tuple[float, ...], robot: RobotSpec = REAR_STEERED, **sensor: Any
-) -> Simulator:
-    """The own robot with a straight route due east along y = 20 from x = 10; others anywhere."""
-    settings = {"speed_levels": SPEEDS, "sensor": SensorSpec(predictions=True, **sensor), "robot": robot}
-    simulator = stage(room(40, 40), own, *others, action_type="discrete", **settings)
-    lay(simulator, (10.0, 20.0), (29.5, 20.0))
-    write(simulator.robots[0, 0], position=own[0] - 10.0, lateral=own[1] - 20.0, bearing=-own[2])
+def scene(own: tuple[float, ...], *others: tuple[float, ...], grid: GridMap = ROOM, y: float = 20.0) -> Simulator:
+    """The own robot with a route due east along y from x = 10, then north; others anywhere."""
+    options: dict[str, Any] = {"speed_levels": SPEEDS, "sensor": SensorSpec(predictions=True)}
+    simulator = stage(grid, own, *others, action_type="discrete", **options)
+    lay(simulator, (10.0, y), (17.0, y), (17.0, 30.0))
+    write(simulator.robots[0, 0], position=own[0] - 10.0, lateral=own[1] - y, bearing=-own[2])
     simulator._observe()
     return simulator
 
@@ -46,55 +41,123 @@ def predictions(simulator: Simulator) -> NDArray[np.float64]:
     return simulator.observation[0, 0, simulator.layout.slices["predictions"]].astype(np.float64).reshape(4, 5)
 
 
-def own_body(own: tuple[float, ...], speed: float, side: float, t: float, back: float) -> NDArray[np.float64]:
-    """The own body after t seconds of a command, grown by its margin, its centre `back` [m] behind the axle."""
-    x, y, heading, now = own
-    s = metres(now, speed, t)
-    margin = 0.03 + 0.05 * t
-    if s <= 0:
-        x, y = x + s * math.cos(heading), y + s * math.sin(heading)
-    else:
-        lateral, left = y - 20.0, max(0.0, 1.0 - s / 1.5)
-        y = 20.0 + side + (lateral - side) * left
-        heading = math.atan((side - lateral) / 1.5) if left > 0 else 0.0
-        x += s
-    return rectangle(x - back * math.cos(heading), y - back * math.sin(heading), heading, 0.45 + margin, 0.3 + margin)
+def drive(simulator: Simulator, command: int) -> Points:
+    """The own body [8, 4, 2] at TIMES under a command, while the others stand; restarts where it began."""
+    simulator, poses = copy.deepcopy(simulator), []
+    actions = np.full((1, simulator.num_agents), STAND * len(SIDES))
+    actions[0, 0] = command
+    for _ in TIMES:
+        for _ in range(3):
+            simulator.step(actions)
+        poses.append(simulator.robots[0, 0]["motion"][["x", "y", "heading"]].tolist())
+    return bodies(*np.array(poses, np.float64).T)
 
 
-@settings(max_examples=60)
-@given(st.integers(0, 10**6), st.sampled_from([OFFSET, -OFFSET]))
-def test_predictions_agree_with_polygons(seed: int, back: float) -> None:
+def grown(body: Points, margin: float) -> Points:
+    """A rectangle with a margin around it."""
+    ahead, left = body[0] - body[1], body[0] - body[3]
+    ahead, left = ahead / np.linalg.norm(ahead), left / np.linalg.norm(left)
+    return body + margin * np.array([ahead + left, left - ahead, -ahead - left, ahead - left])
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 10**6))
+def test_predictions_agree_with_what_commands_do_beside_robots_that_stand(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    own = (12.0, 20.0 + rng.uniform(-1, 1), rng.uniform(-0.8, 0.8), rng.choice([0.0, 0.7, 1.3]))
-    others = [(12.0 + rng.uniform(-2, 5), 20.0 + rng.uniform(-3, 3), rng.uniform(-3.1, 3.1), rng.uniform(-0.5, 1.5))
-              for _ in range(4)]  # fmt: skip
-    got = predictions(scene(own, *others, robot=RobotSpec(front_overhang=0.45 - back)))
-    for a, speed in enumerate(SPEEDS):
-        for b, side in enumerate(SIDES):
-            apart = []
-            for t in TIMES.tolist():
-                body = own_body(own, speed, side if speed > 0 else 0.0, t, back)
-                there = [
-                    rectangle(x + (v * t - back) * math.cos(h), y + (v * t - back) * math.sin(h), h, 0.45, 0.3)
-                    for x, y, h, v in others
-                ]
-                apart.append(float(separation(body, np.array(there)).min()))
-            surely = next((k for k, gap in enumerate(apart) if gap < -2e-3), 8)
-            perhaps = next((k for k, gap in enumerate(apart) if gap < 2e-3), 8)
-            assert perhaps / 8 <= got[a, b] <= surely / 8
+    own = (12.0 + rng.uniform(0, 4), 20 + rng.uniform(-0.5, 0.5), rng.uniform(-0.5, 0.5), rng.choice([0.0, 0.7, 1.3]))
+    others = [(own[0] + x, own[1] + y, rng.uniform(-3, 3)) for x, y in ((3.2, rng.uniform(-1, 1)), (-2, -1), (1, 2.2))]
+    simulator = scene(own, *others)
+    got, there = predictions(simulator), bodies(*np.array(others).T)
+    for speed in range(len(SPEEDS)):
+        apart = [
+            float(separation(grown(body, 0.03 + 0.05 * t), there).min())
+            for body, t in zip(drive(simulator, speed * len(SIDES)), TIMES.tolist(), strict=True)
+        ]
+        slack = 0.04 + 0.06 * TIMES
+        surely = next((k for k in range(8) if apart[k] < -slack[k]), 8)
+        perhaps = next((k for k in range(8) if apart[k] < slack[k]), 8)
+        assert perhaps / 8 <= got[speed, 0] <= surely / 8
 
 
-def turning(at: tuple[float, float], heading: float) -> float:
-    """Share of the horizon that is free to a robot at (0, 0), facing away from its route, with one that stands by."""
-    simulator = scene(
-        (12.0 - OFFSET, 20.0, math.pi),
-        (12.0 + at[0] + OFFSET * math.cos(heading), 20.0 + at[1] + OFFSET * math.sin(heading), heading),
-    )
-    return float(predictions(simulator)[3, 0])
+def test_an_offset_leads_past_a_robot_on_the_route_but_not_where_there_is_no_room() -> None:
+    ahead = (15.0, 20.0, 0.0)
+    got = predictions(scene((12.0, 20.0, 0.0), ahead))
+    assert got[FAST, 0] < 1
+    assert got[FAST, 3] == got[FAST, 4] == 1
+    aisle = drawn(["#" * 40] * 19 + ["." * 40] + ["#" * 40] * 20)  # y from 20 to 21
+    got = predictions(scene((12.0, 20.5, 0.0), (15.0, 20.5, 0.0), grid=aisle, y=20.5))
+    assert (got[FAST] == got[FAST, 0]).all()
+    assert got[FAST, 0] < 1
 
 
-def test_a_turn_on_the_spot_sweeps_a_square() -> None:
-    assert turning((1.19, 0.0), 0.0) == 0.0  # tail at 0.74
-    assert turning((1.21, 0.0), 0.0) == 1.0
-    assert turning((0.0, -1.04), 0.0) == 0.0
-    assert turning((0.0, -1.06), 0.0) == 1.0
+def plan(simulator: Simulator, robot: int) -> Points:
+    """Where others think that a robot's body [8, 4, 2] will be."""
+    plans = simulator._scratch.step.sights.plans[robot].astype(np.float64)
+    return np.array([rectangle(x, y, math.atan2(s, c), 0.45, 0.3) for x, y, c, s in plans])
+
+
+def test_a_neighbour_is_expected_along_its_route() -> None:
+    """It drives round the bend, where its nose comes near the other."""
+    own, other = (16.0, 20.0, 0.0, 0.5), (17.3, 20.6, math.pi / 2)
+    drives, simulator = drive(scene(own), SLOWLY * len(SIDES)), scene(own, other)
+    np.testing.assert_allclose(plan(simulator, 0), drives, atol=0.15)
+    seen = simulator.observation[0, 1, simulator.layout.slices["predictions"]].reshape(4, 5)
+    meets = next(k for k in range(8) if separation(drives[k], bodies(*other)) < 0.03 + 0.05 * TIMES[k])
+    assert abs(seen[STAND, 0] * 8 - meets) <= 1
+
+
+def test_a_neighbour_without_a_route_stops_unless_it_backs() -> None:
+    simulator = scene((12.0, 20.0, 0.0), (14.0, 22.0, 2.0, 1.0), (30.0, 30.0, 1.0, -0.4))
+    stopped = bodies(14.0 + 0.5 * math.cos(2.0), 22.0 + 0.5 * math.sin(2.0), 2.0)
+    np.testing.assert_allclose(plan(simulator, 1)[4:], np.broadcast_to(stopped, (4, 4, 2)), atol=1e-3)
+    way = -0.4 * TIMES
+    backs = bodies(30.0 + way * math.cos(1.0), 30.0 + way * math.sin(1.0), np.full(8, 1.0))
+    np.testing.assert_allclose(plan(simulator, 2), backs, atol=1e-3)
+
+
+def reverses(simulator: Simulator) -> Simulator:
+    """The own robot in a manoeuvre that leads back to the right, then on."""
+    simulator.arcs[0, 0, :2] = (-1.2, -0.6), (1.0, 0.3)
+    r = simulator.robots[0, 0]
+    write(r, arcs=2, arc=0, arc_x=r["motion"]["x"], arc_y=r["motion"]["y"], arc_heading=r["motion"]["heading"])
+    write(r, arc_left=-1.2, arc_margin=0.01, arc_planned=0.01)
+    simulator._observe()
+    return simulator
+
+
+def test_a_command_forwards_follows_the_manoeuvre_even_backwards() -> None:
+    own, behind = (12.0, 20.0, 0.0), (10.4, 20.0 + OFFSET, math.pi / 2)
+    straight, back = scene(own, behind), reverses(scene(own, behind))
+    assert (predictions(straight)[FAST] == 1).all()
+    share = predictions(back)[FAST]
+    assert (share == share[0]).all()  # whatever the offset
+    assert 0 < share[0] < 1
+    body = drive(reverses(scene(own)), FAST * len(SIDES))
+    reached = next(k for k in range(8) if separation(body[k], bodies(*behind)) < 0.03 + 0.05 * TIMES[k])
+    assert abs(share[0] * 8 - reached) <= 2  # it steers first
+
+
+def beside(gap: float) -> NDArray[np.float64]:
+    """What a robot sees whose front is `gap` [m] before another's side."""
+    return predictions(scene((12.0, 20.0, 0.0), (12.15 + gap + 0.3, 20.0 + OFFSET, math.pi / 2)))
+
+
+@pytest.mark.parametrize("gap", [0.0, 0.02, 0.2])
+def test_a_near_robot_bars_the_commands_that_lead_nearer(gap: float) -> None:
+    got = beside(gap)
+    assert (got[[BACK, STAND]] == 1).all()
+    assert (got[[SLOWLY, FAST], 0] < 0.5).all()
+
+
+def test_a_command_that_starts_a_search_is_free() -> None:
+    other = (11.0, 20.5, 0.0)
+    simulator = scene((12.0, 20.0, math.pi), other)  # faces away from its route
+    assert (predictions(simulator)[FAST] == 1).all()
+    simulator = reverses(scene((12.0, 20.0, 0.0), (10.7, 20.0 + OFFSET, math.pi / 2)))
+    assert (predictions(simulator)[FAST] < 1).all()
+    write(simulator.robots[0, 0], waiting_time=3.0)  # so it would search around others
+    simulator._observe()
+    assert (predictions(simulator)[FAST] == 1).all()
+    write(simulator.robots[0, 0], search_wait=1.0)  # but not yet
+    simulator._observe()
+    assert (predictions(simulator)[FAST] < 1).all()

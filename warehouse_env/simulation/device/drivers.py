@@ -15,6 +15,7 @@ from warehouse_env.simulation.driver.scratch import Cells, Nodes, Queue, SearchS
 from warehouse_env.simulation.physics import deviation
 from warehouse_env.simulation.physics.floor import Floor
 from warehouse_env.simulation.senses import messages, preferences
+from warehouse_env.simulation.senses.prediction import Sights
 from warehouse_env.simulation.tasks import giving
 from warehouse_env.simulation.tasks.giving import TaskArrays
 from warehouse_env.simulation.traffic import deadlock_recovery, decision, recovery
@@ -87,7 +88,11 @@ def scratch_of(sets, t):
         (motions[0][t], motions[1][t], motions[2][t], motions[3][t]),
         sets.near[t],
         (guards[0][t], guards[1][t], guards[2][t], guards[3][t]),
-        sets.own[t], (sights[0][t], sights[1][t], sights[2][t]), sets.order[t], sets.found[t],
+        sets.own[t],
+        Sights(
+            sights.turned[t], sights.plans[t], sights.who[t], sights.gaps[t], sights.sides[t], sights.path[t]
+        ),
+        sets.order[t], sets.found[t],
         (sets.meetings[0][t], sets.meetings[1][t], sets.meetings[2][t], sets.meetings[3][t]),
     )  # fmt: skip
 

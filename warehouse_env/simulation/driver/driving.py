@@ -31,7 +31,7 @@ KEPT = np.float32(1.0 / 3.0)  # of the planned margin that is kept when driving
 GRAZING = np.float32(0.1)
 EXACT_END = np.float32(0.003)  # [m] before the end of a manoeuvre that docks, and before it turns back
 SLACK_PER_METRE = np.float32(0.2)  # [rad/s] of STEER_SLACK for each metre of a docking arc
-_LEAST_OFF = np.float32(0.01)  # [rad]
+LEAST_OFF = np.float32(0.01)  # [rad]
 _STRAIGHT = np.float32(1e-3)  # [1/m]
 _TWO = np.float32(2.0)
 
@@ -161,10 +161,10 @@ def _docking_speed(r, arcs, off, p):
         limit = p["max_speed"] if forward else -p["min_speed"]
     if manoeuvre["arc_margin"] < NARROW:
         limit = GRAZING
-    limit = min(limit, _slack(arcs[k, 0]) / max(off, _LEAST_OFF))
+    limit = min(limit, _slack(arcs[k, 0]) / max(off, LEAST_OFF))
     run = abs(manoeuvre["arc_left"])
     while k + 1 < count and arcs[k, 0] * arcs[k + 1, 0] > ZERO:
-        at_end = _slack(arcs[k + 1, 0]) / max(abs(arcs[k + 1, 1] - arcs[k, 1]), _LEAST_OFF)
+        at_end = _slack(arcs[k + 1, 0]) / max(abs(arcs[k + 1, 1] - arcs[k, 1]), LEAST_OFF)
         limit = min(limit, speed_before(max(run - HALF * READY, ZERO), at_end, r["motion"]["speed"], p))
         k += 1
         run += abs(arcs[k, 0])
@@ -203,7 +203,7 @@ def drive_arcs(r, arcs, wanted, stopping, p):
     if docks:
         speed = _docking_speed(r, arcs, off, p)
     else:
-        speed = min(_speed_limit(r, arcs, p), STEER_SLACK / max(off, _LEAST_OFF))
+        speed = min(_speed_limit(r, arcs, p), STEER_SLACK / max(off, LEAST_OFF))
     if manoeuvre["arc_margin"] < NARROW and off > EXACT_STEER and abs(r["motion"]["speed"]) < STANDS:
         speed = ZERO
     return direction * min(speed, wanted), steer

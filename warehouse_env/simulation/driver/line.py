@@ -72,6 +72,15 @@ def point_at(route, points, spacing, along, beyond):
 
 
 @inline
+def along_after(route, points, spacing, along, way, x, y):
+    """Return how far along a route [m] a robot at (x, y) [m] is that drove `way` [m] from `along`."""
+    k = min(int(along / spacing), points - 2)
+    ux, uy = (route[k + 1, 0] - route[k, 0]) / spacing, (route[k + 1, 1] - route[k, 1]) / spacing
+    reached = np.float32(k) * spacing + (x - route[k, 0]) * ux + (y - route[k, 1]) * uy
+    return min(max(reached, along), along + TWO * max(way, ZERO))
+
+
+@inline
 def way_point(r, route, ahead, beyond):
     """Return the route's point `ahead` [m] of the robot and its direction (x, y, ux, uy); `beyond` the goal at most."""
     on_route = r["on_route"]

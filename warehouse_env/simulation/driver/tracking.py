@@ -15,7 +15,7 @@ import numpy as np
 from warehouse_env.kernel import inline
 from warehouse_env.simulation.driver import arrival
 from warehouse_env.simulation.driver.driving import KEPT, STANDS, drive_arcs, give_up, leads_ahead
-from warehouse_env.simulation.driver.line import aim, room_beside, steer_for
+from warehouse_env.simulation.driver.line import aim, look_ahead, room_beside, steer_for, way_point
 from warehouse_env.simulation.driver.off_shelves import may_drive
 from warehouse_env.simulation.physics.trigonometry import ONE, ZERO
 from warehouse_env.simulation.state import ALONE, AROUND_OTHERS
@@ -31,9 +31,8 @@ BACK_ON = np.float32(0.5)  # [rad] off the nose within which target and line end
 PATIENCE = np.float32(4.0)  # [s] without a metre of progress after which manoeuvres are completed
 ASIDE = np.float32(1.0)  # [rad] off the nose from which a target needs a manoeuvre
 AGAIN = np.float32(2.0)  # [s] from one search to the next,
-AGAIN_HELD, AGAIN_HELD_BACK = np.float32(15.0), np.float32(5.0)  # [s] and around other robots, plus
-# the time without progress: failing searches become rarer
-HELD = np.float32(2.5)  # [s] in touch with a robot or vetoed by the shield, after which it searches a way around others
+AGAIN_HELD = np.float32(5.0)  # [s] and around other robots, plus the time without progress: searches become rarer
+HELD = np.float32(2.5)  # [s] held by others after which it searches a way around them
 
 
 @inline
@@ -78,8 +77,7 @@ def _forward(r, alone, speed, steer, angle, p, floor):
     may = not (slow and abs(angle) > ASIDE) and may_drive(r, speed, steer, MARGIN, p, floor)
     if slow and not (may and alone) and manoeuvre["search_wait"] <= ZERO:
         manoeuvre["seeks"] = ALONE if alone else AROUND_OTHERS
-        again_held = AGAIN_HELD_BACK if p["field"] else AGAIN_HELD
-        manoeuvre["search_wait"] = AGAIN if alone else again_held + r["clocks"]["stalled_time"]
+        manoeuvre["search_wait"] = AGAIN if alone else AGAIN_HELD + r["clocks"]["stalled_time"]
     if may:
         return speed, steer
     return ZERO, _brake_steer(r, steer, MARGIN, p, floor)
@@ -92,6 +90,35 @@ def _backwards(r, speed, p, floor):
     if may_drive(r, speed, steer, MARGIN, p, floor):
         return speed, steer
     return ZERO, _brake_steer(r, steer, MARGIN, p, floor)
+
+
+@inline
+def on_bend(speed, steer, steered, p):
+    """Return the speed [m/s] that is driven at most while steering at `steered` [rad] towards `steer`."""
+    bend = max(abs(steer) / BEND_SCALE, abs(steer - steered) / STEER_SCALE)
+    return min(speed, CREEP + (p["max_speed"] - CREEP) * max(ZERO, ONE - bend))
+
+
+@inline
+def _alone(r, p):
+    """Whether no other robot keeps the robot from its way.
+
+    Without the shield it stands clear of others by itself. That counts in a manoeuvre; on its line it may queue.
+    """
+    clocks = r["clocks"]
+    held = max(clocks["contact_time"], r["shield"]["vetoed_time"])
+    if p["field"] == 0 and r["manoeuvre"]["arcs"] > 0:
+        held = max(held, clocks["waiting_time"])
+    return held <= HELD
+
+
+@inline
+def searches(r, route, p):
+    """Whether a command forwards only makes the robot stand and search a manoeuvre."""
+    if r["manoeuvre"]["arcs"] > 0:
+        return not _alone(r, p) and r["manoeuvre"]["search_wait"] <= ZERO
+    tx, ty, _, _ = way_point(r, route, look_ahead(max(r["motion"]["speed"], ZERO), p), p["beyond"])
+    return abs(r["motion"]["speed"]) < SLOW and abs(steer_for(r, tx, ty, p)[1]) > ASIDE
 
 
 @inline
@@ -109,12 +136,11 @@ def follow(r, route, arcs, wanted_speed, offset, stopping, p, floor):
         offset = room_beside(tx, ty, ux, uy, offset, to_go, floor, p)
         steer, angle = steer_for(r, tx - offset * uy, ty + offset * ux, p)
     speed = on_line = wanted_speed
-    alone = max(r["clocks"]["contact_time"], r["shield"]["vetoed_time"]) <= HELD
+    alone = _alone(r, p)
     if speed > ZERO:
         if not alone and manoeuvre["search_wait"] <= ZERO:
             give_up(r)
-        bend = max(abs(steer) / BEND_SCALE, abs(steer - r["motion"]["steer"]) / STEER_SCALE)
-        on_line = min(speed, CREEP + (p["max_speed"] - CREEP) * max(ZERO, ONE - bend))
+        on_line = on_bend(speed, steer, r["motion"]["steer"], p)
         if stopping is not None:
             on_line = min(on_line, arrival.speed_on_line(r, p))
             if manoeuvre["arcs"] == 0 and manoeuvre["search_wait"] <= ZERO and arrival.wants_to_dock(r):

@@ -11,7 +11,16 @@ from numpy.typing import NDArray
 from warehouse_env.kernel import inline
 from warehouse_env.observation import NEIGHBOUR
 from warehouse_env.simulation.driver.line import way_point
-from warehouse_env.simulation.physics.buckets import CENTRE_X, CENTRE_Y, COS, SEARCH, SILENT, SIN, SPEED, bucket_at
+from warehouse_env.simulation.physics.buckets import (
+    CENTRE_X,
+    CENTRE_Y,
+    COS,
+    SEARCH,
+    SILENT,
+    SIN,
+    SPEED,
+    bucket_at,
+)
 from warehouse_env.simulation.physics.discs import scan_discs
 from warehouse_env.simulation.physics.geometry import ray_to_rectangle
 from warehouse_env.simulation.physics.kinds import kind_of
@@ -144,7 +153,7 @@ def look_around(n, places, p, kinds, rays, out, start):
 
 
 @inline
-def write_neighbours(n, bodies, p, out, start):
+def write_neighbours(n, bodies, p, out, start, order, who):
     """Replace the remembered places in `bodies` by the neighbours' features (see observation_layout)."""
     c, s, v = bodies[COS, n], bodies[SIN, n], bodies[SPEED, n]
     scale, fast = ONE / p["lidar_range"], ONE / p["max_speed"]
@@ -164,6 +173,7 @@ def write_neighbours(n, bodies, p, out, start):
         out[at + 4] = (bodies[SPEED, m] * turn_c - v) * fast
         out[at + 5] = bodies[SPEED, m] * turn_s * fast
         out[at + 6] = ONE
+        who[k] = order[m]
 
 
 @inline

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from warehouse_env.kernel import inline, part, whole
-from warehouse_env.simulation.driver.line import look_ahead, point_at, pursue, room_beside
+from warehouse_env.simulation.driver.line import along_after, look_ahead, point_at, pursue, room_beside
 from warehouse_env.simulation.physics.kinematics import curvature
 from warehouse_env.simulation.physics.people import PACE, RADIUS, bars_ways, distance_to_body
 from warehouse_env.simulation.physics.trigonometry import HALF, ZERO, sin_cos
@@ -28,7 +28,6 @@ _THERE = np.float32(0.3)  # [m] before its end at which a route through its goal
 RENEWED = 2.0  # [m] of driving after which a path is written anew,
 OFF, TURNED = np.float32(0.05), np.float32(0.15)  # [m] beside a pose just passed, or sine of the angle to it: too
 _JOIN = 40  # way-points in which the route is searched for the end of a manoeuvre
-_TWO = np.float32(2.0)
 ROOM_FOR_PEOPLE = np.float32(0.4)  # [m] before a person at which a grant ends: nearer, no robot gets out
 _SOON = np.float32(1.0)  # [s] of a person's walk that count
 
@@ -185,10 +184,7 @@ def write_path(r, route, arcs, side, many, p, floor, path):
         x, y, heading = x + stride * c, y + stride * s, heading + turn
         driven += stride
         to_next -= stride
-        q = min(int(along / spacing), points - 2)
-        ux, uy = (route[q + 1, 0] - route[q, 0]) / spacing, (route[q + 1, 1] - route[q, 1]) / spacing
-        reached = np.float32(q) * spacing + (x - route[q, 0]) * ux + (y - route[q, 1]) * uy
-        along = min(max(reached, along), along + _TWO * stride)
+        along = along_after(route, points, spacing, along, stride, x, y)
         if to_next <= ZERO:
             _put(path, k, x, y, heading, driven, p)
             k, to_next = k + 1, APART

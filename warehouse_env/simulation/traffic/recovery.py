@@ -32,6 +32,7 @@ from warehouse_env.simulation.driver.manoeuvre import (
     search,
 )  # fmt: skip
 from warehouse_env.simulation.driver.scratch import MOST
+from warehouse_env.simulation.driver.tracking import AGAIN
 from warehouse_env.simulation.physics.geometry import pose_at
 from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.physics.people import RADIUS
@@ -237,8 +238,11 @@ def seek(begin, end, worlds, setup, scratch, stopping):
                 continue
             if stopping is not None and docks_from(r):
                 manoeuvre["docks"], case = 0, DOCKS
-            if seeks == AROUND_OTHERS and write_near(i, world, CLOSE, ZERO, setup, scratch.bodies) > 0:
-                case <<= 1
+            if seeks == AROUND_OTHERS:
+                if write_near(i, world, CLOSE, ZERO, setup, scratch.bodies) > 0:
+                    case <<= 1
+                else:
+                    manoeuvre["search_wait"] = AGAIN
             found = recover(i, case, world, setup, scratch.avoid[:0], scratch, stopping)
             if stopping is not None and found == 0 and manoeuvre["docks"] == 0 and r["motion"]["speed"] == ZERO:
                 manoeuvre["docks"], manoeuvre["search_wait"] = (
