@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.learned import LearnedPolicy, config_for, learned_policy
+from agents.learned import LearnedPolicy, config_for
 from agents.path_following import Brake, Follow
 from agents.policy import Actor, Policy, Recurrent
 from agents.potential_field import PotentialField
@@ -60,7 +60,7 @@ POLICIES: dict[str, PolicyEntry] = {
             ("reinforce", "our policy gradient, trained on this environment"),
             ("threaded_ppo", "our PPO, under the shield, with live routes, and right of way where robots stand"),
             ("unshielded", "our PPO with live routes only: no shield, no right of way"),
-            ("careful", "unshielded trained on, with a memory: a third of the contacts for 6% fewer goals"),
+            ("careful", "unshielded trained on: at most 0.6 times its contacts, and hardly a robot stuck"),
             ("ppo", "stable-baselines3 PPO, trained on this environment"),
         )
     },
@@ -175,7 +175,7 @@ def weights_of(name_or_dir: str | Path) -> Path:
 def policy_tensors(name_or_dir: str | Path, config: EnvConfig) -> dict[str, NDArray[np.float32]]:
     """Return the tensors of a trained policy; errors as of `weights_of`, WeightsError if it does not fit `config`."""
     folder = weights_of(name_or_dir)
-    learned_policy(folder, config)
+    LearnedPolicy(folder, config)
     return read_tensors(folder, read_record(folder).network)
 
 
@@ -188,4 +188,4 @@ def make_policy(name_or_dir: str | Path, config: EnvConfig) -> Policy:
     if entry.rule is not None:
         return entry.rule(config)
     assert entry.weights is not None
-    return learned_policy(entry.weights, config)
+    return LearnedPolicy(entry.weights, config)

@@ -7,7 +7,7 @@ has the same bits on every machine, alone or among others.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from math import comb, perm
 
 import numpy as np
@@ -91,48 +91,14 @@ def _activate(x, which):
                 x[m, j] = v * share if which == 3 else share
 
 
-def layer_of(tensors: Mapping[str, NDArray[np.float32]], weight: str, bias: str) -> Layer:
-    """Return a layer from two tensors of a weights folder."""
-    return np.ascontiguousarray(tensors[weight].T), tensors[bias]
-
-
-def dense(x: NDArray[np.float32], layer: Layer, activation: Activation | None) -> NDArray[np.float32]:
-    """Return float32[..., outputs] from float32[..., inputs], through an activation if there is one."""
-    rows = np.ascontiguousarray(x, dtype=np.float32).reshape(-1, x.shape[-1])
-    out = _layer(rows, *layer, activation == "tanh")
-    if activation not in (None, "tanh"):
-        _activate(out, _OTHERS.index(activation))
-    return np.asarray(out.reshape(*x.shape[:-1], out.shape[-1]))
-
-
 def forward(
     layers: Sequence[Layer], observation: NDArray[np.float32], activation: Activation = "tanh"
 ) -> NDArray[np.float32]:
     """Return the outputs of a network with an activation between its layers, float32[..., A] from float32[..., D]."""
-    x = observation
-    for layer in layers[:-1]:
-        x = dense(x, layer, activation)
-    return dense(x, layers[-1], None)
-
-
-@kernel
-def _gate(given, kept, memory):
-    """Write the next memory [M, H] over `memory`, from what input and memory give to its gates, float32[M, 3 H]."""
-    units = memory.shape[1]
-    for m in range(memory.shape[0]):
-        for j in range(units):
-            reset = _HALF + _HALF * _tanh(_HALF * (given[m, j] + kept[m, j]))
-            keep = _HALF + _HALF * _tanh(_HALF * (given[m, units + j] + kept[m, units + j]))
-            new = _tanh(given[m, 2 * units + j] + reset * kept[m, 2 * units + j])
-            memory[m, j] = new + keep * (memory[m, j] - new)
-
-
-def remember(x: NDArray[np.float32], memory: NDArray[np.float32], gates: Sequence[Layer]) -> NDArray[np.float32]:
-    """Return the next memory float32[..., H] of gated recurrent units (Cho et al. 2014) that read float32[..., D].
-
-    gates: the layers of the input and of the memory, each to the reset, update and new gates of all units in turn.
-    """
-    given, kept = (dense(one, layer, None) for one, layer in zip((x, memory), gates, strict=True))
-    after = memory.reshape(-1, memory.shape[-1]).copy()
-    _gate(given.reshape(len(after), -1), kept.reshape(len(after), -1), after)
-    return after.reshape(memory.shape)
+    x = np.ascontiguousarray(observation, dtype=np.float32).reshape(-1, observation.shape[-1])
+    for index, (weight, bias) in enumerate(layers):
+        between = index < len(layers) - 1
+        x = _layer(x, weight, bias, between and activation == "tanh")
+        if between and activation != "tanh":
+            _activate(x, _OTHERS.index(activation))
+    return x.reshape(*observation.shape[:-1], x.shape[-1])

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.forward import dense, forward, layer_of, remember
-from agents.policy import Action, Memory, Observation, draw_discrete
+from agents.forward import forward
+from agents.policy import Action, Observation, draw_discrete
 from agents.weights_folder import PolicyRecord, read_record, read_tensors
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import WeightsError
@@ -37,14 +37,10 @@ class LearnedPolicy:
     def __init__(self, directory: Path | str, config: EnvConfig) -> None:
         """Load and check the folder; raises WeightsError if it is damaged or does not fit `config`."""
         self.record = read_record(directory)
-        if self.record.network.memory and not isinstance(self, RecurrentPolicy):
-            raise WeightsError(f"{directory} has a memory: make it by agents.make_policy")
         tensors = read_tensors(directory, self.record.network)
         self._check_fit(directory, config)
         parts = [f"actor.{k}" for k in range(len(self.record.network.hidden) + 1)]
-        self._layers = [layer_of(tensors, f"{k}.weight", f"{k}.bias") for k in parts]
-        kept = ("ih", "hh") if self.record.network.memory else ()
-        self._gates = [layer_of(tensors, f"memory.weight_{k}", f"memory.bias_{k}") for k in kept]
+        self._layers = [(np.ascontiguousarray(tensors[f"{k}.weight"].T), tensors[f"{k}.bias"]) for k in parts]
         self._std = None if self.record.network.discrete else np.exp(tensors["log_std"])
 
     def _check_fit(self, directory: Path | str, config: EnvConfig) -> None:
@@ -87,48 +83,9 @@ class LearnedPolicy:
 
     def act(self, observation: Observation, rng: np.random.Generator) -> Action:
         """Choose actions by the mode of config.json: drawn with `rng`, or the most probable (shapes: `Policy.act`)."""
-        return self._choose(self.output(observation), rng)
-
-    def _choose(self, output: NDArray[np.float32], rng: np.random.Generator) -> Action:
+        output = self.output(observation)
         if self._std is None:
             return draw_discrete(output, rng) if self.drawn else np.argmax(output, axis=-1)
         if self.drawn:
             output += self._std * rng.standard_normal(output.shape, dtype=np.float32)
         return np.clip(output, -1.0, 1.0)
-
-
-class RecurrentPolicy(LearnedPolicy):
-    """A policy folder whose actor has a memory (see `Recurrent`)."""
-
-    def __init__(self, directory: Path | str, config: EnvConfig) -> None:
-        """Load and check the folder (see `LearnedPolicy`)."""
-        super().__init__(directory, config)
-        self._robots = config.num_agents
-
-    def memory(self, worlds: int) -> Memory:
-        """Return empty memories, float32[worlds, N, H]."""
-        return np.zeros((worlds, self._robots, self.record.network.memory), np.float32)
-
-    def output(  # type: ignore[override]
-        self, observation: Observation, memory: Memory
-    ) -> tuple[NDArray[np.float32], Memory]:
-        """Return logits, or means of real-valued actions, float32[B, N, A], and the next memory."""
-        network = self.record.network
-        first = dense(observation[..., : network.observation_size], self._layers[0], network.activation)
-        memory = remember(first, memory, self._gates)
-        return forward(self._layers[1:], np.concatenate((first, memory), -1), network.activation), memory
-
-    preferences = output  # type: ignore[assignment]
-
-    def act(  # type: ignore[override]
-        self, observation: Observation, rng: np.random.Generator, memory: Memory
-    ) -> tuple[Action, Memory]:
-        """Choose actions as `LearnedPolicy.act` does; also return the next memory."""
-        output, memory = self.output(observation, memory)
-        return self._choose(output, rng), memory
-
-
-def learned_policy(directory: Path | str, config: EnvConfig) -> LearnedPolicy:
-    """Load a policy folder, with or without a memory (errors: `LearnedPolicy`)."""
-    recurrent = read_record(directory).network.memory > 0
-    return RecurrentPolicy(directory, config) if recurrent else LearnedPolicy(directory, config)

@@ -58,7 +58,7 @@ class ActorCritic(nn.Module):
     """A policy over the next action command, and the value that serves as its baseline.
 
     The tensors of `state_dict` are exactly those of a weights folder: actor.K.weight, actor.K.bias, critic.K.weight,
-    critic.K.bias and, for real-valued actions, log_std; and memory.*, if it has one.
+    critic.K.bias and, for real-valued actions, log_std.
     """
 
     log_std: Tensor
@@ -72,8 +72,6 @@ class ActorCritic(nn.Module):
         self.network = network
         self.actor = _layers(network.sizes("actor"), last_gain=0.01)
         self.critic = _layers(network.sizes("critic"), last_gain=1.0)
-        if network.memory:
-            self.memory = nn.GRUCell(network.hidden[0], network.memory)
         with torch.no_grad():
             self.actor[-1].get_parameter("bias").copy_(torch.as_tensor(first_output))
         if not network.discrete:
@@ -84,29 +82,8 @@ class ActorCritic(nn.Module):
         return [parameter for name, parameter in self.named_parameters() if not name.startswith("critic.")]
 
     def output(self, observation: Tensor) -> Tensor:
-        """Return logits, or means of real-valued actions, float32[M, A] from float32[M, D], without a memory."""
+        """Return logits, or means of real-valued actions, float32[M, A] from float32[M, D]."""
         return _run(self.actor, observation, self.network.activation)
-
-    def recall(self, observation: Tensor, memory: Tensor) -> tuple[Tensor, Tensor]:
-        """Return what `output` does, and the next memory, from the memory float32[M, H] (H = 0: none)."""
-        if not self.network.memory:
-            return self.output(observation), memory
-        first = ACTIVATIONS[self.network.activation](self.actor[0](observation))
-        memory = self.memory(first, memory)
-        return _run(self.actor[1:], torch.cat((first, memory), -1), self.network.activation), memory
-
-    def relive(self, observation: Tensor, memory: Tensor, ended: Tensor) -> Tensor:
-        """Return the outputs float32[T, M, A] of T decisions, observed as float32[T, M, D].
-
-        memory: float32[M, H] before the first; ended: bool[T, M], after which decisions it is empty again.
-        """
-        first = ACTIVATIONS[self.network.activation](self.actor[0](observation))
-        kept, remembered = (~ended).unsqueeze(-1), []
-        for t in range(len(first)):
-            memory = self.memory(first[t], memory)
-            remembered.append(memory)
-            memory = memory * kept[t]
-        return _run(self.actor[1:], torch.cat((first, torch.stack(remembered)), -1), self.network.activation)
 
     def value(self, observation: Tensor) -> Tensor:
         """Return the critic's value, float32[M] from float32[M, D]."""
@@ -182,22 +159,20 @@ def first_actor_critic(network: Network, env: EnvConfig, cruise_bias: float) -> 
 
 
 def begin_with(net: ActorCritic, tensors: Mapping[str, NDArray[np.float32]]) -> None:
-    """Copy a policy's tensors into a network, which may have a memory on top.
+    """Copy a policy's tensors into a network; where they lack the critic, it stays untrained.
 
-    A memory that they lack begins untrained, and the layer that reads it begins by not heeding it. Raises ConfigError
-    where anything else differs.
+    Raises ConfigError where anything else differs.
     """
     for name, own in net.state_dict().items():
+        if name not in tensors and name.startswith("critic."):
+            continue
         if name not in tensors:
-            if name.startswith(("memory.", "critic.")):
-                continue
             raise ConfigError(f"--start: the policy has no {name}")
         given = torch.from_numpy(tensors[name])
-        if given.shape[:1] != own.shape[:1] or given[0].numel() > own[0].numel():
+        if given.shape != own.shape:
             shapes = f"{list(given.shape)}, not {list(own.shape)}"
-            raise ConfigError(f"--start: {name} of the policy is {shapes}; give its --hidden, --memory and --traffic")
-        own.zero_()
-        own[(..., slice(given.shape[-1])) if own.dim() == 2 else ...] = given
+            raise ConfigError(f"--start: {name} of the policy is {shapes}; give its --hidden and --traffic")
+        own.copy_(given)
 
 
 def tensors_of(module: nn.Module) -> dict[str, NDArray[np.float32]]:

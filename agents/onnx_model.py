@@ -17,15 +17,13 @@ if TYPE_CHECKING:
 
 OPSET = 17  # of ONNX's operators: old enough for every runtime of the last years
 INPUT, OUTPUT, DEVIATION = "observation", "output", "standard_deviation"
-MEMORY, NEXT = "memory", "next_memory"
 
 
 def onnx_model(directory: Path | str) -> ModelProto:
     """Return the actor of a policy folder as a checked ONNX model.
 
     Input `observation` float32[rows, D]; output `output` float32[rows, A]: logits, or means of real-valued actions,
-    which then have a second output, `standard_deviation` float32[A]. A network with a memory also takes `memory`
-    float32[rows, H], zeros at first, and gives `next_memory`. Its metadata say what the numbers mean, as JSON.
+    which then have a second output, `standard_deviation` float32[A]. Its metadata say what the numbers mean, as JSON.
     Raises WeightsError for a folder that is none, ConfigError where the library `onnx` is missing.
     """
     try:
@@ -41,12 +39,6 @@ def onnx_model(directory: Path | str) -> ModelProto:
         nodes.append(helper.make_node("Exp", ["log_std"], [DEVIATION]))
         outputs.append(helper.make_tensor_value_info(DEVIATION, TensorProto.FLOAT, [network.actions]))
     inputs = [helper.make_tensor_value_info(INPUT, TensorProto.FLOAT, ["rows", network.observation_size])]
-    if network.memory:
-        kept = [
-            helper.make_tensor_value_info(name, TensorProto.FLOAT, ["rows", network.memory]) for name in (MEMORY, NEXT)
-        ]
-        inputs.append(kept[0])
-        outputs.append(kept[1])
     actor = [(name, np.ascontiguousarray(array)) for name, array in tensors if not name.startswith("critic.")]
     weights = [numpy_helper.from_array(array, name) for name, array in actor]
     graph = helper.make_graph(nodes, record.algorithm, inputs, outputs, weights)
@@ -63,7 +55,7 @@ _OPERATORS: dict[Activation, str] = {
 
 
 def _layers(network: Network) -> list[NodeProto]:
-    """Return the nodes of the actor: x W^T + b, the activation between its layers, and its memory after the first."""
+    """Return the nodes of the actor: x W^T + b and the activation between its layers."""
     from onnx import helper
 
     nodes, x = [], INPUT
@@ -79,35 +71,7 @@ def _layers(network: Network) -> list[NodeProto]:
                 nodes.append(helper.make_node("Mul", [y, f"share.{k}"], [x]))
             else:
                 nodes.append(helper.make_node(_OPERATORS[activation], [y], [x]))
-        if k == 0 and network.memory:
-            nodes += _remembering(x)
-            x = "remembered"
     return nodes
-
-
-def _remembering(x: str) -> list[NodeProto]:
-    """Return the nodes of a gated recurrent unit that reads x, and of x and its next memory side by side.
-
-    ONNX has an operator for it, but with other gates first and for whole sequences.
-    """
-    from onnx import helper
-
-    given, kept = [f"given.{gate}" for gate in range(3)], [f"kept.{gate}" for gate in range(3)]
-    steps = (
-        ("Add", [given[0], kept[0]], "reset.sum"), ("Sigmoid", ["reset.sum"], "reset"),
-        ("Add", [given[1], kept[1]], "keep.sum"), ("Sigmoid", ["keep.sum"], "keep"),
-        ("Mul", ["reset", kept[2]], "new.kept"), ("Add", [given[2], "new.kept"], "new.sum"),
-        ("Tanh", ["new.sum"], "new"), ("Sub", [MEMORY, "new"], "change"), ("Mul", ["keep", "change"], "held"),
-        ("Add", ["new", "held"], NEXT),
-    )  # fmt: skip
-    return [
-        helper.make_node("Gemm", [x, "memory.weight_ih", "memory.bias_ih"], ["given"], transB=1),
-        helper.make_node("Gemm", [MEMORY, "memory.weight_hh", "memory.bias_hh"], ["kept"], transB=1),
-        helper.make_node("Split", ["given"], given, axis=1),
-        helper.make_node("Split", ["kept"], kept, axis=1),
-        *(helper.make_node(operator, inputs, [output]) for operator, inputs, output in steps),
-        helper.make_node("Concat", [x, NEXT], ["remembered"], axis=1),
-    ]
 
 
 def _meaning(record: PolicyRecord) -> dict[str, object]:

@@ -30,10 +30,7 @@ Tensors = Mapping[str, NDArray[Any]]
 
 @dataclass(frozen=True)
 class Network(Checked):
-    """Sizes of an actor and a critic, separate networks of dense layers, and the activation between the layers.
-
-    With a memory, gated recurrent units read the actor's first hidden layer, and its next layer reads both.
-    """
+    """Sizes of an actor and a critic, separate networks of dense layers, and the activation between the layers."""
 
     observation_size: int
     actions: int  # number of discrete actions, or length of a real-valued one
@@ -41,22 +38,16 @@ class Network(Checked):
     hidden: tuple[int, ...] = (128, 128)  # of the actor; () for one layer alone
     activation: Activation = "tanh"  # after each layer but the last
     critic_hidden: tuple[int, ...] | None = None  # None: as the actor's
-    memory: int = 0  # units of the actor's memory
 
     def __post_init__(self) -> None:
         super().__post_init__()
         self._between(1, 10**9, "observation_size", "actions", "hidden", "critic_hidden")
-        self._between(0, 10**6, "memory")
-        self._require(not self.memory or bool(self.hidden), "hidden", "at least one layer, which the memory reads")
 
     def sizes(self, part: str) -> list[tuple[int, int]]:
         """Return (inputs, outputs) of each layer of the "actor" or the "critic"."""
         actor = part == "actor"
         hidden = self.hidden if actor or self.critic_hidden is None else self.critic_hidden
-        pairs = list(itertools.pairwise((self.observation_size, *hidden, self.actions if actor else 1)))
-        if actor and self.memory:
-            pairs[1] = (pairs[1][0] + self.memory, pairs[1][1])
-        return pairs
+        return list(itertools.pairwise((self.observation_size, *hidden, self.actions if actor else 1)))
 
     def shapes(self) -> dict[str, tuple[int, ...]]:
         """Return the name and shape of every tensor of a weights file; those of the critic may all be missing."""
@@ -64,10 +55,6 @@ class Network(Checked):
         for part in ("actor", "critic"):
             for index, (inputs, outputs) in enumerate(self.sizes(part)):
                 shapes |= {f"{part}.{index}.weight": (outputs, inputs), f"{part}.{index}.bias": (outputs,)}
-        if self.memory:
-            gates, first = 3 * self.memory, self.hidden[0]
-            shapes |= {"memory.weight_ih": (gates, first), "memory.weight_hh": (gates, self.memory)}
-            shapes |= {"memory.bias_ih": (gates,), "memory.bias_hh": (gates,)}
         return shapes
 
 

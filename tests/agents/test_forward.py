@@ -19,13 +19,13 @@ from numpy.typing import NDArray
 from agents import POLICIES, LearnedPolicy, make_policy, policy_config
 from agents.forward import Layer, forward
 from agents.networks import ACTIVATIONS
-from agents.weights_folder import Activation, read_record
+from agents.weights_folder import Activation
 from warehouse_env.config import EnvConfig
 from warehouse_env.simulation.simulator import Simulator
 
 ROOT = Path(__file__).parents[2]
 SIZES = (9, 7, 8, 3)  # numbers of inputs of which 1, 3 and none are left over from fours
-LEARNED = [name for name, entry in POLICIES.items() if entry.weights and not read_record(entry.weights).network.memory]
+LEARNED = [name for name, entry in POLICIES.items() if entry.weights is not None]
 
 
 def layers(sizes: Sequence[int] = SIZES) -> list[Layer]:

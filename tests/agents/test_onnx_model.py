@@ -11,15 +11,14 @@ import pytest
 from safetensors.numpy import load_file
 
 from agents import POLICIES, LearnedPolicy, Network, PolicyRecord, policy_config, save_policy
-from agents.learned import RecurrentPolicy
 from agents.onnx_model import onnx_model
-from agents.weights_folder import Activation, read_record
+from agents.weights_folder import Activation
 from warehouse_env.config import EnvConfig
 from warehouse_env.observation import observation_layout
 from warehouse_env.simulation.simulator import Simulator
 
 onnxruntime = pytest.importorskip("onnxruntime")
-LEARNED = [name for name, entry in POLICIES.items() if entry.weights and not read_record(entry.weights).network.memory]
+LEARNED = [name for name, entry in POLICIES.items() if entry.weights is not None]
 
 
 def folder_of(name: str) -> Path:
@@ -28,9 +27,9 @@ def folder_of(name: str) -> Path:
     return weights
 
 
-def run(model: bytes, observation: Any, **more: Any) -> list[Any]:
+def run(model: bytes, observation: Any) -> list[Any]:
     session = onnxruntime.InferenceSession(model, providers=["CPUExecutionProvider"])
-    found: list[Any] = session.run(None, {"observation": observation} | more)
+    found: list[Any] = session.run(None, {"observation": observation})
     return found
 
 
@@ -85,27 +84,3 @@ def test_every_kind_of_network_is_exported(
     assert len(deviations) == (not discrete)
     for deviation in deviations:
         np.testing.assert_allclose(deviation, np.exp(tensors["log_std"]), rtol=1e-5)
-
-
-def test_the_shipped_memory_is_exported() -> None:
-    directory, config = folder_of("careful"), policy_config("careful", EnvConfig())
-    observation, memory = seen(config), np.random.default_rng(0).uniform(-1, 1, (16, 64)).astype(np.float32)
-    own = RecurrentPolicy(directory, config).output(observation, memory)
-    for theirs, ours in zip(
-        run(onnx_model(directory).SerializeToString(), observation, memory=memory), own, strict=True
-    ):
-        np.testing.assert_allclose(theirs, ours, atol=1e-5, rtol=1e-5)
-
-
-def test_a_memory_is_exported(tmp_path: Path) -> None:
-    rng, env = np.random.default_rng(0), EnvConfig(num_agents=5)
-    network = Network(observation_layout(env).size, 20, True, (16, 8), memory=7)
-    tensors = {name: rng.normal(size=shape).astype(np.float32) for name, shape in network.shapes().items()}
-    policy = RecurrentPolicy(save_policy(tmp_path, PolicyRecord("ppo", network, env), tensors), env)
-    model, memory, theirs = onnx_model(tmp_path).SerializeToString(), policy.memory(1), np.zeros((5, 7), np.float32)
-    for _ in range(3):
-        observation = rng.normal(size=(5, network.observation_size)).astype(np.float32)
-        own, memory = policy.output(observation[None], memory)
-        output, theirs = run(model, observation, memory=theirs)
-        np.testing.assert_allclose(output, own[0], atol=1e-4, rtol=1e-4)
-        np.testing.assert_allclose(theirs, memory[0], atol=1e-5)

@@ -26,7 +26,7 @@ from train.learning.experience import advantages
 from train.learning.tally import TrainingTally, figures_of
 from train.learning.worlds import TrainingSimulator, TrainingWorlds
 from train.reinforce import policy_loss
-from warehouse_env.config import EnvConfig
+from warehouse_env.config import EnvConfig, SensorSpec
 from warehouse_env.errors import ConfigError, WarehouseError, WeightsError
 from warehouse_env.traffic_spec import TRAFFIC
 
@@ -180,6 +180,22 @@ def test_of_a_shared_reward_a_part_is_the_mean_of_those_near() -> None:
     assert abs(own[0] - own[1]) > 0.01
     pair = (own[0] + own[1]) / 2
     assert sharing.reward[0] == pytest.approx([0.75 * own[0] + 0.25 * pair, 0.75 * own[1] + 0.25 * pair, own[2]])
+
+
+def test_late_braking_costs_by_the_metre() -> None:
+    """One robot drives fast at another that stands; when it can no longer stop clear, each metre costs."""
+    config = EnvConfig(layout="open", num_agents=2, planner="astar", sensor=SensorSpec(predictions=True))
+    priced, plain = (TrainingSimulator(config, 1, 1e6, 0.0, late_braking=price) for price in (-40.0, 0.0))
+    stand = config.speed_levels.index(0.0) * len(config.lateral_offsets)
+    poses = np.array([[[10.0, 10.5, 0.0], [11.8, 10.5, 0.0]]])
+    for simulator in (priced, plain):
+        simulator.reset(0)
+        simulator.put(poses, np.array([[1.5, 0.0]]))
+        simulator.step(np.full((1, 2), stand))
+    free = priced.observation[0, :, priced.layout.slices["predictions"].start + stand]
+    assert free[0] <= 0.25
+    metres = abs(priced.robots["motion"]["speed"][0, 0]) * 0.1
+    np.testing.assert_allclose(priced.reward - plain.reward, [[-40.0 * metres, 0.0]], rtol=1e-4)
 
 
 def test_the_policy_asks_for_right_of_way_that_its_training_goes_without(config: ReinforceConfig) -> None:

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from agents import weights_of
-from agents.learned import RecurrentPolicy, learned_policy
-from agents.onnx_model import INPUT, MEMORY, OUTPUT, onnx_model
+from agents.learned import LearnedPolicy
+from agents.onnx_model import INPUT, OUTPUT, onnx_model
 from agents.weights_folder import read_record
 from warehouse_env.checked import Checked
 from warehouse_env.errors import WarehouseError
@@ -58,11 +58,6 @@ def largest_difference(model: bytes, directory: Path) -> float:
     shape = (ROWS, record.network.observation_size)
     rng = np.random.default_rng(0)
     given = {INPUT: rng.uniform(-1.0, 1.0, shape).astype(np.float32)}
-    policy = learned_policy(directory, record.env)
-    if isinstance(policy, RecurrentPolicy):
-        given[MEMORY] = rng.uniform(-1.0, 1.0, (ROWS, record.network.memory)).astype(np.float32)
-        own, _ = policy.output(given[INPUT], given[MEMORY])
-    else:
-        own = policy.output(given[INPUT])
+    own = LearnedPolicy(directory, record.env).output(given[INPUT])
     outputs: list[Any] = ReferenceEvaluator(model).run([OUTPUT], given)  # type: ignore[assignment]
     return float(np.abs(outputs[0] - own).max() / max(np.abs(own).max(), 1.0))

@@ -47,9 +47,8 @@ def _origin(record: PolicyRecord) -> str:
     config = training.get("config", {})
     fleet, start = config.get("fleet"), config.get("start")
     begun = f" It began as the policy {start}." if start else _ADVISED * env.sensor.predictions
-    memory = f" and its memory of {network.memory}" if network.memory else ""
     return (
-        f"A policy for one robot among many: from its own observation of {network.observation_size} numbers{memory} to "
+        f"A policy for one robot among many: from its own observation of {network.observation_size} numbers to "
         f"{kind.format(network.actions)} every {env.time_step * env.action_repeat:g} s. Actions are chosen by: "
         f"{record.mode}. It drives with traffic `{written_traffic(env.traffic_spec)}`."
         f"\n\nTrained for {minutes:.1f} minutes: {steps:,} agent-steps in {updates:,} updates"

@@ -236,10 +236,10 @@ class ThreadedConfig(TrainingConfig):
     """The critic's step size, as a multiple of the actor's."""
     floor_episodes: int = 2
     """Episodes on a floor that seed=new drew, until it draws the next."""
-    memory: int = 0
-    """Units of the actor's memory, a gated recurrent unit; it is trained on whole rollouts."""
+    late_braking: float = 0.0
+    """Reward of a metre driven from where even braking is predicted to touch within 0.6 s: contacts alone are rare."""
     start: str | None = None
-    """Policy to begin with instead of an untrained one: a name or a run's folder. A memory may be new."""
+    """Policy to begin with instead of an untrained one: a name or a run's folder."""
     device: str | None = None
     """Keep worlds, rollouts and updates on a device: cuda, cuda:1, or cpu, which needs no GPU (docs/how_to/gpu.md)."""
 
@@ -247,7 +247,9 @@ class ThreadedConfig(TrainingConfig):
         super().__post_init__()
         self._between(0.0, 1e9, "critic_factor")
         self._between(1, 1_000_000, "floor_episodes")
-        self._between(0, 4096, "memory")
+        self._between(-1e9, 0.0, "late_braking")
+        predicts = self.predictions and 0.0 in self.env("open", self.robots[0]).speed_levels
+        self._require(predicts or self.late_braking == 0.0, "late_braking", "0 without predictions")
         if self.device is not None:
             from warehouse_env.simulation.device.memory import memory_of
             from warehouse_env.simulation.device.simulator import check_device

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from train.learning import checkpoint
-from train.learning.worlds import TrainingWorlds, jammed_worlds, shape_reward, spread_ends
+from train.learning.worlds import TrainingWorlds, jammed_worlds, price_late_braking, shape_reward, spread_ends
 from warehouse_env.config import EnvConfig
 from warehouse_env.routes.book import RouteBook
 from warehouse_env.simulation.device.memory import field_on_device
@@ -32,11 +32,11 @@ class TrainingDevice(DeviceSimulator):
 
     def __init__(
         self, config: EnvConfig, num_worlds: int, jam_seconds: float, shared: float, device: str,
-        routes: RouteBook | None = None,
+        routes: RouteBook | None = None, late_braking: float = 0.0,
     ) -> None:  # fmt: skip
         """Make the worlds (see TrainingSimulator); device: by torch's name of it."""
         super().__init__(config, num_worlds, device=device, routes=routes)
-        self._jam_seconds, self._shared = jam_seconds, shared
+        self._jam_seconds, self._shared, self._late = jam_seconds, shared, late_braking
         self.fields: dict[str, dict[str, Tensor]] = {owner: {} for owner in OWNER.values()}
         for name, owner in OWNER.items():
             erring = self._errs and owner == "motion"  # `robots` would be a copy, which the next step leaves behind
@@ -57,6 +57,8 @@ class TrainingDevice(DeviceSimulator):
         stood = self.fields["motion"]["speed"] == 0
         observation = super().step(actions)  # waits for the device, so what has jammed is known now
         shape_reward(self.reward, self.reward_terms, self.fields, stood, self._shared)
+        if self._late:
+            price_late_braking(self.reward, observation, self.fields, self.config, self._late)
         self.stuck = (self.fields["clocks"]["stalled_time"] > self.config.stuck_after).sum()
         jammed = self._jammed.numpy()
         np.logical_or(self.truncated, jammed, out=self.truncated)

@@ -24,14 +24,6 @@ class Rollout(NamedTuple):
     log_probability: Tensor  # float32[T * R], of the action when it was drawn
     advantage: Tensor  # float32[T * R]
     target: Tensor  # float32[T * R], of the critic: the return
-    ended: Tensor  # bool[T, R], whether the robot's episode ended after the decision
-    memory: Tensor  # float32[R, H], before the first decision
-
-    def sequences(self, robots: Tensor) -> Tensor:
-        """Return the rows of some robots, those of each decision together."""
-        decisions, count = self.ended.shape
-        starts = torch.arange(0, decisions * count, count, device=robots.device)
-        return (starts.unsqueeze(1) + robots).flatten()
 
 
 def advantages(
@@ -67,7 +59,6 @@ class RolloutWorker:
         self._action = new.new_zeros(shape, dtype=torch.int64) if discrete else new.new_zeros((*shape, 2))
         self._log_probability, self._reward, self._last_value = (new.new_zeros(shape) for _ in range(3))
         self._ended = new.new_zeros(shape, dtype=torch.bool)
-        self.memory = new.new_zeros((worlds.rows, config.memory))
 
     @torch.no_grad()
     def collect(self, net: ActorCritic, weights: RewardWeights, seed: list[int]) -> Rollout:
@@ -81,11 +72,10 @@ class RolloutWorker:
         rng, worlds = rng_of(seed, self._config.device), self.worlds
         worlds.set_reward(weights)
         self._ended.zero_()
-        begun = self.memory
         for t in range(self._config.rollout):
             self._observation[t] = worlds.observation
             with self.split.measure("policy_s"):
-                output, self.memory = net.recall(self._observation[t], self.memory)
+                output = net.output(self._observation[t])
                 self._action[t], self._log_probability[t] = net.draw(output, rng)
             with self.split.measure("simulator_s"):
                 ends = worlds.step(self._action[t])
@@ -93,18 +83,15 @@ class RolloutWorker:
             for rows, observation in ends:
                 self._ended[t, rows] = True
                 self._last_value[t, rows] = net.value(observation)
-                self.memory[rows] = 0.0
         self._observation[-1] = worlds.observation
         with self.split.measure("policy_s"):
-            return self._judge(net, begun)
+            return self._judge(net)
 
-    def _judge(self, net: ActorCritic, memory: Tensor) -> Rollout:
+    def _judge(self, net: ActorCritic) -> Rollout:
         config = self._config
         parts = torch.split(self._observation.flatten(0, 1), _JUDGED)
         value = torch.cat([net.value(part) for part in parts]).view(-1, self.rows)
         reward = self._reward * config.reward_scale
         advantage = advantages(reward, value, self._ended, self._last_value, config.gamma, config.gae_lambda)
         drawn = (self._observation[:-1], self._action, self._log_probability)
-        flat = (tensor.flatten(0, 1) for tensor in (*drawn, advantage, advantage + value[:-1]))
-        observation, action, log_probability, advantage, target = flat
-        return Rollout(observation, action, log_probability, advantage, target, self._ended, memory)
+        return Rollout(*(tensor.flatten(0, 1) for tensor in (*drawn, advantage, advantage + value[:-1])))

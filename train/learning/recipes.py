@@ -27,11 +27,11 @@ _UNSHIELDED = {
     "robots": (16, 32), "rows": 1056, "planner": "astar_turns", "collision_last": -300.0, "hidden": (128, 128),
     "traffic": "routes",
 }  # fmt: skip
-# Goes on from there on floors drawn anew, with a memory.
+# Goes on from there on floors drawn anew.
 _CAREFUL = _UNSHIELDED | {
-    "name": "careful", "minutes": 29.0, "layouts": ("paper46", "narrow", "single_lane", *("aisles:seed=new",) * 12),
-    "robots": (24, 40), "rows": 1920, "start": "unshielded", "memory": 64, "collision_first": -300.0,
-    "collision_last": -800.0, "entropy_first": 0.003, "learning_rate": 3e-4,
+    "name": "careful", "steps": 36_864_000, "layouts": ("paper46", "narrow", "single_lane", *("aisles:seed=new",) * 12),
+    "robots": (24, 40), "rows": 1920, "start": "unshielded", "collision_first": -300.0,
+    "collision_last": -800.0, "late_braking": -40.0, "entropy_first": 0.003, "learning_rate": 3e-4,
 }  # fmt: skip
 
 RECIPES: dict[type[TrainingConfig], dict[str, dict[str, Any]]] = {

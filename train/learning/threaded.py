@@ -53,7 +53,7 @@ class ThreadedTrainer(Trainer):
         self.rows = sum(worker.rows for worker in self._workers)
         worlds = self._workers[0].worlds
         self.env, device = worlds.simulators[0].config, worlds.observation.device
-        self.network = network_of(self.env, config.hidden, config.memory)
+        self.network = network_of(self.env, config.hidden)
         if device.type == "cuda":  # 10 bits of mantissa; the 7 of bfloat16 would change probabilities by up to 9%
             torch.backends.cuda.matmul.allow_tf32 = True
         torch.manual_seed(config.seed)
@@ -84,12 +84,10 @@ class ThreadedTrainer(Trainer):
     def _learn(self, rollouts: list[Rollout], seed: list[int], entropy_weight: float) -> dict[str, float]:
         mean, spread = joint_scale([rollout.advantage for rollout in rollouts])
         rollouts = [one._replace(advantage=(one.advantage - mean) / spread) for one in rollouts]
-        config = self.config
-        pieces = max(1, round(self.rows * self.rollout / config.minibatch))
-        rng, totals = rng_of(seed, config.device), mean.new_zeros(len(FIGURES))
+        pieces = max(1, round(self.rows * self.rollout / self.config.minibatch))
+        rng, totals = rng_of(seed, self.config.device), mean.new_zeros(len(FIGURES))
         for _ in range(self.epochs):
-            counts = [len(one.memory) if config.memory else len(one.target) for one in rollouts]
-            orders = [shuffled(count, rng).tensor_split(pieces) for count in counts]
+            orders = [shuffled(len(one.target), rng).tensor_split(pieces) for one in rollouts]
             for chosen in zip(*orders, strict=True):
                 totals += self._descend(rollouts, chosen, entropy_weight)
         target = torch.cat([rollout.target for rollout in rollouts])
@@ -106,20 +104,13 @@ class ThreadedTrainer(Trainer):
         self.optimizer.step()
         return torch.cat([torch.stack([figures for _, figures in parts]).mean(0), norm[None]])
 
-    def gradient(self, rollout: Rollout, chosen: Tensor, entropy_weight: float) -> tuple[Tensor, Tensor]:
+    def gradient(self, rollout: Rollout, rows: Tensor, entropy_weight: float) -> tuple[Tensor, Tensor]:
         """Return means over some rows of a rollout: slopes float32[P] of all parameters, and all FIGURES but the norm.
 
-        chosen: the rows, or, with a memory, the robots, all of whose decisions count. The rollout's advantages are
-        scaled already.
+        The rollout's advantages are scaled already.
         """
-        net, rows = self.net, rollout.sequences(chosen) if self.config.memory else chosen
-        observation = rollout.observation[rows]
-        if self.config.memory:
-            decided = observation.view(-1, len(chosen), observation.shape[-1])
-            output = net.relive(decided, rollout.memory[chosen], rollout.ended[:, chosen]).flatten(0, 1)
-        else:
-            output = net.output(observation)
-        log_probability, entropy = net.judge(output, rollout.action[rows])
+        net, observation = self.net, rollout.observation[rows]
+        log_probability, entropy = net.judge(net.output(observation), rollout.action[rows])
         actor_loss, held = self._actor_loss(log_probability, rollout.log_probability[rows], rollout.advantage[rows])
         critic_loss = 0.5 * (net.value(observation) - rollout.target[rows]).square().mean()
         mean_entropy = entropy.mean()
@@ -138,17 +129,13 @@ class ThreadedTrainer(Trainer):
             for number, worker in enumerate(self._workers)
             for name, array in worker.worlds.history().items()
         }
-        memories = {f"memory.{number}": worker.memory.cpu().numpy() for number, worker in enumerate(self._workers)}
-        return {**super().arrays(), **worlds, **(memories if self.config.memory else {})}
+        return {**super().arrays(), **worlds}
 
     def load(self, arrays: dict[str, NDArray[Any]]) -> None:
         """Put back what `arrays` returned; the worlds replay their last actions."""
         super().load(arrays)
         histories = [checkpoint.part_of(arrays, f"worlds.{number}.") for number in range(len(self._workers))]
         self._each(lambda worker, history: worker.worlds.replay(history), self._workers, histories)
-        if self.config.memory:
-            for number, worker in enumerate(self._workers):
-                worker.memory = torch.from_numpy(arrays[f"memory.{number}"]).to(worker.memory.device)
 
     def policy_tensors(self) -> Tensors:
         """Return the network's tensors (see `Trainer.policy_tensors`)."""
@@ -165,15 +152,15 @@ class ThreadedTrainer(Trainer):
 
 def _worlds(config: ThreadedConfig) -> Iterator[TrainingWorlds]:
     """Make the worlds of each thread, or all of them on a device."""
-    jam_seconds, shared, device = config.jam_seconds, config.shared, config.device
-    if device is not None:
+    shaping: dict[str, Any] = {name: getattr(config, name) for name in ("jam_seconds", "shared", "late_braking")}
+    if config.device is not None:
         from train.learning.device_worlds import DeviceWorlds, TrainingDevice
 
         mixes = config.worlds(config.rows)
-        there = partial(TrainingDevice, jam_seconds=jam_seconds, shared=shared, device=device)
+        there = partial(TrainingDevice, device=config.device, **shaping)
         yield DeviceWorlds(there, mixes, [config.seed, 0])
         return
-    here = partial(TrainingSimulator, jam_seconds=jam_seconds, shared=shared)
+    here = partial(TrainingSimulator, **shaping)
     for number, mixes in enumerate(shares(config)):
         yield TrainingWorlds(here, mixes, [config.seed, number], config.floor_episodes)
 

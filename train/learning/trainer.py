@@ -110,17 +110,17 @@ def shuffled(count: int, rng: np.random.Generator | torch.Generator) -> torch.Te
 
 def first_net(config: ThreadedConfig, env: EnvConfig) -> ActorCritic:
     """Return the network that a training begins with; ConfigError or WeightsError if its `start` does not fit."""
-    net = first_actor_critic(network_of(env, config.hidden, config.memory), env, config.cruise_bias)
+    net = first_actor_critic(network_of(env, config.hidden), env, config.cruise_bias)
     if config.start is not None and config.resume is None:
         begin_with(net, policy_tensors(config.start, config.driven(env)))
     return net
 
 
-def network_of(env: EnvConfig, hidden: tuple[int, ...], memory: int = 0) -> Network:
+def network_of(env: EnvConfig, hidden: tuple[int, ...]) -> Network:
     """Return the sizes of the networks for one robot."""
     discrete = env.action_type == "discrete"
     actions = len(env.speed_levels) * len(env.lateral_offsets) if discrete else 2
-    return Network(observation_layout(env).size, actions, discrete, hidden, memory=memory)
+    return Network(observation_layout(env).size, actions, discrete, hidden)
 
 
 def profile(trainer: Trainer, updates: int, warm_up: int = 1) -> dict[str, float]:

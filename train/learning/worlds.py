@@ -23,11 +23,13 @@ from train.learning.config import HELD_OUT_SEED
 from train.learning.floors import FloorSchedule
 from train.learning.tally import TrainingTally
 from warehouse_env.config import EnvConfig, RewardWeights
+from warehouse_env.observation import observation_layout
 from warehouse_env.routes.book import RouteBook
 from warehouse_env.simulation.senses.rewards import REWARD_TERMS
 from warehouse_env.simulation.simulator import Simulator
 
 _COLLISION, _CONTACT = REWARD_TERMS.index("collision"), REWARD_TERMS.index("contact")
+_LATE = 0.25  # of the predicted time: 0.6 s
 _JAM_SHARE = 0.2  # of a world's robots
 NEAR = 6.0  # [m] within which robots share rewards
 
@@ -62,6 +64,17 @@ def shape_reward(reward: Any, terms: Any, robots: Any, stood: Any, shared: float
         reward += shared * (mean - reward)
 
 
+def price_late_braking(reward: Any, observation: Any, robots: Any, config: EnvConfig, price: float) -> None:
+    """Add `price` for each metre driven from where even braking is predicted to touch, in place; arrays or tensors.
+
+    reward: float32[B, N]; observation: float32[B, N, D]; robots: ROBOT[B, N] after the step, or its fields.
+    """
+    standing = config.speed_levels.index(0.0) * len(config.lateral_offsets)
+    free = observation[..., observation_layout(config).slices["predictions"].start + standing]
+    metres = abs(robots["motion"]["speed"]) * (config.time_step * config.action_repeat)
+    reward += price * metres * (free <= _LATE)
+
+
 def jammed_worlds(robots: Any, jam_seconds: float) -> Any:
     """Return bool[B]: whether a fifth of a world's robots have not come forward for this long [s]."""
     stalled = robots["clocks"]["stalled_time"] > jam_seconds
@@ -78,8 +91,9 @@ class TrainingSimulator(Simulator):
     """
 
     def __init__(
-        self, config: EnvConfig, num_worlds: int, jam_seconds: float, shared: float, routes: RouteBook | None = None
-    ) -> None:
+        self, config: EnvConfig, num_worlds: int, jam_seconds: float, shared: float, routes: RouteBook | None = None,
+        late_braking: float = 0.0,
+    ) -> None:  # fmt: skip
         """Make the worlds.
 
         Args:
@@ -88,9 +102,10 @@ class TrainingSimulator(Simulator):
             jam_seconds: a world is truncated once a fifth of its robots have not come forward for this long [s].
             shared: see shape_reward.
             routes: shared with other simulators on the floor; None: its own.
+            late_braking: see price_late_braking.
         """
         super().__init__(config, num_worlds, routes=routes)
-        self._shared, self._jam_seconds, self.fields = shared, jam_seconds, self.robots
+        self._shared, self._jam_seconds, self.fields, self._late = shared, jam_seconds, self.robots, late_braking
         self.stuck, self.ends = 0, list[bool]()
 
     def reset(self, seed: int | Sequence[int] | None = None) -> NDArray[np.float32]:
@@ -104,6 +119,8 @@ class TrainingSimulator(Simulator):
         stood = self.robots["motion"]["speed"] == 0
         observation = super().step(actions)
         shape_reward(self.reward, self.reward_terms, self.robots, stood, self._shared)
+        if self._late:
+            price_late_braking(self.reward, observation, self.robots, self.config, self._late)
         jammed = jammed_worlds(self.robots, self._jam_seconds)
         self.truncated |= jammed
         self.ends = jammed[self.truncated].tolist()

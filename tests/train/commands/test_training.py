@@ -57,7 +57,7 @@ def test_without_a_bar_it_says_what_it_begins_and_what_it_wrote(
     [
         ("--start nobody", "unknown policy 'nobody'"),
         ("--start greedy", "greedy is a rule without weights"),
-        ("--start unshielded", "give its --hidden, --memory and --traffic"),
+        ("--start unshielded", "give its --hidden and --traffic"),
         ("--start unshielded --no-predictions", "is made for sensor="),
         ("--layout open nowhere", "unknown layout 'nowhere'"),
         ("--robots 2 400", "num_agents=400 is too many"),

@@ -25,7 +25,7 @@ SHIPPED: dict[str, tuple[type[TrainingConfig], str]] = {
 # What a user chooses anew: where it goes, for how long, on what machine, and what shows itself or is judged.
 FREE = {"out", "seed", "minutes", "threads", "progress", "resume", "evaluation_seconds", "floor_episodes"}
 
-NEWER = {"fleet", "device", "memory", "start"}  # options than some weights, which had them off
+NEWER = {"fleet", "device", "late_braking", "start"}  # options than some weights, which had them off
 
 
 def test_every_shipped_policy_has_a_recipe() -> None:
