@@ -16,6 +16,7 @@ from tests.simulation.reference import OFFSET, Points, bodies, rectangle, separa
 from tests.simulation.worlds import drawn, lay, room, stage, write
 from warehouse_env.config import SensorSpec
 from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.simulation.senses import prediction
 from warehouse_env.simulation.simulator import Simulator
 
 SPEEDS, SIDES = (-0.4, 0.0, 0.5, 1.3), (0.0, 0.6, -0.6, 1.2, -1.2)  # the commands
@@ -135,6 +136,15 @@ def test_a_command_forwards_follows_the_manoeuvre_even_backwards() -> None:
     body = drive(reverses(scene(own)), FAST * len(SIDES))
     reached = next(k for k in range(8) if separation(body[k], bodies(*behind)) < 0.03 + 0.05 * TIMES[k])
     assert abs(share[0] * 8 - reached) <= 2  # it steers first
+
+
+@pytest.mark.parametrize("turn", [-40.0, -1.5, -1.3, 0.0, 0.4, 1.39, 1.41, 300.0])
+def test_a_robot_may_turn_by_any_angle(turn: float) -> None:
+    """One that steers by almost a right angle turns on the spot several times within a step."""
+    c, s = math.cos(0.3), math.sin(0.3)
+    got = prediction._turned(np.float32(c), np.float32(s), np.float32(turn))
+    expected = [wave(0.3 + share * turn) for share in (0.5, 1.0) for wave in (math.cos, math.sin)]
+    np.testing.assert_allclose(got, expected, atol=1e-4)
 
 
 def beside(gap: float) -> NDArray[np.float64]:

@@ -28,7 +28,7 @@ from warehouse_env.simulation.physics.geometry import (
 )
 from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.physics.kinematics import approach, curvature
-from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO
+from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO, sin_cos
 from warehouse_env.simulation.senses.sensing import TURNED
 
 SAMPLES = 8  # times looked at,
@@ -39,6 +39,7 @@ KEPT = np.float32(0.01)  # [m] of a smaller present gap that may be lost
 STAND, ALONG_ARCS, ALONG_LINE = range(3)  # what a command forwards does
 _DIAGONAL = np.float32(1.4143)  # of a unit square, rounded up
 _SIXTH, _OVER_24, _OVER_120, _OVER_720 = (np.float32(1.0 / n) for n in (6, 24, 120, 720))
+_SHORT = np.float32(0.7)  # [rad] up to which the series holds
 POSE = 4  # x, y [m] of a body's centre, cosine and sine of its heading
 
 
@@ -68,9 +69,11 @@ def make_sights(robots: int, rays: int, neighbours: int, commands: int) -> Sight
 @inline
 def _turned(c, s, turn):
     """Return the heading (cos, sin) half a turn [rad] and a turn on from the heading (c, s)."""
-    half = HALF * turn  # under 0.7
+    half = HALF * turn
     q = half * half
     half_s, half_c = half * (ONE - q * (_SIXTH - q * _OVER_120)), ONE - q * (HALF - q * (_OVER_24 - q * _OVER_720))
+    if abs(half) > _SHORT:
+        half_s, half_c = sin_cos(half)
     mid_c, mid_s = c * half_c - s * half_s, s * half_c + c * half_s
     return mid_c, mid_s, mid_c * half_c - mid_s * half_s, mid_s * half_c + mid_c * half_s
 
