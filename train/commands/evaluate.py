@@ -21,7 +21,7 @@ from train.reporting.report import Table, evaluation_table, require_charts
 from train.reporting.rows import Row, RowFile, whole_rows
 from train.reporting.trainings import read_groups, regrouped
 from warehouse_env.checked import Checked
-from warehouse_env.config import EnvConfig, TaskMode
+from warehouse_env.config import ArrivalMode, EnvConfig, TaskMode
 from warehouse_env.errors import ConfigError
 from warehouse_env.files import check_writable, write_text
 from warehouse_env.maps.layouts import make_layout
@@ -41,13 +41,16 @@ class Drive(Checked):
     TrafficSpec may follow, as in own:routes=false or rules:margin=0.1."""
     people: int | None = None
     """Number of people who walk among the robots (default: none)."""
+    arrival: ArrivalMode | None = None
+    """When a robot has reached its goal. pass (default): when it drives by; stop: when it stands there; pose: when it
+    also has the right heading."""
     seed: int = HELD_OUT_SEED
     """First seed, the others follow; no training uses seeds from the default on."""
 
     def chosen(self) -> dict[str, Any]:
         """Return the fields of EnvConfig that the options set; `traffic` is a checked text for `read_traffic`."""
         read_traffic(self.traffic, TRAFFIC["rules"])
-        given = {name: getattr(self, name) for name in ("traffic", "people")}
+        given = {name: getattr(self, name) for name in ("traffic", "people", "arrival")}
         return {name: value for name, value in given.items() if value not in (None, OWN)}
 
 
@@ -56,7 +59,7 @@ class Working(Fleet, Work, Drive):
     """Options of worlds with kinds of robots, service, orders or batteries."""
 
     def chosen_for(self, robots: int) -> dict[str, Any]:
-        """Return the fields of EnvConfig that the options set for so many robots."""
+        """Return the fields of EnvConfig that the options set for so many robots; --arrival overrides that of work."""
         kinds = self.kinds()
         return ({} if kinds is None else kinds.of(robots)) | self.work() | self.chosen()
 
