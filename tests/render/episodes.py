@@ -31,7 +31,7 @@ def driven(steps: int = 150, front_steered: bool = False) -> Episode:
     """Two worlds of 7 robots that cruise along their routes whatever is in the way."""
     robot = RobotSpec(front_overhang=0.75) if front_steered else RobotSpec()
     simulator = Simulator(CONFIG.replace(robot=robot), 2, grid=hall())
-    recorder = Recorder(simulator, (4, 9), "follow")
+    recorder = Recorder(simulator, (9, 4), "follow")
     for _ in range(steps):
         recorder.step(np.full((2, CONFIG.num_agents), simulator.cruise_action))
     return recorder.episode

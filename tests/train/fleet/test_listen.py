@@ -44,12 +44,11 @@ def test_our_own_episode_comes_back(tmp_path: Path) -> None:
     *_, last = episode.replay()
     row, simulated = row_of(back, ""), last.episode_metrics(0)
     assert simulated["goals"] > 0
-    for name in ("goals", "success_rate", "seconds", "collisions_robot", "collisions_person"):
+    for name in ("goals", "success_rate", "seconds", "collisions_robot", "collisions_person", "near_misses"):
         assert row[name] == pytest.approx(simulated[name]), name
-    assert simulated["near_misses"] - 1 <= row["near_misses"] <= simulated["near_misses"]  # one falls between messages
     assert row["robot_km"] == pytest.approx(simulated["robot_km"], rel=0.02)  # chords, and what contacts put back
     assert row["waiting_share"] == pytest.approx(simulated["waiting_share"], abs=0.05)
-    assert simulated["collisions_robot"] > 0 < simulated["collisions_person"]
+    assert min(simulated[name] for name in ("collisions_robot", "collisions_person", "near_misses")) > 0
 
 
 def test_its_file_is_read_back_and_shown(tmp_path: Path) -> None:
