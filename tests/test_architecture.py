@@ -96,7 +96,6 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "train.own",
         "train.job_files",
         "train.reporting",
-        "train.central",
         "train.evaluation",
     ),
     "train.tables": (*BELOW_TRAIN, "train.reporting", "train.evaluation", "train.tables"),
@@ -243,7 +242,7 @@ def test_every_import_is_allowed() -> None:
         ("agents.brake", "from train.advice.trips import traffic"),
         ("agents.brake", "import importlib\nt = importlib.import_module('torch')"),
         ("train.reporting.report", "import matplotlib.pyplot as plt"),
-        ("train.central.pibt", "from train.evaluation.rollout import run"),
+        ("train.central.car_like.search", "from train.evaluation.rollout import run"),
     ],
 )
 def test_the_rules_catch(module: str, source: str) -> None:

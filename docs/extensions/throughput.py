@@ -30,7 +30,6 @@ BARS = {
     "greedy": ("greedy\ntraffic rules", "#56a4d3"),
     "orca": ("ORCA\ntraffic routes", "#8c8c8c"),
     "rules": ("paper 001\ntraffic routes", "#8c8c8c"),
-    "central_pibt": ("central PIBT\ntraffic none", "#8c8c8c"),
 }
 
 

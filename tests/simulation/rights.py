@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tests.simulation.reference import FRONT, LENGTH, OFFSET, REAR, WIDTH, Points
-from tests.simulation.worlds import room, stage
+from tests.simulation.worlds import give_line, room, stage
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.traffic import local_activation, reservations, right_of_way, waits
@@ -44,7 +44,7 @@ class World:
         for robot, (x, y, heading, *_) in enumerate(poses):
             along = np.arange(0.0, length + SPACING, SPACING)[:, None]
             points = np.array([x, y]) + along * [math.cos(heading), math.sin(heading)]
-            self.simulator.dispatcher.give_line(0, robot, points.astype(np.float32))
+            give_line(self.simulator, robot, points)
         self.table: Any = None
         self.order = np.empty(len(poses), np.int64)
 

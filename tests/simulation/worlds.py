@@ -12,11 +12,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from tests.simulation.reference import FRONT, LENGTH, WIDTH
 from warehouse_env.config import EnvConfig
 from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.routes.route_table import Route
 from warehouse_env.simulation.physics.geometry import Rectangle
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.state import NOBODY, OWNER
@@ -35,6 +36,13 @@ def drawn(lines: Sequence[str], cell: float = 1.0) -> GridMap:
 def room(rows: int, columns: int) -> GridMap:
     """An empty floor."""
     return drawn(["." * columns] * rows)
+
+
+def give_line(simulator: Simulator, robot: int, line: ArrayLike) -> None:
+    """Give a robot of world 0 an evenly spaced line [R, 2] [m] as its route."""
+    points = np.asarray(line, np.float32)
+    cells = simulator.grid.nearest_cell(points).astype(np.int32)
+    simulator.dispatcher.give_route(0, robot, Route(cells, points))
 
 
 def put(simulator: Simulator, robot: int, pose: Pose, world: int = 0) -> None:

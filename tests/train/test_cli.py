@@ -13,7 +13,6 @@ import pytest
 
 from agents import POLICIES
 from train import cli
-from train.central import CENTRAL
 from train.cli import COMMANDS, main
 from warehouse_env import __version__
 from warehouse_env.errors import LostError
@@ -200,7 +199,7 @@ def test_a_lost_job_has_a_code_of_its_own(monkeypatch: pytest.MonkeyPatch, capsy
     ("name", "known", "last"),
     [
         ("layouts", set(LAYOUTS), {}),
-        ("policies", {*POLICIES, *CENTRAL}, {
+        ("policies", set(POLICIES), {
             "greedy": "traffic rules", "follow": "-", "threaded_ppo": "traffic assist, predictions",
             **dict.fromkeys(("reinforce", "ppo", "unshielded", "careful"), "traffic routes, predictions"),
         }),

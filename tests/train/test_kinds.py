@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from train.cli import main
 from train.commands.evaluate import Evaluate
 from train.kinds import Fleet, KindPart, Kinds, read_fleet
 from warehouse_env.config import EnvConfig, FleetPart, RobotSpec
@@ -80,11 +79,3 @@ def test_the_option_is_by_number_of_robots(tmp_path: Path) -> None:
     found = Evaluate(policy=("brake",), robots=(4, 9), layout=("open",), fleet=path).experiments()
     assert [one.config.fleet for one in found] == [(FleetPart(2, LONG),), (FleetPart(4, LONG),)]
     assert Fleet().kinds() is None
-
-
-def test_central_planners_refuse_several_kinds_at_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    fleet = tmp_path / "fleet.json"
-    fleet.write_text('[{"share": 0.5, "robot": {"length": 1.4}}]', encoding="utf-8")
-    assert main(["evaluate", "--policy", "central_pibt", "--fleet", str(fleet), "--out", str(tmp_path / "out")]) == 2
-    assert "plans for robots of one kind" in capsys.readouterr().err
-    assert not (tmp_path / "out").exists()

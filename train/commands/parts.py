@@ -6,16 +6,11 @@ import inspect
 from dataclasses import dataclass
 
 from agents import POLICIES, policy_config
-from train.central import CENTRAL, central_config
 from train.reporting.report import Table
 from warehouse_env.checked import Checked
 from warehouse_env.config import EnvConfig
 from warehouse_env.planning import PLANNERS
 from warehouse_env.traffic_spec import written_traffic
-
-_NEEDS = {
-    "sensor": "predictions", "action_type": "real-valued actions", "action_repeat": "a time of its own to decide in",
-}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -24,22 +19,19 @@ class Policies(Checked):
 
     def run(self) -> None:
         """List what each policy is and what it is driven with, unless an option says otherwise."""
-        usual = EnvConfig()
-        parts = {
-            name: (entry.summary, "rules" if entry.weights is None else "trained weights", policy_config(name, usual))
-            for name, entry in POLICIES.items()
-        } | {name: (entry.summary, "all robots' state", central_config(usual)) for name, entry in CENTRAL.items()}
-        cells = ((name, summary, made_of, _needs(config)) for name, (summary, made_of, config) in parts.items())
+        cells = (
+            (name, one.summary, "rules" if one.weights is None else "trained weights", _needs(name))
+            for name, one in POLICIES.items()
+        )
         own = "Also a policy: the folder of a trained one (runs/mine), and your own, FILE.py:CLASS or MODULE:CLASS."
         Table("Policies", ("policy", "what it is", "made of", "driven with"), tuple(cells), own).print()
 
 
-def _needs(config: EnvConfig) -> str:
-    """Describe how a config differs from the default."""
-    usual, traffic = EnvConfig(), written_traffic(config.traffic_spec)
-    texts = [] if traffic == usual.traffic else [f"traffic {traffic}"]
-    texts += [text for name, text in _NEEDS.items() if getattr(config, name) != getattr(usual, name)]
-    return ", ".join(texts) or "-"
+def _needs(policy: str) -> str:
+    """Describe what a policy is driven with."""
+    config = policy_config(policy, EnvConfig())
+    traffic, predictions = written_traffic(config.traffic_spec), config.sensor.predictions
+    return ", ".join([f"traffic {traffic}"] * (traffic != EnvConfig.traffic) + ["predictions"] * predictions) or "-"
 
 
 @dataclass(frozen=True)

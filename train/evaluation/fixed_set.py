@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from agents import make_policy
-from train.central import CENTRAL
 from train.evaluation.rollout import Experiment, config_of, make_experiment
 from train.reporting.driven import aspects, config_of_row
 from train.reporting.report import Table, grouped, number, with_interval
@@ -72,8 +71,7 @@ def tracks(policy: str) -> list[str]:
     found = []
     for track in TRACKS:
         try:
-            if policy not in CENTRAL:
-                make_policy(policy, config_of(policy, EnvConfig(), options(policy, track)))
+            make_policy(policy, config_of(policy, EnvConfig(), options(policy, track)))
         except WeightsError:
             if track == SHIELDED:
                 raise

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from agents import Actor, LearnedPolicy, make_policy
 from agents.policy import Preferring
 from train.books import simulator_of
-from train.central import CENTRAL
 from train.evaluation.disturbances import DISTURBANCES
 from train.evaluation.pictures import file_name
 from train.evaluation.rollout import Experiment, identity, play_out
@@ -32,10 +31,8 @@ from warehouse_env.simulation.record.recording import Episode, Recorder
 def record(experiment: Experiment, moved: Callable[[], object] = lambda: None) -> Episode:
     """Play the first episode of an experiment exactly as `run` does, and return it; moved: called after each step.
 
-    Raises ConfigError for what an episode file cannot hold: breakdowns, and central planners that set routes.
+    Raises ConfigError for breakdowns, which an episode file cannot hold.
     """
-    if experiment.policy in CENTRAL:
-        raise ConfigError(f"{experiment.policy} sets the robots' routes as they drive, and no episode can be recorded")
     name = experiment.disturbance
     if name is not None and DISTURBANCES[name].breakdown is not None:
         raise ConfigError(f"under the disturbance {name!r} robots break down, and no episode can be recorded")
@@ -60,7 +57,7 @@ def shares_of(policy: str, config: EnvConfig, made_of: str = "") -> Shares | Non
     These are the probabilities of a learned policy, or the order of a rule: 1 for its first choice, 0 for its last.
     made_of: see Episode. Raises ConfigError or WeightsError for a policy that cannot be made or is not the same.
     """
-    if not policy or policy in CENTRAL or config.action_type != "discrete":
+    if not policy or config.action_type != "discrete":
         return None
     made = make_policy(policy, config)
     if made_of not in ("", _made_of(policy)):
@@ -86,11 +83,9 @@ FOLDER = "replays"  # beside the page
 def worst_episodes(rows: Sequence[Row], count: int) -> list[Row]:
     """Return the worst episodes: the worst of each policy, then the second of each, and so on; worst first in a turn.
 
-    Collisions per km count first, then robots stuck at the end, then the longest standing. Central planners are left
-    out: their episodes cannot be recorded.
+    Collisions per km count first, then robots stuck at the end, then the longest standing.
     """
-    own = [row for row in rows if row["policy"] not in CENTRAL]
-    turns = [sorted(group, key=_badness, reverse=True) for group in grouped(own, ("policy",)).values()]
+    turns = [sorted(group, key=_badness, reverse=True) for group in grouped(rows, ("policy",)).values()]
     ranked = (row for turn in zip_longest(*turns) for row in sorted(filter(None, turn), key=_badness, reverse=True))
     return list(islice(ranked, count))
 

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from agents import Actor, LearnedPolicy, make_policy, policy_config
 from agents.policy import Recurrent
 from train.books import simulator_of
-from train.central import CENTRAL, central_config
 from train.evaluation.disturbances import DISTURBANCES, Breakdown, Senses
 from train.job_files import floor_digest
 from train.own import versions
@@ -44,7 +43,7 @@ POLICY_STREAM = 1  # apart from the world's own stream SeedSequence([seed, 0])
 class Experiment:
     """An environment with its planner, a policy, and the seeds of the episodes."""
 
-    policy: str  # a name of POLICIES, a policy folder, or a name of CENTRAL
+    policy: str  # a name of POLICIES, or a policy folder
     config: EnvConfig  # as the policy needs it; max_steps is the length of an episode
     seed: int  # of episode 0; episode k has seed + k
     episodes: tuple[int, ...]  # the numbers of the episodes to play
@@ -72,13 +71,10 @@ def config_of(policy: str, base: EnvConfig, chosen: Mapping[str, Any]) -> EnvCon
 
     A chosen `traffic` may be a text for `read_traffic`, in which "own" stands for what the policy needs.
     """
-    config = central_config(base) if policy in CENTRAL else policy_config(policy, base)
+    config = policy_config(policy, base)
     if isinstance(traffic := chosen.get("traffic"), str):
         chosen = {**chosen, "traffic": read_traffic(traffic, config.traffic_spec)}
-    config = config.replace(**chosen)
-    if config.fleet and policy in CENTRAL:
-        raise ConfigError(f"policy {policy!r} plans for robots of one kind: leave the fleet out, or take another")
-    return config
+    return config.replace(**chosen)
 
 
 def make_experiment(
@@ -99,8 +95,7 @@ def make_experiment(
         if wrong:
             raise ConfigError(f"{given} must be {must}")
     config = config_of(policy, base, chosen)
-    if policy not in CENTRAL:
-        make_policy(policy, config)  # raises before anything drives
+    make_policy(policy, config)  # raises before anything drives
     if disturbance is not None:
         config = DISTURBANCES[disturbance].config(config)
     steps = max(1, round(seconds / (config.time_step * config.action_repeat)))
@@ -156,10 +151,8 @@ def play_out(
 
 
 def decider(experiment: Experiment) -> Decider:
-    """Return what chooses the actions: a central planner from the whole state, or a policy from observations."""
+    """Return what chooses the actions from what the robots observe."""
     config, name, eyes = experiment.config, experiment.disturbance, list[Senses]()
-    if experiment.policy in CENTRAL:
-        return CENTRAL[experiment.policy].make(config).act_on
     if name is not None:  # which may give other commands than the policy was made for
         eyes = [Senses(DISTURBANCES[name], config, seed) for seed in experiment.seeds]
         config = config.replace(speed_levels=config_of(experiment.policy, config, {}).speed_levels)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.simulation.worlds import drawn, lay, room, stage
+from tests.simulation.worlds import drawn, give_line, lay, room, stage
 from warehouse_env.config import EnvConfig
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import LAYOUTS, make_layout
@@ -79,7 +79,7 @@ def test_it_comes_to_the_route_and_stays_on_it(start: tuple[float, ...]) -> None
 def test_a_line_that_folds_at_its_start_is_driven_like_any_other() -> None:
     simulator = on_route(room(9, 20), (3.0, 4.5, 0.0), (3.0, 4.5), (18.0, 4.5))
     line = np.array([[3.0, 4.5], [3.005, 4.5], *([x, 4.5] for x in np.arange(3.5, 18.1, 0.5))], np.float32)
-    simulator.dispatcher.give_line(0, 0, line)
+    give_line(simulator, 0, line)
     assert simulator.robots["on_route"]["spacing"] == pytest.approx(0.5)
     r = drive(simulator, int(simulator.cruise_action), 80)
     assert r["motion"]["x"] > 12.0

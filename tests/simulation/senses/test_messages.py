@@ -14,7 +14,7 @@ from tests.simulation.physics.test_no_overlap import crowd
 from tests.simulation.rights import World
 from tests.simulation.safe_stops import assert_all_can_stop
 from tests.simulation.test_determinism import MAP, actions_for
-from tests.simulation.worlds import drawn, raw, room, stage
+from tests.simulation.worlds import drawn, give_line, raw, room, stage
 from warehouse_env.config import EnvConfig, SensorSpec
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.traffic_spec import TrafficSpec, UncertaintySpec
@@ -32,7 +32,7 @@ def seen(loss: float) -> tuple[Simulator, NDArray[np.float32]]:
     simulator = stage(room(10, 12), *STANDING, **changes)
     for robot, (x, y, heading) in enumerate(STANDING):
         ahead = np.arange(0.0, 4.0, 0.25)[:, None] * [math.cos(heading), math.sin(heading)]
-        simulator.dispatcher.give_line(0, robot, (np.array([x, y]) + ahead).astype(np.float32))
+        give_line(simulator, robot, np.array([x, y]) + ahead)
     return simulator, simulator.step(np.full((1, 2), 5))[0].copy()  # speed 0, on the route
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from tests.simulation.reference import separation
 from tests.simulation.rights import World, rectangles
-from tests.simulation.worlds import drawn, put, room
+from tests.simulation.worlds import drawn, give_line, put, room
 from warehouse_env.config import EnvConfig
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.tasks.assignment import Assignment
@@ -197,7 +197,7 @@ def test_a_robot_that_believes_to_be_off_the_floor_or_in_a_shelf_gets_a_route(
 
 def test_astray_in_the_cell_of_its_goal_it_goes_on_to_its_centre() -> None:
     simulator = simulator_at(30.05, 0.95, -1.5)  # in the goal's cell, but too far from its centre to have arrived
-    simulator.dispatcher.give_line(0, 0, np.array([[2.0, 5.5], [2.5, 5.5]], np.float32))
+    give_line(simulator, 0, [[2.0, 5.5], [2.5, 5.5]])
     for _ in range(10):
         simulator.step(STILL)
     assert simulator.robots["on_route"]["points"][0, 0] == 2

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.simulation.worlds import room, stage, write
+from tests.simulation.worlds import give_line, room, stage, write
 from warehouse_env.config import EnvConfig
 from warehouse_env.kernel import kernel
 from warehouse_env.maps.grid_map import MOVES, GridMap
@@ -318,7 +318,7 @@ def test_a_route_is_kept_to_the_cell_unless_a_new_one_saves_enough(
     simulator = stage(room(12, 16), (2.5, 2.5, 0.0), planner="astar_turns", traffic="routes")
     bend = [(x, 2.5) for x in (2.5, 3.5, 4.5)] + [(5.5, 2.5 + k) for k in range(up + 1)]
     back = [(6.5, 2.5 + k) for k in range(up, -1, -1)] + [(x, 2.5) for x in (7.5, 8.5, 9.5, 10.5)]
-    simulator.dispatcher.give_line(0, 0, np.array(bend + back, np.float32))
+    give_line(simulator, 0, bend + back)
     goal = tuple(simulator.grid.cell([10.5, 2.5]).tolist())
     route = live_of(simulator).route(simulator.robots, simulator.routes, 0, 0, 0, goal, on_its_way=True)
     assert (route is not None) == better

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.simulation.rights import World, simulator_with_right
-from tests.simulation.worlds import room, stage, write
+from tests.simulation.worlds import give_line, room, stage, write
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.state import NOBODY
 from warehouse_env.simulation.traffic.local_activation import AROUND
@@ -107,7 +107,7 @@ def test_who_is_not_settled_keeps_its_command_and_its_offset() -> None:
 def test_who_is_settled_carries_out_its_manoeuvre_whatever_the_policy_says(command: int) -> None:
     settings = {"traffic": TrafficSpec(shield=True, right_of_way=True, right_of_way_after=3.0), "action_repeat": 2}
     simulator = stage(room(10, 20), (10.0, 5.0, 0.0), action_type="discrete", **settings)
-    simulator.dispatcher.give_line(0, 0, np.array([[10.0 + k, 5.0] for k in range(6)], dtype=np.float32))
+    give_line(simulator, 0, [[10.0 + k, 5.0] for k in range(6)])
     r = simulator.robots[0, 0]
     simulator.arcs[0, 0, 0] = -1.5, 0.0
     write(r, arcs=1, arc_margin=0.01, arc_left=-1.5, arc_x=10.0, arc_y=5.0, arc_heading=0.0, retreating=1, pause=5.0)

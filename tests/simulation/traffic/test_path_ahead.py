@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from tests.simulation.reference import OFFSET, separation
 from tests.simulation.rights import World, rectangles
-from tests.simulation.worlds import write
+from tests.simulation.worlds import give_line, write
 from warehouse_env.simulation.driver.driving import begin
 from warehouse_env.simulation.state import field_of
 from warehouse_env.simulation.traffic.path_ahead import CENTRE_X, CENTRE_Y, COLUMNS, COS, DRIVEN, POSES, SIN, write_path
@@ -106,7 +106,7 @@ def test_another_route_or_manoeuvre_is_another_path() -> None:
     world = World((2.0, 12.0, 0.0), length=20.0)
     decided(world)
     points = np.array([2.0, 12.0]) + np.arange(0.0, 8.0, 0.25)[:, None] * [0.0, 1.0]
-    world.simulator.dispatcher.give_line(0, 0, points.astype(np.float32))
+    give_line(world.simulator, 0, points)
     np.testing.assert_array_equal(decided(world), ahead(world)[0])
     assert world.path(0)[-1, CENTRE_Y] > 15.0
     arcs = world.simulator.arcs[0, 0]

@@ -57,7 +57,6 @@ def test_a_track_sets_the_same_traffic_for_all() -> None:
         spec = config_of(policy, EnvConfig(), options(policy, "shielded")).traffic_spec
         assert (spec.shield, spec.right_of_way, spec.routes) == (True, True, True)
         assert config_of(policy, EnvConfig(), options(policy, "unshielded")).traffic == "routes"
-    assert options("central_pibt", "shielded") == {"traffic": "assist"}
     assert [fixed_set.tracks(policy) for policy in ("greedy", "threaded_ppo")] == [
         ["shielded", "unshielded"],
         ["shielded"],

@@ -39,13 +39,9 @@ def test_what_is_recorded_is_what_is_evaluated(policy: str, chosen: dict[str, bo
     assert last.episode_metrics(0)["robot_km"] == row["robot_km"]
 
 
-@pytest.mark.parametrize(
-    ("policy", "disturbance", "said"), [("brake", "breakdown", "break down"), ("central_pibt", None, "routes")]
-)
-def test_what_an_episode_cannot_tell_is_refused(policy: str, disturbance: str | None, said: str) -> None:
-    experiment = make_experiment(policy, BASE, 1, 5.0, 5, {}, disturbance)
-    with pytest.raises(ConfigError, match=said):
-        record(experiment)
+def test_breakdowns_are_not_recorded() -> None:
+    with pytest.raises(ConfigError, match="break down"):
+        record(make_experiment("brake", BASE, 1, 5.0, 5, {}, "breakdown"))
 
 
 def test_shares_of_a_learned_policy_are_its_chances_and_of_a_rule_its_order() -> None:
@@ -57,7 +53,7 @@ def test_shares_of_a_learned_policy_are_its_chances_and_of_a_rule_its_order() ->
     chances = learned(observation)
     np.testing.assert_allclose(chances.sum(axis=-1), 1, atol=1e-9)
     np.testing.assert_array_equal(chances.argmax(axis=-1), logits.argmax(axis=-1))
-    for without in ("", "central_pibt", "follow"):
+    for without in ("", "follow"):
         assert shares_of(without, config) is None
     with pytest.raises(WarehouseError):
         shares_of("no/such/folder", config)
@@ -103,14 +99,13 @@ def test_a_frame_a_tenth_of_a_second_of_the_film(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("_pictures")
-@pytest.mark.parametrize("policy", ["ppo", "central_pibt"])
-def test_robots_drive_as_in_an_evaluation(policy: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_robots_drive_as_in_an_evaluation(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     filmed, poses = list[Any](), list[Any]()
     draw = films.draw
     monkeypatch.setattr(films, "draw", lambda scene, scale: (filmed.append(scene.pose.copy()), draw(scene, scale))[1])
     options: dict[str, Any] = {"layout": "narrow", "num_agents": 12, "planner": "astar"}
-    film(tmp_path / "a.gif", policy, seed=3, begin=20.0, seconds=0.0, pixels=100, **options)
-    experiment = make_experiment(policy, EnvConfig(**options), 1, 20.0, 3)
+    film(tmp_path / "a.gif", "ppo", seed=3, begin=20.0, seconds=0.0, pixels=100, **options)
+    experiment = make_experiment("ppo", EnvConfig(**options), 1, 20.0, 3)
     run(experiment, [lambda simulator, steps: poses.append(simulator.state.pose[0].copy())])
     np.testing.assert_array_equal(filmed[0], poses[-1])
 
@@ -145,7 +140,6 @@ def test_the_worst_of_each_policy_come_in_turn() -> None:
     assert why(found[0]) == "8 collisions, no robots stuck at the end, 5 s the longest standing"
     assert why(found[1]) == "no collisions, 2 robots stuck at the end, 5 s the longest standing"
     assert worst_episodes([], 5) == []
-    assert worst_episodes([row("central_pibt", 0, 1.0)], 5) == []
 
 
 def test_a_report_is_a_page_with_replays_beside_it(

@@ -252,10 +252,6 @@ class Dispatcher(Portable):
             grown[:, :, : self.routes.shape[2]] = self.routes
             self.routes = grown
 
-    def give_line(self, world: int, robot: int, line: NDArray[np.float32]) -> None:
-        """Give a robot a line float32[R, 2] [m] of someone else's making as its route, evenly spaced along it."""
-        self.give_route(world, robot, Route(self.book.grid.nearest_cell(line).astype(np.int32), line))
-
     def arrive(self, steps: NDArray[np.int64], arrived: Iterable[Sequence[int]]) -> list[Arrival]:
         """Book the arrivals and return them, and give lifelong robots their next task.
 
