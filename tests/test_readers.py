@@ -103,7 +103,6 @@ MAY_READ = {
     "train.tables.catalogue": "ships with the package",
     "warehouse_env.render.video": "what it has just written",
     "train.reporting.rows": "counts what its own output replaces, and its own lock",
-    "warehouse_env.routes.plan_store": "its own cache",
     "warehouse_env.start": "ships with the package",
     "train.cli": "the null device",
     "train.commands.live": "a page, in the browser",

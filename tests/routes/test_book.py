@@ -1,4 +1,4 @@
-"""Routes: smooth, off the shelves, each to its own side; kept in memory and on disk, whatever state the disk is in."""
+"""Routes: smooth, off the shelves, each to its own side; planned once; a damaged plan table is not used."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.maps.layouts import LAYOUTS, make_layout
 from warehouse_env.planning import Plan, make_planner
 from warehouse_env.routes import book as route_book
-from warehouse_env.routes import plan_store, plan_table
+from warehouse_env.routes import plan_table
 from warehouse_env.routes.book import RouteBook
 from warehouse_env.routes.lanes import distance, resample
 from warehouse_env.threads import set_num_threads
@@ -149,61 +149,24 @@ def test_the_first_free_cell_is_a_cell_like_any_other(lines: tuple[str, ...], st
 
 @dataclass
 class Counting:
-    """A* that counts its plans and says that each took long enough to be kept on disk."""
+    """A* that counts its plans."""
 
-    seconds: float = 1.0
     name: str = "counting"
     key: str = "counting(1)"
     plans: int = 0
 
     def plan(self, grid: GridMap, start: Cell, goal: Cell, rng: np.random.Generator) -> Plan:
         self.plans += 1
-        found = make_planner("astar").plan(grid, start, goal, rng)
-        return found._replace(seconds=self.seconds)
+        return make_planner("astar").plan(grid, start, goal, rng)
 
 
-TASKS = [((0, 0), (3, 11)), ((2, 3), (0, 6)), ((3, 0), (0, 11))]
-
-
-def plans_made(planner: Counting, grid: GridMap = LOOP) -> int:
-    """How many plans a fresh book with this planner has to make for TASKS, each asked for twice."""
-    before = planner.plans
-    known = RouteBook(grid, planner)
-    expected = book(grid)
-    for start, goal in TASKS * 2:
+def test_a_book_plans_each_route_once() -> None:
+    planner, expected = Counting(), book(LOOP)
+    known = RouteBook(LOOP, planner)
+    tasks = [((0, 0), (3, 11)), ((2, 3), (0, 6)), ((3, 0), (0, 11))]
+    for start, goal in tasks * 2:
         np.testing.assert_array_equal(known.route(start, goal).line, expected.route(start, goal).line)
-    known._store.flush()
-    return planner.plans - before
-
-
-def test_plans_are_kept_in_memory_and_on_disk(own_cache: Path) -> None:
-    planner = Counting()
-    assert plans_made(planner) == 3
-    assert plans_made(planner) == 0
-    assert list(own_cache.iterdir())
-    # whatever the plan depends on parts the entries
-    assert plans_made(Counting(key="counting(2)")) == 3
-    other = GridMap(LOOP.occupied, np.eye(4, 12, dtype=np.float32), name="uneven")
-    assert plans_made(planner, other) == 3
-
-
-def database(folder: Path) -> Path:
-    return next(folder.glob("*.sqlite"))
-
-
-@pytest.mark.parametrize("damage", ["garbage", "truncated", "empty", "torn"])
-def test_a_damaged_cache_is_simply_not_used(own_cache: Path, damage: str) -> None:
-    plans_made(Counting())
-    file = database(own_cache)
-    content = file.read_bytes()
-    damaged = {
-        "garbage": b"no database at all" * 99,
-        "truncated": content[:3000],
-        "empty": b"",
-        "torn": content[:100] + bytes(len(content) - 100),
-    }
-    file.write_bytes(damaged[damage])
-    assert plans_made(Counting()) == 3
+    assert planner.plans == len(tasks)
 
 
 def test_threads_may_share_a_book(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -224,14 +187,13 @@ def test_threads_may_share_a_book(monkeypatch: pytest.MonkeyPatch) -> None:
     assert len(shared._routes) == 1
 
 
-def test_plans_prepared_side_by_side_are_those_made_one_by_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_plans_prepared_side_by_side_are_those_made_one_by_one() -> None:
     grid = make_layout("paper46")
     rng = np.random.default_rng(8)
     ends = grid.free_cells[rng.integers(0, len(grid.free_cells), (12, 2))].tolist()
     tasks = [((a[0], a[1]), (b[0], b[1])) for a, b in ends]
     books = []
     for threads in (1, 2):
-        monkeypatch.setenv("WAREHOUSE_CACHE_DIR", str(tmp_path / str(threads)))
         set_num_threads(threads)
         try:
             routes_of = RouteBook(grid, make_planner("pf_aco", ants=10, iterations=8))
@@ -242,33 +204,6 @@ def test_plans_prepared_side_by_side_are_those_made_one_by_one(tmp_path: Path, m
             set_num_threads(2)
     for one, two in zip(*books, strict=True):
         np.testing.assert_array_equal(one, two)
-
-
-@pytest.mark.parametrize("middle", [(0, 10**9), (0, 3), (2, 2)])
-def test_a_plan_that_was_damaged_on_disk_is_made_anew(middle: Cell) -> None:
-    """Its ends alone do not tell: a way far off the map once made a line of a billion way-points."""
-    occupied = np.zeros((5, 5), bool)
-    occupied[2, 2] = True
-    grid = GridMap(occupied, name="five")
-    book = RouteBook(grid, make_planner("astar"))
-    right = book.cells((0, 0), (4, 4))
-    book = RouteBook(grid, make_planner("astar"))
-    book._store.put(book._key((0, 0), (4, 4), None), np.array([(0, 0), middle, (4, 4)]))
-    book._store.flush()
-    assert np.array_equal(book.cells((0, 0), (4, 4)), right)
-
-
-def test_a_store_that_grows_too_large_loses_its_oldest_plans(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(plan_store, "LARGEST_STORE", 200_000)
-    store, cells, sizes = plan_store.PlanStore(tmp_path), np.zeros((100, 2), np.int64), []
-    for number in range(20 * plan_store.PENDING):  # a megabyte
-        store.put(f"plan {number}", cells)
-        if number % plan_store.PENDING == 0:
-            sizes.append(sum(path.stat().st_size for path in tmp_path.iterdir()))
-    kept = [number for number in range(20 * plan_store.PENDING) if store.get(f"plan {number}") is not None]
-    assert 100 < len(kept) < 220
-    assert kept == list(range(kept[0], 20 * plan_store.PENDING))
-    assert max(sizes) < 300_000
 
 
 ROOM = drawn(["........", ".##.##..", "........", ".##.##..", "........"])

@@ -1,4 +1,4 @@
-"""Routes: plans turned into way-points, cached in memory and on disk.
+"""Routes: plans turned into way-points, cached in memory.
 
 A plan depends only on the map, the planner with its parameters, start and goal, so it is made once: an ant colony takes
 milliseconds, a look-up microseconds.
@@ -21,25 +21,21 @@ from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.errors import MapError, PlanError
 from warehouse_env.maps.fitting import opened
 from warehouse_env.maps.grid_map import Cell, GridMap
-from warehouse_env.planning.plan import Plan, Planner, validate
+from warehouse_env.planning.plan import Plan, Planner
 from warehouse_env.portable import Portable
 from warehouse_env.routes.goals import Pose, face, facing
 from warehouse_env.routes.lanes import drivable_line
-from warehouse_env.routes.plan_store import PlanStore, cache_directory
 from warehouse_env.routes.plan_table import read_table, write_table
 from warehouse_env.routes.route_table import BEHIND, Route, RouteTable, behind_of
 from warehouse_env.threads import get_num_threads
 
-WORTH_KEEPING = 0.002  # [s] a plan must have taken to be kept on disk
 MEMORY = 200_000  # routes kept in memory
 
 
 class RouteBook(Portable):
-    """Cache of the routes on one map by one planner. A copy starts with the plans on disk alone."""
+    """Cache of the routes on one map by one planner. A copy starts with the plan table alone."""
 
-    bound = (
-        "_solid", "_one_way", "_routes", "_faces", "_tables", "_store", "_table", "_usual", "_lock",
-    )  # fmt: skip
+    bound = ("_solid", "_one_way", "_routes", "_faces", "_tables", "_table", "_lock")
 
     def __init__(
         self,
@@ -58,28 +54,16 @@ class RouteBook(Portable):
         self._solid = np.pad(self.grid.occupied[::-1], 1, constant_values=True).astype(np.uint8)
         self._one_way = np.pad(self.grid.one_way[::-1], 1)
         self._routes: dict[tuple[Cell, Cell, Cell | None, tuple[Pose, ...]], Route] = {}
-        self._store = PlanStore(cache_directory())
         self._table = read_table(self.grid, self.planner)
         self._faces: dict[tuple[Cell, RobotSpec], tuple[Pose, ...]] = {}
         self._tables: dict[RobotSpec | None, RouteTable] = {}
-        self._usual = 1.0  # [s] recent mean duration of a plan
         self._lock = Lock()  # threads of a training share a cache
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Write pending plans first, so that the copy finds them."""
-        self._store.flush()
-        return super().__getstate__()
 
     def cells(self, start: Cell, goal: Cell, behind: Cell | None = None) -> NDArray[np.int64]:
         """Return the planned cells int64[L, 2], not starting with a step to `behind`; PlanError if there is no path."""
-        known = self._stored(start, goal, behind)
+        known = None if self._table is None or behind is not None else self._table.cells(start, goal)
         if known is None:
-            plan = self._plan(start, goal, behind)
-            known = plan.cells
-            with self._lock:
-                self._usual += 0.5 * (plan.seconds - self._usual)
-                if plan.found and plan.seconds > WORTH_KEEPING:
-                    self._store.put(self._key(start, goal, behind), known)
+            known = self._plan(start, goal, behind).cells
         if not len(known):
             raise PlanError(
                 f"planner {self.planner.name} found no path from {start} to {goal} on map {self.grid.name!r}; "
@@ -113,28 +97,12 @@ class RouteBook(Portable):
         places = self.grid.endpoints[2]
         with ThreadPoolExecutor(get_num_threads()) as pool:
             plans = (pool.map(self._for_table, places, itertools.repeat(goal)) for goal in track(places))
-            write_table(self.grid, self.planner, itertools.chain.from_iterable(plans), cache_directory())
+            write_table(self.grid, self.planner, itertools.chain.from_iterable(plans))
         self._table = read_table(self.grid, self.planner)
 
     def _for_table(self, start: Cell, goal: Cell) -> NDArray[np.int64]:
         known = None if self._table is None else self._table.cells(start, goal)
         return self._plan(start, goal).cells if known is None else known
-
-    def _key(self, start: Cell, goal: Cell, behind: Cell | None) -> str:
-        return f"{self.grid.key} {self.planner.key} {start} {goal} {behind} 0"
-
-    def _stored(self, start: Cell, goal: Cell, behind: Cell | None = None) -> NDArray[np.int64] | None:
-        """Return a stored plan; None if there is none or it is damaged."""
-        if self._table is not None and behind is None and (known := self._table.cells(start, goal)) is not None:
-            return known
-        if self._usual < WORTH_KEEPING:  # quick plans are not stored, and planning is as fast as looking up
-            return None
-        known = self._store.get(self._key(start, goal, behind))
-        try:
-            validate(self.grid, [] if known is None else known, start, goal)
-        except PlanError:
-            return None
-        return known
 
     def _plan(self, start: Cell, goal: Cell, behind: Cell | None = None) -> Plan:
         rng = np.random.default_rng([0, *start, *goal])

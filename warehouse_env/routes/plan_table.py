@@ -1,11 +1,12 @@
 """All plans between a floor's endpoints by one planner: made once, kept in a file, read once a process.
 
-The table of `paper46` under the default planner ships with the package. Others lie beside the plan store.
+The table of `paper46` under the default planner ships with the package. Others lie in the user's cache.
 """
 
 from __future__ import annotations
 
 import hashlib
+import os
 import zipfile
 from collections.abc import Iterable
 from functools import lru_cache
@@ -14,12 +15,13 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from platformdirs import user_cache_dir
 
 from warehouse_env.files import complete_file
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
 from warehouse_env.planning.plan import Planner
-from warehouse_env.routes.plan_store import CACHE_FORMAT, cache_directory
 
+CACHE_FORMAT = 3  # raise it when a planner's result changes for the same key, or the files' form
 SHIPPED = Path(__file__).parent / "tables"
 _MOVE_OF = {(row, column): number for number, (row, column) in enumerate(MOVES.tolist())}
 
@@ -44,6 +46,11 @@ class PlanTable(NamedTuple):
         cells[0] = start
         cells[1:] = start + np.cumsum(MOVES[moves], axis=0)
         return cells
+
+
+def cache_directory() -> Path:
+    """Return the folder of the user's plan tables: $WAREHOUSE_CACHE_DIR, or the user's cache folder."""
+    return Path(os.environ.get("WAREHOUSE_CACHE_DIR") or user_cache_dir("warehouse_env"))
 
 
 def _name(grid: GridMap, planner: Planner) -> str:
@@ -71,12 +78,11 @@ def _read(file: Path, places: tuple[Cell, ...]) -> PlanTable | None:
     return PlanTable({cell: number for number, cell in enumerate(places)}, begins, moves) if whole else None
 
 
-def write_table(grid: GridMap, planner: Planner, plans: Iterable[NDArray[np.int64]], folder: Path) -> None:
-    """Write plans, cells int64[L, 2] in the order of PlanTable, into a folder."""
+def write_table(grid: GridMap, planner: Planner, plans: Iterable[NDArray[np.int64]]) -> None:
+    """Write plans, cells int64[L, 2] in the order of PlanTable, into the user's cache."""
     moves = [_moves(cells) for cells in plans]
     lengths = np.array([len(one) for one in moves], np.uint32)
-    folder.mkdir(parents=True, exist_ok=True)
-    with complete_file(folder / _name(grid, planner)) as part, part.open("wb") as file:
+    with complete_file(cache_directory() / _name(grid, planner)) as part, part.open("wb") as file:
         np.savez_compressed(file, lengths=lengths, moves=np.concatenate(moves))
     _read.cache_clear()
 
