@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shutil
 import sys
@@ -90,10 +91,13 @@ def registries(tmp_path: Path) -> Iterator[None]:
     """Put back the registries that a test adds to, and what was imported from its folder."""
     from agents import POLICIES
     from warehouse_env import LAYOUTS, PLANNERS
+    from warehouse_env.observation import SENSORS
     from warehouse_env.plugins import LOADED
 
     path = list(sys.path)
-    with mock.patch.dict(LAYOUTS), mock.patch.dict(PLANNERS), mock.patch.dict(POLICIES), mock.patch.dict(LOADED):
+    with contextlib.ExitStack() as stack:
+        for registry in (LAYOUTS, PLANNERS, POLICIES, SENSORS, LOADED):
+            stack.enter_context(mock.patch.dict(registry))
         yield
     sys.path[:] = path
     for name, module in list(sys.modules.items()):

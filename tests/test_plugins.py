@@ -13,16 +13,20 @@ import pytest
 from agents import add_policy, make_policy, policy_config
 from tests.train.test_cli import fails
 from train.cli import main
+from train.evaluation.fixed_set import Case, benchmark_tables, experiments
 from train.job_files import pack
 from train.learning import checkpoint
 from train.reporting.rows import read_rows
-from warehouse_env import LAYOUTS, PLANNERS, EnvConfig, make_layout, make_planner
+from warehouse_env import LAYOUTS, PLANNERS, EnvConfig, SensorSpec, Simulator, make_layout, make_planner, plugins
 from warehouse_env.errors import ConfigError
+from warehouse_env.maps.layouts import add_layout
+from warehouse_env.observation import SENSORS, add_sensor, observation_layout
 
 POLICY = '''
 import numpy as np
 from agents.route_command import RouteCommand
 from helper_of_mine import SLOW
+from warehouse_env import SensorSpec
 
 class Slow:
     """Follows its route, slowly."""
@@ -33,6 +37,9 @@ class Slow:
 
     def act(self, observation, rng):
         return self._command.at_speed(observation, np.full(observation.shape[:-1], SLOW, np.float32))
+
+class Feeling(Slow):
+    needs = {"sensor": SensorSpec(extra="my_sensor.py:Pace")}
 
 class Idle:
     def __init__(self, config):
@@ -77,12 +84,48 @@ def hall(columns=24):
 def three():
     return 3
 """
+SENSOR = '''
+import numpy as np
+
+class Pace:
+    """The speed, and how far the robot has come on its route."""
+    size, bounds = 2, (-1.0, 1.0)
+
+    def __init__(self, config, far=50.0):
+        self.far = far
+
+    def observe(self, view):
+        state = view.state
+        return np.stack([state.speed / 1.5, np.tanh(state.route_position / self.far)], axis=-1)
+
+class Sizeless(Pace):
+    size = None
+
+class Unbounded(Pace):
+    bounds = 3.0
+
+class Flat(Pace):
+    def observe(self, view):
+        return view.state.speed
+
+class Lost(Pace):
+    def observe(self, view):
+        return np.full((*view.state.speed.shape, 2), np.nan)
+
+class Fast(Pace):
+    def observe(self, view):
+        return np.full((*view.state.speed.shape, 2), -1.5)
+
+class Broken(Pace):
+    def observe(self, view):
+        return view.speed
+'''
 
 
 @pytest.fixture(autouse=True)
 def here(registries: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A working folder with a part of each kind."""
-    files = {"policy": POLICY, "planner": PLANNER, "layout": LAYOUT}
+    files = {"policy": POLICY, "planner": PLANNER, "layout": LAYOUT, "sensor": SENSOR}
     for kind, source in files.items():
         (tmp_path / f"my_{kind}.py").write_text(source)
     (tmp_path / "helper_of_mine.py").write_text("SLOW = 0.5\n")
@@ -168,13 +211,16 @@ def test_the_search_path_stays_as_it_was(here: Path, monkeypatch: pytest.MonkeyP
         ("--policy my_policy.py:Slow:a=1", "a policy takes no parameters; leave out 'a=1'"),
         ("--policy my_policy.py:Idle", "my_policy.py:Idle is no policy: it has no act(observation, rng)"),
         ("--policy my_policy.py:Odd", "must act by an array of whole numbers [1, 2] for [1, 2, 94], not by float64[3]"),
-        ("--policy my_policy.py:Broken", "my_policy.py, line 26: ZeroDivisionError: division by zero"),
+        ("--policy my_policy.py:Broken", "my_policy.py, line 30: ZeroDivisionError: division by zero"),
         ("--policy bad.py:Mine", "bad.py, line 2: SyntaxError"),
         ("--policy missing.py:Mine", "missing.py, line 1: ModuleNotFoundError: No module named 'nowhere'"),
         ("--policy follow --planner my_planner.py:Aimless", "is no planner: it has no plan(grid, start, goal, rng"),
-        ("--policy follow --planner my_planner.py:Backwards:iner=3", "Backwards parameter 'iner'; did you mean inner?"),
+        ("--policy follow --planner my_planner.py:Backwards:iner=3", "Backwards': 'iner'; did you mean inner?"),
         ("--policy follow --layout my_layout.py:three", "is no layout: it returned 3, not a GridMap"),
         ("--policy follow --layout my_layout.py:hall:rows=3", "unknown parameter of layout"),
+        ("--policy my_policy.py:Feeling", "sensor 'my_sensor.py:Pace' is code"),
+        ("--policy follow --sensor my_sensor.py:Pacer", "my_sensor.py has no 'Pacer'; did you mean Pace?"),
+        ("--policy follow --sensor my_policy.py:Idle", "my_policy.py:Idle is no sensor: it has no observe(view)"),
     ],
 )
 def test_what_is_wrong_is_said_in_one_sentence_before_anything_drives(
@@ -189,10 +235,12 @@ def test_what_is_wrong_is_said_in_one_sentence_before_anything_drives(
 
 def test_a_name_in_a_file_runs_nothing(here: Path) -> None:
     (here / "trap.py").write_text("import pathlib\npathlib.Path('sprung').touch()\nclass Mine: pass\n")
-    config = EnvConfig.from_dict({"planner": "trap.py:Mine", "layout": "trap.py:Mine"})
+    name = "trap.py:Mine"
+    config = EnvConfig.from_dict({"planner": name, "layout": name, "sensor": {"extra": name}})
     for look in (
         lambda: make_planner(config.planner), lambda: make_layout(config.layout),
         lambda: make_policy("trap.py:Mine", EnvConfig()), lambda: policy_config("trap:Mine", EnvConfig()),
+        lambda: observation_layout(config),
     ):  # fmt: skip
         with pytest.raises(ConfigError, match="is code, and runs only where the command itself names it"):
             look()
@@ -210,11 +258,70 @@ def test_a_recorded_episode_asks_for_its_planner(here: Path, capsys: pytest.Capt
     assert main(["replay", "one.npz", "--html", "one.html", *own]) == 0
 
 
+@pytest.mark.parametrize(
+    ("name", "sentence"),
+    [
+        ("Sizeless", "my_sensor.py:Sizeless has the size None, which must be a whole number from 1 to 4,096"),
+        ("Unbounded", "has the bounds 3.0; it needs a lowest and a highest number, or 2 each"),
+        ("Flat", "my_sensor.py:Flat must observe an array of numbers [1, 2, 2], not float32[1, 2]"),
+        ("Lost", "my_sensor.py:Lost observes nan, which is not finite or beyond its bounds"),
+        ("Fast", "my_sensor.py:Fast observes -1.5, which is not finite or beyond its bounds"),
+        ("Broken", "my_sensor.py, line 35: AttributeError"),
+    ],
+)
+def test_a_sensor_that_cannot_be_used_is_named(name: str, sentence: str) -> None:
+    add_sensor(f"my_sensor.py:{name}")
+    config = EnvConfig(layout="open", num_agents=2, sensor=SensorSpec(extra=f"my_sensor.py:{name}"))
+    with pytest.raises(ConfigError) as refused:
+        Simulator(config).reset(0)
+    assert sentence in str(refused.value)
+
+
+SMALL = "--robots 2 --rows 4 --rollout 6 --minibatch 24 --hidden 24 --episode-seconds 3 --threads 1 --no-progress"
+
+
+@pytest.mark.parametrize("trainer", ["reinforce", "threaded_ppo", "ppo"])
+def test_a_policy_trained_with_a_sensor_is_driven_recorded_and_exported_with_it(
+    trainer: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    own = ["--sensor", "my_sensor.py:Pace:far=20"]
+    begin = f"train {trainer} {SMALL} --evaluation-seconds 0 --layout my_layout.py:hall --steps 24 --out . --name run"
+    assert main([*begin.split(), "--traffic", "none", *own]) == 0
+    capsys.readouterr()
+    digest = plugins.digests(own[1])["my_sensor.py:Pace"]
+    assert f"| my_sensor.py:Pace (version) | {digest} |" in Path("run/CARD.md").read_text()
+    SENSORS.clear()
+    for command in (["evaluate", *DRIVEN.split(), "--policy", "run"], ["train", trainer, "--resume", "run"]):
+        assert "by --sensor 'my_sensor.py:Pace'" in fails(capsys, *command)
+    assert evaluate("--policy", "run", "my_policy.py:Feeling", "follow", *own) == 0
+    trained, feeling, follow = read_rows(Path("out/rows.jsonl"))
+    assert trained["config"]["sensor"]["extra"] == own[1]
+    assert feeling["config"]["sensor"]["extra"] == "my_sensor.py:Pace"
+    assert trained["versions"]["my_sensor.py:Pace"] == feeling["versions"]["my_sensor.py:Pace"] == digest
+    assert (follow["config"]["sensor"]["extra"], set(follow["versions"])) == (None, {"my_layout.py:hall"})
+    record = ["record", "--policy", "run", "--layout", "my_layout.py:hall", "--robots", "2", "--seconds", "2", *own]
+    assert main([*record, "--out", "one.npz"]) == 0
+    assert capsys.readouterr().out.endswith("--html one.html --sensor=my_sensor.py:Pace:far=20\n")
+    assert main(["replay", "one.npz", "--html", "one.html", *own]) == 0
+    assert "preferences" not in capsys.readouterr().err
+    SENSORS.clear()
+    assert main(["replay", "one.npz", "--html", "two.html"]) == 0  # nothing but the policy looks at it
+    assert "without the policy's preferences: sensor 'my_sensor.py:Pace' is code" in capsys.readouterr().err
+    small = (Case("own", "my_layout.py:hall", 2, 1),)
+    Path("none.jsonl").touch()
+    monkeypatch.setattr("train.evaluation.fixed_set.SECONDS", 2.0)
+    monkeypatch.setattr("train.commands.benchmark.SHIPPED", Path("none.jsonl"))
+    monkeypatch.setattr("train.commands.benchmark.experiments", lambda policy: experiments(policy, small))
+    monkeypatch.setattr("train.commands.benchmark.benchmark_tables", lambda rows: benchmark_tables(rows, small))
+    add_layout("my_layout.py:hall")
+    assert main(["benchmark", "--policy", "run", "--out", "board", "--processes", "1", *own]) == 0
+    assert {row["versions"]["my_sensor.py:Pace"] for row in read_rows(Path("board/rows.jsonl"))} == {digest}
+
+
 @pytest.mark.nightly
 def test_a_training_takes_them_and_goes_on_with_them(capsys: pytest.CaptureFixture[str]) -> None:
-    small = "--robots 2 --rows 4 --rollout 6 --minibatch 24 --hidden 24 --episode-seconds 3 --threads 1 --no-progress"
     own = ["--layout", "my_layout.py:hall", "--planner", "my_planner.py:Backwards"]
-    begin = ["train", "reinforce", *small.split(), "--steps", "24", "--out", ".", "--name", "run", *own]
+    begin = ["train", "reinforce", *SMALL.split(), "--steps", "24", "--out", ".", "--name", "run", *own]
     assert main(begin) == 0
     LAYOUTS.pop("my_layout.py:hall")
     capsys.readouterr()

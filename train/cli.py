@@ -181,7 +181,7 @@ def _run(arguments: list[str]) -> int:
 
 
 _NAME_ROWS = ("compare",)  # commands whose --policy chooses among rows
-_PARTS = {"policy": "policy", "planner": "planner", "layout": "layout", "layouts": "layout", "draw": "layout"}
+_PARTS = {name: name for name in ("policy", "planner", "layout", "sensor")} | {"layouts": "layout", "draw": "layout"}
 
 
 def _load_own(options: Any) -> None:

@@ -3,18 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 
 from agents import POLICIES, add_policy
 from agents.weights_folder import WEIGHTS
+from warehouse_env.checked import Checked
 from warehouse_env.files import file_digest, whereabouts
 from warehouse_env.maps.layouts import add_layout
+from warehouse_env.observation import add_sensor
 from warehouse_env.planning import add_planner
 from warehouse_env.plugins import LOADED, digests
 
 Typed = tuple[str, str]
 """A kind of part, and its name as typed."""
 
-_ADD: dict[str, Callable[[str], None]] = {"policy": add_policy, "planner": add_planner, "layout": add_layout}
+_ADD: dict[str, Callable[[str], None]] = {
+    "policy": add_policy, "planner": add_planner, "layout": add_layout, "sensor": add_sensor,
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class OwnSensors(Checked):
+    """The option for sensors."""
+
+    sensor: tuple[str, ...] = ()
+    """Your own sensors that the policies need, under the names they were trained with: FILE.py:CLASS or
+    MODULE:CLASS."""
 
 
 def take_in(typed: Iterable[Typed]) -> None:
@@ -28,9 +42,9 @@ def taken_in() -> list[Typed]:
     return [(part.kind, name) for name, part in LOADED.items()]
 
 
-def versions(policy: str, planner: str, layout: str, orders: str = "") -> dict[str, str]:
-    """Return name -> digest of what may change under the same name: own code, a policy's weights, orders."""
-    found = digests(policy, planner, layout)
+def versions(policy: str, *names: str, orders: str = "") -> dict[str, str]:
+    """Return name -> digest of what may change under the same name: a policy's weights, plugins (`names`), orders."""
+    found = digests(policy, *names)
     if policy not in POLICIES:
         path = whereabouts(policy)
         weights = path / WEIGHTS if path.is_dir() else path

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from warehouse_env.maps.grid_map import GridMap
     from warehouse_env.maps.layouts import LAYOUTS, make_layout
     from warehouse_env.maps.movingai import read_map, read_scen, write_map
-    from warehouse_env.observation import observation_layout
+    from warehouse_env.observation import SENSORS, observation_layout
     from warehouse_env.planning import PLANNERS, BasePlanner, make_planner
     from warehouse_env.planning.plan import Plan, Planner
     from warehouse_env.render.frame import Scene, draw, scene_of
@@ -47,7 +47,7 @@ _HOME = {  # public name -> the module that holds it
         "maps.grid_map": "GridMap",
         "maps.layouts": "LAYOUTS make_layout",
         "maps.movingai": "read_map read_scen write_map",
-        "observation": "observation_layout",
+        "observation": "SENSORS observation_layout",
         "planning": "PLANNERS BasePlanner make_planner",
         "planning.plan": "Plan Planner",
         "render.frame": "Scene draw scene_of",
@@ -61,8 +61,8 @@ _HOME = {  # public name -> the module that holds it
 }
 
 __all__ = [
-    "LAYOUTS", "LEARNING", "PLANNERS", "ActionError", "BasePlanner", "BatterySpec", "ConfigError", "EnvConfig",
-    "ErrorBounds", "FleetPart", "GridMap", "MapError", "MetricsCallback", "OrderSpec", "Plan", "PlanError",
+    "LAYOUTS", "LEARNING", "PLANNERS", "SENSORS", "ActionError", "BasePlanner", "BatterySpec", "ConfigError",
+    "EnvConfig", "ErrorBounds", "FleetPart", "GridMap", "MapError", "MetricsCallback", "OrderSpec", "Plan", "PlanError",
     "Planner", "RewardWeights", "RobotSpec", "Scene", "SensorSpec", "ServiceSpec", "Simulator", "TrafficSpec",
     "UncertaintySpec", "VideoWriter", "WarehouseError", "WarehouseParallelEnv", "WarehouseSingleEnv",
     "WarehouseTensorEnv", "WarehouseVecEnv", "WeightsError", "__version__", "aec_env", "draw", "make_layout",

@@ -96,7 +96,7 @@ class FleetPart(CheckedPart):
 
 @dataclass(frozen=True)
 class SensorSpec(Checked):
-    """A robot's perception: lidar, its nearest robots, and the route ahead."""
+    """A robot's perception: lidar, its nearest robots, the route ahead, and an extra sensor."""
 
     rays: int = 32  # of the lidar, evenly all round; or 0
     lidar_range: float = 6.0  # [m], from the body's centre
@@ -104,6 +104,7 @@ class SensorSpec(Checked):
     route_points: int = 5  # of the route ahead; or 0
     route_spacing: float = 1.0  # [m] between route points ahead
     predictions: bool = False  # also the time to a predicted conflict of every (speed level, lateral offset)
+    extra: str | None = None  # also an extra sensor's numbers: a name of SENSORS, or your own, FILE.py:CLASS
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -2,16 +2,36 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
+from warehouse_env import plugins
 from warehouse_env.config import EnvConfig
-from warehouse_env.errors import ConfigError
+from warehouse_env.errors import ConfigError, shown
 
 EGO = 8  # speed, steering, follower's steering, bearing, lateral, remaining, contact time, waiting time
 FIELD = 2  # held, time held
 GOAL = 5  # x, y, cos, sin, to be braked for
 NEEDS = 3  # load, being served, seconds of it left; with a battery its charge
 NEIGHBOUR = 7  # x, y, cos, sin, vx, vy, present
+
+SENSORS: dict[str, Callable[..., Any]] = {}
+"""Extra sensors, which SensorSpec.extra names: classes that are made from an EnvConfig."""
+
+
+def add_sensor(text: str) -> None:
+    """Load a user's sensor, "my_sensor.py:Mine" or "module:Mine", into SENSORS; ConfigError if it is none."""
+    plugins.add(text, "sensor", SENSORS, ("observe(view)",))
+
+
+def make_sensor(config: EnvConfig) -> Any:
+    """Make the extra sensor that a config names; ConfigError for an unknown name and for what is no sensor."""
+    name = config.sensor.extra
+    sensor = plugins.make(name, "sensor", SENSORS, {}, config)
+    plugins.check_has(str(name), "sensor", sensor, ("size", "observe(view)"))
+    if not (isinstance(sensor.size, int) and 1 <= sensor.size <= 4096):
+        raise ConfigError(f"{name} has the size {shown(sensor.size)}, which must be a whole number from 1 to 4,096")
+    return sensor
 
 
 class Starts(NamedTuple):
@@ -59,6 +79,7 @@ def observation_layout(config: EnvConfig) -> ObservationLayout:
         of (UncertaintySpec.loss).
     predictions[speed_levels x lateral_offsets], if the sensor has them: share of the next seconds until the command
         would lead to a conflict, 1 where it would not (simulation/senses/prediction.py).
+    extra[K], if the sensor names one: what it observes (senses/extra.py).
     field[2], if there is a protective field: share of the last env step in which it held the robot back,
         min(seconds for which it has done so without a break, 5) / 5.
     goal[5], if robots stop at goals (EnvConfig.arrival): (x, y) / 5 m of the goal's point, each within +-4; cos and sin
@@ -75,6 +96,8 @@ def observation_layout(config: EnvConfig) -> ObservationLayout:
     }
     if sensor.predictions:
         sizes["predictions"] = len(config.speed_levels) * len(config.lateral_offsets)
+    if sensor.extra is not None:
+        sizes["extra"] = make_sensor(config).size
     if config.traffic_spec.shield:
         sizes["field"] = FIELD
     if config.arrival != "pass":  # the last, so that policies who know nothing of it read what comes before

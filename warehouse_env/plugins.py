@@ -1,4 +1,4 @@
-"""Plugins: policies, planners and layouts of a user, named as typed: "my_policy.py:Mine" or "package.module:Mine".
+"""Plugins: a user's policies, planners, layouts and sensors, named as typed: "my_policy.py:Mine" or "module:Mine".
 
 Looking such a name up runs code, so only `load` does it, which the command line calls with what was typed. A loaded
 plugin goes into a registry under that name and is found there like any other. Names that stand in files (rows,
@@ -15,8 +15,8 @@ import os
 import re
 import sys
 import traceback
-from collections.abc import Container, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Container, Iterable, Iterator, Mapping
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple
@@ -33,7 +33,7 @@ _OURS = ("warehouse_env", "agents", "train")
 class Plugin(NamedTuple):
     """A loaded plugin."""
 
-    kind: str  # "policy", "planner" or "layout"
+    kind: str  # "policy", "planner", "layout" or "sensor"
     made: Any  # the class or function
     digest: str  # of the file it is in, as it was loaded
 
@@ -48,15 +48,53 @@ def split(text: str) -> tuple[str, str] | None:
     return (f"{found['home']}:{found['name']}", found["rest"] or "") if found else None
 
 
-def parse(text: Any, kind: str, example: str, known: Container[str]) -> tuple[Any, dict[str, Any]]:
+_EXAMPLES = {"planner": "pf_aco:ants=20,patience=null", "layout": "aisles:seed=7,rows=40", "sensor": "s.py:Mine:k=3"}
+
+
+def parse(text: Any, kind: str, known: Container[str]) -> tuple[Any, dict[str, Any]]:
     """Read "NAME:KEY=VALUE,KEY=VALUE" as `parse_named` does, where NAME may be a plugin.
 
     known: the registry, whose names come first.
     """
     part = split(text) if isinstance(text, str) and text.partition(":")[0] not in known else None
     if part is None:
-        return parse_named(text, kind, example)
-    return part[0], parse_named(f"{kind}:{part[1]}", kind, example)[1]
+        return parse_named(text, kind, _EXAMPLES[kind])
+    return part[0], parse_named(f"{kind}:{part[1]}", kind, _EXAMPLES[kind])[1]
+
+
+def add(text: str, kind: str, registry: dict[str, Any], members: Iterable[str] = ()) -> Any:
+    """Load a plugin into its registry and return it, or None if it is there already; ConfigError if it is none.
+
+    members: of what a class makes.
+    """
+    name, _ = parse(text, kind, registry)
+    if name in registry or not split(name):
+        return None
+    made = load(name, kind)
+    if not callable(made):
+        raise ConfigError(f"{name} is no {kind}: it must be a class or a function")
+    if isinstance(made, type):
+        check_has(name, kind, made, members)
+    registry[name] = made
+    return made
+
+
+def make(text: Any, kind: str, registry: Mapping[str, Any], parameters: Mapping[str, Any], *given: object) -> Any:
+    """Call what a registry holds under a name, with the arguments `given` and the name's parameters.
+
+    parameters: override those of the name. ConfigError for an unknown name or parameter, and where a plugin fails.
+    """
+    name, named = parse(text, kind, registry)
+    if not isinstance(name, str) or name not in registry:
+        raise unknown(kind, name, registry)
+    chosen, known = {**named, **parameters}, [*inspect.signature(registry[name]).parameters][len(given) :]
+    if chosen and not known:
+        raise ConfigError(f"{kind} {name} takes no parameters; leave out {', '.join(chosen)}")
+    for parameter in chosen:
+        if parameter not in known:
+            raise unknown_name(f"parameter of {kind} {name!r}:", parameter, known)
+    with running(name) if name in LOADED else nullcontext():
+        return registry[name](*given, **chosen)
 
 
 def load(name: str, kind: str) -> Any:

@@ -7,8 +7,10 @@ from typing import get_args
 
 import pytest
 
-from warehouse_env.config import ActionType, EnvConfig, TaskMode
+from tests.envs.sensors import Compass
+from warehouse_env.config import ActionType, EnvConfig, SensorSpec, TaskMode
 from warehouse_env.maps.layouts import LAYOUTS
+from warehouse_env.observation import SENSORS
 from warehouse_env.work import BatterySpec, OrderSpec, ServiceSpec
 
 CASES = [
@@ -17,6 +19,7 @@ CASES = [
 ]
 
 WORKING = ("open", "orders", "batteries")
+SENSING = ("open", "extra", "sensor")
 
 
 def working() -> EnvConfig:
@@ -27,13 +30,17 @@ def working() -> EnvConfig:
     )  # fmt: skip
 
 
-@pytest.fixture(params=[*CASES, WORKING], ids=["-".join(case) for case in [*CASES, WORKING]])
-def every_config(request: pytest.FixtureRequest) -> EnvConfig:
+@pytest.fixture(params=[*CASES, WORKING, SENSING], ids="-".join)
+def every_config(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> EnvConfig:
     """One configuration of each kind there is."""
     if request.param == WORKING:
         return working()
+    plain = EnvConfig(layout="open", num_agents=3, max_steps=12, planner="astar")
+    if request.param == SENSING:
+        monkeypatch.setitem(SENSORS, "compass", Compass)
+        return plain.replace(sensor=SensorSpec(extra="compass"))
     layout, action_type, tasks = request.param
-    return EnvConfig(layout=layout, action_type=action_type, tasks=tasks, num_agents=3, max_steps=12, planner="astar")
+    return plain.replace(layout=layout, action_type=action_type, tasks=tasks)
 
 
 @pytest.fixture

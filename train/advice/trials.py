@@ -46,7 +46,7 @@ class Trial(Job):
     @property
     def identity(self) -> Row:
         """The fields that identify its row."""
-        code = versions(self.policy, self.planner, "", self._orders_file)  # of user code and orders
+        code = versions(self.policy, self.planner, orders=self._orders_file)  # of user code and orders
         config = EnvConfig(num_agents=self.robots, **self.work).to_dict()
         return {
             "floor": self.floor, "content": f"{self.grid.key} {self.grid.endpoints[2]}", "policy": self.policy,

@@ -25,6 +25,7 @@ from train.commands.orders import Work
 from train.evaluation.jobs import Progress, Runner
 from train.evaluation.workers import GOES_ON, RowOptions
 from train.kinds import Fleet
+from train.own import OwnSensors
 from train.reporting.page import PagePart
 from train.reporting.report import make_console, make_progress, require_charts
 from train.reporting.rows import RowFile
@@ -41,7 +42,7 @@ SECONDS, ORDERED = 300.0, 1800.0  # [s] of an episode, and of one with orders, t
 
 
 @dataclass(frozen=True)
-class Advise(Fleet, Work, RowOptions):
+class Advise(Fleet, Work, RowOptions, OwnSensors):
     """Find how many robots a floor supports, where they wait, and which change of the floor would help.
 
     The command drives more and more robots between pick faces and stations, then numbers around the best, under the

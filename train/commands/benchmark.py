@@ -10,12 +10,13 @@ from typing import ClassVar
 from train.evaluation.episodes import play
 from train.evaluation.fixed_set import SHIPPED, VERSION, benchmark_tables, experiments
 from train.evaluation.workers import GOES_ON, RowOptions
+from train.own import OwnSensors
 from train.reporting.rows import Row, read_rows
 from warehouse_env.files import check_writable, write_text
 
 
 @dataclass(frozen=True)
-class Benchmark(RowOptions):
+class Benchmark(RowOptions, OwnSensors):
     """Drive policies through a fixed set of floors, fleets and seeds, and show them beside the shipped policies.
 
     It is a preset of `evaluate` that is the same for everybody. Without --policy it shows the shipped policies alone.

@@ -17,6 +17,7 @@ from train.evaluation.rollout import Experiment, make_experiment
 from train.evaluation.workers import GOES_ON, RowOptions
 from train.kinds import Fleet
 from train.learning.config import HELD_OUT_SEED
+from train.own import OwnSensors
 from train.reporting.report import Table, evaluation_table, require_charts
 from train.reporting.rows import Row, RowFile, whole_rows
 from train.reporting.trainings import read_groups, regrouped
@@ -30,7 +31,7 @@ from warehouse_env.traffic_spec import OWN, TRAFFIC, read_traffic
 
 
 @dataclass(frozen=True)
-class Drive(Checked):
+class Drive(OwnSensors):
     """Options of the worlds to drive in, which override those of a policy."""
 
     planner: str = EnvConfig.planner

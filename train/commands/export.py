@@ -12,7 +12,7 @@ from agents import weights_of
 from agents.learned import LearnedPolicy
 from agents.onnx_model import INPUT, OUTPUT, onnx_model
 from agents.weights_folder import read_record
-from warehouse_env.checked import Checked
+from train.own import OwnSensors
 from warehouse_env.errors import WarehouseError
 from warehouse_env.files import complete_file
 
@@ -21,7 +21,7 @@ MOST_APART = 1e-5  # shares of the largest output: the sums behind logits of 30 
 
 
 @dataclass(frozen=True)
-class Export(Checked):
+class Export(OwnSensors):
     """Write a trained policy as an ONNX model: its network, and what its numbers mean."""
 
     policy: str = "ppo"

@@ -18,8 +18,8 @@ from train.commands.layouts import BY_MAP
 from train.evaluation.recorded import record, shares_of
 from train.evaluation.rollout import make_experiment
 from train.fleet.driven import load_episode
+from train.own import OwnSensors
 from train.reporting.report import make_progress, require_video
-from warehouse_env.checked import Checked
 from warehouse_env.config import EnvConfig, TaskMode
 from warehouse_env.errors import ConfigError, WarehouseError
 from warehouse_env.plugins import split
@@ -56,7 +56,8 @@ class Record(Working):
             bar = progress.add_task(experiment.title, total=experiment.config.max_steps)
             episode = record(experiment, lambda: progress.advance(bar))
         episode.save(self.out)
-        own = [f"--{kind}={name}" for kind, name in (("policy", self.policy), ("planner", self.planner)) if split(name)]
+        typed = (("policy", self.policy), ("planner", self.planner), *(("sensor", one) for one in self.sensor))
+        own = [f"--{kind}={name}" for kind, name in typed if split(name)]
         page = str(self.out.with_suffix(".html"))
         show = shlex.join(["warehouse", "replay", str(self.out), "--html", page, *own])
         print(f"wrote the episode to {self.out}; to see it: {show}")
@@ -67,10 +68,10 @@ PIXELS = 736  # of the longest side of a floor in a video
 
 
 @dataclass(frozen=True)
-class ReplayCommand(Checked):
+class ReplayCommand(OwnSensors):
     """Show a recorded episode, or two side by side and in step: --html or --video."""
 
-    episodes: tyro.conf.Positional[tuple[Path, ...]]
+    episodes: tyro.conf.Positional[tuple[Path, ...]] = ()
     """One or two files of `warehouse record`, or of `warehouse fleet --listen`."""
     html: Path | None = None
     """Write one HTML file, which any browser shows offline."""

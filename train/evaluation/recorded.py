@@ -48,7 +48,7 @@ def record(experiment: Experiment, moved: Callable[[], object] = lambda: None) -
 
 
 def _made_of(policy: str) -> str:
-    return versions(policy, "", "").get(policy, "")
+    return versions(policy).get(policy, "")
 
 
 def shares_of(policy: str, config: EnvConfig, made_of: str = "") -> Shares | None:

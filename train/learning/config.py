@@ -94,6 +94,8 @@ class TrainingConfig(Checked):
     """Physics steps between two decisions in training; the finished policy decides at every step."""
     predictions: bool = True
     """Observe for every action the time to a conflict; the untrained policy then avoids conflicts."""
+    sensor: str | None = None
+    """Observe also what your own sensor does: FILE.py:CLASS or MODULE:CLASS (docs/how_to/policy.md)."""
     traffic: str = "routes"
     """How robots meet when the finished policy drives: none, routes, shield, rules or assist, with switches of
     TrafficSpec behind it, as in assist:right_of_way_after=6. The training itself has no right of way, which is quicker
@@ -173,7 +175,7 @@ class TrainingConfig(Checked):
         routes: Literal[False, "barred"] = "barred" if spec.routes else False
         env = EnvConfig(
             layout=layout, num_agents=robots, planner=self.router, keep_right=self.keep_right,
-            action_repeat=self.action_repeat, sensor=SensorSpec(predictions=self.predictions),
+            action_repeat=self.action_repeat, sensor=SensorSpec(predictions=self.predictions, extra=self.sensor),
             traffic=dataclasses.replace(spec, right_of_way=False, right_of_way_after=0.0, routes=routes),
             **self.kinds_of(robots),
         )  # fmt: skip

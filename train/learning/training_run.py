@@ -141,7 +141,7 @@ def stop_signal() -> Iterator[threading.Event]:
 
 
 def _code(config: TrainingConfig) -> dict[str, str]:
-    return digests(*config.layouts, config.router)
+    return digests(*config.layouts, config.router, config.sensor or "")
 
 
 def _check_unchanged(config: TrainingConfig, position: Position) -> None:
@@ -258,7 +258,7 @@ def _save(config: TrainingConfig, trainer: Trainer, position: Position, figures:
     data = {"algorithm": config.algorithm, "config": plain, **dataclasses.asdict(position)}
     directory = config.directory
     checkpoint.write(directory / CHECKPOINT, trainer.arrays(), data)
-    versions = {name: importlib.metadata.version(name) for name in ("torch", "numpy", "numba")}
+    versions = {name: importlib.metadata.version(name) for name in ("torch", "numpy", "numba")} | _code(config)
     training = {
         "steps": position.steps, "updates": position.update, "seconds": round(position.seconds, 1),
         "spent": position.spent(config), "config": plain, "last_figures": figures, "versions": versions,

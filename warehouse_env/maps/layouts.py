@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import dataclasses
-import inspect
 import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -15,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env import plugins
-from warehouse_env.errors import ConfigError, shown, unknown_name
+from warehouse_env.errors import ConfigError, shown
 from warehouse_env.maps.generators import aisles, blocks, open_floor, pillars, random_floor, single_lane
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.maps.halls.hall import is_hall, read_floor
@@ -116,17 +115,9 @@ NAMED_TASKS: dict[str, dict[str, NamedTask]] = {
 }
 
 
-_EXAMPLE = "aisles:seed=7,rows=40"
-
-
 def add_layout(text: str) -> None:
     """Load a user's layout, "my_layout.py:hall" or "module:hall", into LAYOUTS; ConfigError if it is none."""
-    name, _ = plugins.parse(text, "layout", _EXAMPLE, LAYOUTS)
-    if name not in LAYOUTS and plugins.split(name):
-        made = plugins.load(name, "layout")
-        if not callable(made):
-            raise ConfigError(f"{name} is no layout: it must be a function that returns a GridMap")
-        LAYOUTS[name] = made
+    plugins.add(text, "layout", LAYOUTS)
 
 
 def make_layout(name: str, **parameters: Any) -> GridMap:
@@ -139,18 +130,8 @@ def make_layout(name: str, **parameters: Any) -> GridMap:
         return read_map(name)
     if is_hall(name) and not parameters:
         return read_floor(name)
-    name, named = plugins.parse(name, "layout", _EXAMPLE, LAYOUTS)
-    if not isinstance(name, str) or name not in LAYOUTS:
-        raise plugins.unknown("layout", name, LAYOUTS)
-    known = inspect.signature(LAYOUTS[name]).parameters
-    for parameter in (parameters := named | parameters):
-        if parameter not in known:
-            raise unknown_name(f"parameter of layout {name!r}:", parameter, known or ["none"])
     plain = {key: value.item() if isinstance(value, np.generic) else value for key, value in parameters.items()}
-    if name not in plugins.LOADED:
-        return LAYOUTS[name](**plain)
-    with plugins.running(name):
-        grid = LAYOUTS[name](**plain)
+    grid = plugins.make(name, "layout", LAYOUTS, plain)
     if not isinstance(grid, GridMap):
         raise ConfigError(f"{name} is no layout: it returned {shown(grid)}, not a GridMap")
     return grid

@@ -12,13 +12,10 @@ Which to take when; `warehouse tables planners` has the figures (200 pairs of ce
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable
 from typing import Any
 
 from warehouse_env import plugins
-from warehouse_env.checked import check_names
-from warehouse_env.errors import ConfigError, unknown_name
 from warehouse_env.planning.ants.aco import Aco
 from warehouse_env.planning.ants.acs import Acs, ShaaAcs
 from warehouse_env.planning.ants.apf_aco import ApfAco
@@ -71,18 +68,9 @@ _MEMBERS = ("plan(grid, start, goal, rng, cost=None)", "takes_cost", "name", "ke
 
 def add_planner(text: str) -> None:
     """Load a user's planner, "my_planner.py:Mine" or "module:Mine", into PLANNERS; ConfigError if it is none."""
-    name, _ = plugins.parse(text, "planner", _EXAMPLE, PLANNERS)
-    if name in PLANNERS or not plugins.split(name):
-        return
-    made = plugins.load(name, "planner")
-    if isinstance(made, type):
-        plugins.check_has(name, "planner", made, _MEMBERS)
-        if issubclass(made, BasePlanner):
-            made.version = plugins.LOADED[name].digest
-    PLANNERS[name] = made
-
-
-_EXAMPLE = "pf_aco:ants=20,patience=null"
+    made = plugins.add(text, "planner", PLANNERS, _MEMBERS)
+    if isinstance(made, type) and issubclass(made, BasePlanner):
+        (made.version,) = plugins.digests(text).values()
 
 
 def make_planner(name: str, **parameters: Any) -> Planner:
@@ -91,18 +79,6 @@ def make_planner(name: str, **parameters: Any) -> Planner:
     The name may carry parameters, as in "pf_aco:ants=20,local_search=false". Values are JSON; words need no quotes.
     `parameters` override them.
     """
-    name, named = plugins.parse(name, "planner", _EXAMPLE, PLANNERS)
-    if not isinstance(name, str) or name not in PLANNERS:
-        raise plugins.unknown("planner", name, PLANNERS)
-    parameters = named | parameters
-    if parameters and not inspect.signature(PLANNERS[name]).parameters:
-        raise ConfigError(f"planner {name} takes no parameters; leave out {', '.join(parameters)}")
-    if name not in plugins.LOADED:
-        check_names(f"{name} parameter", parameters, PLANNERS[name])
-        return PLANNERS[name](**parameters)
-    for parameter in parameters.keys() - inspect.signature(PLANNERS[name]).parameters.keys():
-        raise unknown_name(f"{name} parameter", parameter, inspect.signature(PLANNERS[name]).parameters)
-    with plugins.running(name):
-        own = PLANNERS[name](**parameters)
-    plugins.check_has(name, "planner", own, _MEMBERS)
-    return own
+    planner: Planner = plugins.make(name, "planner", PLANNERS, parameters)
+    plugins.check_has(name, "planner", planner, _MEMBERS)
+    return planner

@@ -33,6 +33,7 @@ from warehouse_env.simulation.physics.people import People
 from warehouse_env.simulation.physics.poses import poses, speeds
 from warehouse_env.simulation.physics.zones import zones_of
 from warehouse_env.simulation.record import metrics
+from warehouse_env.simulation.senses.extra import ExtraSensor
 from warehouse_env.simulation.senses.messages import Messages
 from warehouse_env.simulation.senses.rewards import REWARD_TERMS, weight_vector
 from warehouse_env.simulation.senses.sensing import unit_vectors
@@ -75,7 +76,7 @@ class Simulator(Portable):
     """
 
     bound = (
-        "state", "events", "_floor", "_rays", "_zones", "_compiled", "_worlds", "setup", "_scratch",
+        "state", "events", "_floor", "_rays", "_zones", "_compiled", "_worlds", "setup", "_scratch", "_extra",
     )  # fmt: skip
 
     def __init__(
@@ -112,7 +113,6 @@ class Simulator(Portable):
         self._params = self._every_kind[:1].copy()
         self._kinds = self._every_kind[list(config.kind_of)] if config.fleet else None
         self._limits: Limits = self._params, self._kinds
-        self.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (self.layout.size,), np.float32)
         self.actions = ActionDecoder(planned)
         self.action_space = self.actions.space
         self._weights = weight_vector(config.reward)
@@ -126,6 +126,8 @@ class Simulator(Portable):
         self.deviation = Deviation(config, num_worlds, self.draws)
         self.messages = Messages(config, num_worlds, self.draws)
         self._make_arrays(planned)
+        low, high = (-np.inf, np.inf) if self._extra is None else (self._extra.low, self._extra.high)
+        self.observation_space = gymnasium.spaces.Box(low, high, (self.layout.size,), np.float32)
 
     def _make_arrays(self, planned: EnvConfig) -> None:
         b, n, p, self._decides = self.num_worlds, self.num_agents, self._params, self.config.traffic_spec.right_of_way
@@ -176,6 +178,7 @@ class Simulator(Portable):
         self._floor = floor_of(self.grid, self.config.sensor.lidar_range)
         self._zones = zones_of(self.grid, planned_config(self.config))
         self._rays = unit_vectors(self.config.sensor.rays)
+        self._extra = None if self.config.sensor.extra is None else ExtraSensor(self.config, self.layout)
         self._compiled: dict[Callable[..., Any], Callable[..., Any]] = {}  # kernels, compiled when first called
         me = weakref.proxy(self)
         self._scratch = ThreadScratch(
@@ -278,7 +281,7 @@ class Simulator(Portable):
         """Start one world anew; its row of `observation` is updated. seed None: the next episode of its last seed."""
         self._reset_world(world, None if seed is None else [given.whole_seed(seed), 0])
         self._show()
-        self._observe(world)
+        self._observe([world])
 
     def reset_worlds(self, worlds: Sequence[int]) -> None:
         """Start some worlds anew, and update their rows of `observation`; their generators go on."""
@@ -355,19 +358,18 @@ class Simulator(Portable):
         arrived = np.argwhere(self._planned["events"]["arrived"] != 0).tolist() if arrivals else []
         self.arrivals = self.dispatcher.arrive(self.steps, arrived)
         rerouted = self.dispatcher.work_on(self.steps) + self.dispatcher.reroute(self.steps)
-        if self.dispatcher.all_look:
-            self._observe()
-        elif arrivals or rerouted:
-            self._observe(rerouted)
-        else:
-            self._tell_needs()
+        if self.dispatcher.all_look or arrivals or rerouted:
+            self._look(slice(None) if self.dispatcher.all_look else rerouted)
         self._show()
+        self._tell(slice(None))
         return self.observation
 
-    def _tell_needs(self) -> None:
-        """Write the slice `needs` of the observations."""
+    def _tell(self, worlds: list[int] | slice) -> None:
+        """Write the slices of the observations that no kernel writes."""
         if self.dispatcher.shifts is not None:
             self.dispatcher.shifts.write_needs(self.observation, self.layout.slices["needs"])
+        if self._extra is not None:
+            self._extra.write(self, worlds)
 
     def _call(self, kernel: Callable[..., Any], *numbers: int) -> Any:
         """Call a kernel of the step; the types of its arguments never change."""
@@ -405,11 +407,14 @@ class Simulator(Portable):
         """Call work(begin, end) for all worlds, in parts."""
         return side_by_side(work, self._parts) if self._many() else [work(*part) for part in self._blocks]
 
-    def _observe(self, worlds: int | list[int] | slice = slice(None)) -> None:
+    def _observe(self, worlds: list[int] | slice = slice(None)) -> None:
         """Observe these worlds, and all that wait for it."""
+        self._look(worlds)
+        self._tell(worlds)
+
+    def _look(self, worlds: list[int] | slice) -> None:
         self._waiting[worlds] = 1
         self._each(self._observe_waiting)
-        self._tell_needs()
 
     def _observe_waiting(self, begin: int, end: int) -> int:
         self._call(step.run, begin, end, step.OBSERVE_WAITING)

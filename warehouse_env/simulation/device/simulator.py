@@ -41,6 +41,7 @@ SEARCHES = 4096  # threads that search manoeuvres at once: each has 1 MB of scra
 # What a config may not have on a device, and how an error names it
 _ABSENT: tuple[tuple[str, Callable[[EnvConfig], bool]], ...] = (
     ("mixed fleets that stop at poses", lambda config: bool(config.fleet) and config.arrival == "pose"),
+    ("extra sensors", lambda config: config.sensor.extra is not None),
     ("people", lambda config: config.people > 0),
     ("orders, services and batteries", lambda config: config.works),
     ("live routes", lambda config: config.traffic_spec.routes is not False),

@@ -6,6 +6,7 @@ One compressed file of arrays, without pickle: the config as JSON, the map, the 
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import io
 import json
 import warnings
@@ -19,10 +20,12 @@ import numpy as np
 from numpy.lib import format as npy
 from numpy.typing import ArrayLike, NDArray
 
+from warehouse_env import plugins
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, WarehouseError, shown
 from warehouse_env.files import complete_file, open_regular, zip_member
 from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.observation import SENSORS
 from warehouse_env.simulation.actions import ActionDecoder
 from warehouse_env.simulation.given import listed, whole_seed
 from warehouse_env.simulation.physics.poses import numbers, within_a_turn
@@ -100,7 +103,10 @@ class Episode:
 
     def replay(self) -> Iterator[Simulator]:
         """Run the episode again: yield the simulator after the reset and after every step."""
-        simulator = Simulator(self.config, len(self.seeds), grid=self.grid, orders=self.orders)
+        config, extra = self.config, self.config.sensor.extra
+        if extra is not None and plugins.parse(extra, "sensor", SENSORS)[0] not in SENSORS:  # only policies need it
+            config = config.replace(sensor=dataclasses.replace(config.sensor, extra=None))
+        simulator = Simulator(config, len(self.seeds), grid=self.grid, orders=self.orders)
         simulator.reset(self.seeds)
         yield simulator
         for actions in self.actions:
