@@ -64,7 +64,6 @@ def test_what_is_no_such_file_is_one_sentence(name: str, odd: str, tmp_path: Pat
 
 SAVED: dict[str, Callable[[str], bytes]] = {
     "byte order mark, lines of Windows": lambda text: text.replace("\n", "\r\n").encode("utf-8-sig"),
-    "UTF-16": lambda text: text.encode("utf-16"),
     "empty lines at the end": lambda text: (text + "\n \n").encode(),
 }
 

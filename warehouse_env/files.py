@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import codecs
 import contextlib
-import csv
 import functools
 import glob
 import hashlib
@@ -13,12 +11,11 @@ import itertools
 import json
 import math
 import os
-import re
 import shutil
 import stat
 import tempfile
 import zipfile
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -27,11 +24,6 @@ from warehouse_env.errors import MapError, WarehouseError, shown
 _LONGEST_NAME, _LONGEST_PATH = 255, 4095  # [bytes]
 _CHUNK = 2**20  # [bytes]
 MOST = 4_000_000_000  # bytes of a file whose size has no better bound
-_MARKS = {  # of UTF-32 first: UTF-16's begins as that one does
-    codecs.BOM_UTF8: "utf-8", codecs.BOM_UTF32_LE: "utf-32-le", codecs.BOM_UTF32_BE: "utf-32-be",
-    codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be",
-}  # fmt: skip
-_DECIMAL_COMMA = re.compile(r"^([+-]?\d+),(\d+)$", re.ASCII)
 
 STAGED: dict[str, Path] = {}
 """Name as typed -> the file or folder that came with a job and replaces it in this process."""
@@ -91,23 +83,16 @@ def read_bytes(given: object, kind: str, most: int, error: type[WarehouseError] 
 
 
 def decoded(content: bytes, what: str, error: type[WarehouseError] = MapError) -> str:
-    """Return text with \\n line ends, decoded as UTF-8 or by its byte order mark; raises `error` otherwise."""
-    mark = _mark(content)
-    body = content[len(mark) :]
+    """Return text with \\n line ends, decoded as UTF-8 with or without its mark; raises `error` otherwise."""
     try:
-        text = body.decode(_MARKS.get(mark, "utf-8"))
+        text = content.decode("utf-8-sig")
     except UnicodeDecodeError as failed:
-        line = body[: failed.start].count(b"\n") + 1
+        line = failed.object[: failed.start].count(b"\n") + 1
         raise error(f"{what}, line {line}: the text is not UTF-8; save the file as UTF-8") from None
     if "\0" in text:
         line = text[: text.index("\0")].count("\n") + 1
         raise error(f"{what}, line {line}: a zero byte, so this is no text; if it is one, save the file as UTF-8")
     return text.replace("\r\n", "\n").replace("\r", "\n")
-
-
-def _mark(content: bytes) -> bytes:
-    """Return the byte order mark at the beginning of a text, if any."""
-    return next((mark for mark in _MARKS if content.startswith(mark)), b"")
 
 
 def read_text(given: object, kind: str, most: int, error: type[WarehouseError] = MapError) -> str:
@@ -123,20 +108,17 @@ def text_lines(
     Bytes that are not UTF-8 come as half characters (surrogateescape). Raises `error` as `open_regular` does, and for
     a line of more than `longest` characters.
     """
-    with open_regular(given, kind, most, error) as file:
-        mark = _mark(file.read(4))
-        file.seek(len(mark))
-        with io.TextIOWrapper(file, _MARKS.get(mark, "utf-8"), "surrogateescape") as text:
-            for number in itertools.count(1):
-                try:
-                    line = text.readline(longest + 1)
-                except UnicodeDecodeError:
-                    raise error(f"{kind} {given}, line {number}: the text is damaged; save it as UTF-8") from None
-                if len(line) > longest:
-                    raise error(f"{kind} {given}, line {number} has more than {longest:,} characters")
-                if not line:
-                    return
-                yield number, line
+    with (
+        open_regular(given, kind, most, error) as file,
+        io.TextIOWrapper(file, "utf-8-sig", "surrogateescape") as text,
+    ):
+        for number in itertools.count(1):
+            line = text.readline(longest + 1)
+            if len(line) > longest:
+                raise error(f"{kind} {given}, line {number} has more than {longest:,} characters")
+            if not line:
+                return
+            yield number, line
 
 
 def parsed_json(text: str, what: str, error: type[WarehouseError] = MapError, first: int = 1) -> Any:
@@ -152,48 +134,6 @@ def parsed_json(text: str, what: str, error: type[WarehouseError] = MapError, fi
 def read_json(given: object, kind: str, most: int, error: type[WarehouseError] = MapError) -> Any:
     """Return the value of a JSON file of at most `most` bytes; raises `error` (`read_text`, `parsed_json`)."""
     return parsed_json(read_text(given, kind, most, error), f"{kind} {given}", error)
-
-
-def table_rows(text: str, what: str, error: type[WarehouseError] = MapError) -> list[tuple[int, list[str]]]:
-    """Return (line number, cells) of a CSV text as spreadsheets write it; raises `error`, naming the line.
-
-    The separator is whichever of comma, semicolon and tab occurs most in the first line; with the other two, 0,5 is
-    read as 0.5. Blanks around cells, empty lines and empty cells at the right are dropped.
-    """
-    head = text.lstrip("\n").partition("\n")[0]
-    delimiter = max(",;\t", key=head.count)
-    reader = csv.reader(io.StringIO(text), delimiter=delimiter, skipinitialspace=True, strict=True)
-    rows = []
-    try:
-        for cells in reader:
-            line = [cell.strip() for cell in cells]
-            if delimiter != ",":
-                line = [_DECIMAL_COMMA.sub(r"\1.\2", cell) for cell in line]
-            while line and not line[-1]:
-                line.pop()
-            if line:
-                rows.append((reader.line_num, line))
-    except csv.Error as failed:
-        raise error(f"{what}, line {reader.line_num}: {failed}") from None
-    return rows
-
-
-def named_rows(
-    text: str, what: str, names: Sequence[str], error: type[WarehouseError] = MapError
-) -> list[tuple[int, dict[str, str]]]:
-    """Return (line number, cells by name) of a CSV text (`table_rows`) whose first line names its columns.
-
-    Names are in small letters. Raises `error` where one of `names` is missing, or a line has more cells than columns.
-    """
-    (first, head), *rows = table_rows(text, what, error) or [(1, [])]
-    columns = [name.lower() for name in head]
-    missing = [name for name in names if name not in columns]
-    if missing:
-        raise error(f"{what}, line {first}: {missing[0]} is missing; it must name the columns {', '.join(names)}")
-    for line, cells in rows:
-        if len(cells) > len(columns):
-            raise error(f"{what}, line {line}: {len(cells)} cells in {len(columns)} columns")
-    return [(line, dict(zip(columns, cells, strict=False))) for line, cells in rows]
 
 
 def as_number(value: Any) -> float:
@@ -225,25 +165,24 @@ def _what(mode: int) -> str:
 
 
 _inputs: set[tuple[int, int]] = set()  # the files that a command reads
-_rows: set[Path] | None = None  # those that it fills row by row; None outside a command
 
 
 @contextlib.contextmanager
 def guarded(inputs: Iterable[Path]) -> Iterator[None]:
-    """Inside this context, refuse to overwrite any of these files, under any name, or a file of rows."""
-    global _inputs, _rows
-    before = _inputs, _rows
-    _inputs, _rows = {identity for path in inputs if (identity := _identity(path))}, set()
+    """Inside this context, refuse to overwrite any of these files, under any name."""
+    global _inputs
+    before = _inputs
+    _inputs = {identity for path in inputs if (identity := _identity(path))}
     try:
         yield
     finally:
-        _inputs, _rows = before
+        _inputs = before
 
 
-def check_writable(given: object, rows: bool = False) -> Path:
+def check_writable(given: object) -> Path:
     """Return the path of an output, links followed; WarehouseError if it cannot or must not be written.
 
-    Commands check this before they work for hours. rows: the file is filled row by row; no other output may replace it.
+    Commands check this before they work for hours.
     """
     path = path_of(given)
     target = _followed(path)
@@ -251,10 +190,6 @@ def check_writable(given: object, rows: bool = False) -> Path:
         raise WarehouseError(f"{path} is a folder; name a file")
     if target.is_file() and _identity(target) in _inputs:
         raise WarehouseError(f"cannot write {path}: this command reads it; name another file for the output")
-    if not rows and target in (_rows or ()):
-        raise WarehouseError(f"cannot write {path}: the rows go there; name another file for one of the two")
-    if rows and _rows is not None and not is_special(target):
-        _rows.add(target)
     there = next(place for place in (target, *target.parents) if place.exists())
     writable = os.access(there, os.W_OK)
     if there == target and not (writable and there.stat().st_mode & 0o222):  # root may write to any
@@ -272,13 +207,13 @@ def _identity(path: Path) -> tuple[int, int] | None:
     return about.st_dev, about.st_ino
 
 
-def part_file(path: Path, rows: bool = False) -> Path:
+def part_file(path: Path) -> Path:
     """Create an empty file with the suffix of `path`, to be written and then handed to `put_in_place`.
 
     It is created beside the output, in folders made if missing. Leftovers of killed processes are removed. Raises
-    WarehouseError if `path` cannot be written. rows: see `check_writable`.
+    WarehouseError if `path` cannot be written.
     """
-    target = check_writable(path, rows)
+    target = check_writable(path)
     try:
         folder = Path(tempfile.gettempdir()) if is_special(target) else target.parent
         folder.mkdir(parents=True, exist_ok=True)
@@ -335,13 +270,13 @@ def _lives(process: int) -> bool:
 
 
 @contextlib.contextmanager
-def complete_file(given: object, rows: bool = False) -> Iterator[Path]:
+def complete_file(given: object) -> Iterator[Path]:
     """Yield a part of an output to write; it becomes the output at the end, or is removed on an error.
 
     Raises WarehouseError if the output cannot be written, for example on a full disk.
     """
     path = path_of(given)
-    part = part_file(path, rows)
+    part = part_file(path)
     try:
         yield part
         put_in_place(part, path)
@@ -353,9 +288,9 @@ def complete_file(given: object, rows: bool = False) -> Iterator[Path]:
         part.unlink(missing_ok=True)
 
 
-def write_text(path: object, text: str, rows: bool = False) -> None:
-    """Write a text file, all of it or nothing; rows: see `check_writable`."""
-    with complete_file(path, rows) as part:
+def write_text(path: object, text: str) -> None:
+    """Write a text file, all of it or nothing."""
+    with complete_file(path) as part:
         part.write_text(text, encoding="utf-8", newline="\n")
 
 

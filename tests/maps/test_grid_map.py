@@ -18,6 +18,7 @@ from warehouse_env.errors import MapError, WarehouseError
 from warehouse_env.maps import distance
 from warehouse_env.maps.clearance import segment_gap
 from warehouse_env.maps.grid_map import MOVES, GridMap
+from warehouse_env.maps.moves import label_regions
 
 
 def floor(*rows: str) -> GridMap:
@@ -216,11 +217,11 @@ def test_the_origin_is_where_the_floor_is_in_its_files_frame() -> None:
 @given(floors())
 def test_cut_cells_are_those_without_which_a_region_falls_apart(grid: GridMap) -> None:
     free = ~grid.occupied
-    regions, expected = distance.label_regions(free).max(), np.zeros_like(free)
+    regions, expected = label_regions(free).max(), np.zeros_like(free)
     for row, column in np.argwhere(free):
         rest = free.copy()
         rest[row, column] = False
-        expected[row, column] = distance.label_regions(rest).max() > regions
+        expected[row, column] = label_regions(rest).max() > regions
     np.testing.assert_array_equal(distance.cut_cells(free), expected)
 
 

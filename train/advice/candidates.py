@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from train.advice.trips import Trip, expected_cost
-from warehouse_env.maps.distance import label_regions
 from warehouse_env.maps.endpoints import beside, shelves
 from warehouse_env.maps.grid_map import Cell, GridMap
+from warehouse_env.maps.moves import label_regions
 
 Kind = Literal["aisle", "one-way"]
 REACH = 4  # [cells] from a bottleneck to a shelf that may be opened

@@ -1,4 +1,4 @@
-"""Numba kernels over the cells of a map: exact distance fields and connected regions.
+"""Numba kernels over the cells of a map: exact distance fields and cut cells.
 
 Fields use label setting with buckets of width 1 (Dial 1969): no move is shorter than 1, so a cell in the current bucket
 can no longer improve, and no heap is needed. A move reaches at most two buckets ahead, so three lists suffice. A length
@@ -58,36 +58,6 @@ def distance_field(legal, moves, row, column):
         sizes[now] = 0
         level += 1
     return distance.reshape((rows, columns))
-
-
-@kernel
-def label_regions(mask):
-    """Return int32[H, W]: 0 outside the mask, else the number (from 1, in reading order) of the 4-connected region.
-
-    For free cells these are also the regions of eq. 26: its diagonals need both orthogonal cells free.
-    """
-    rows, columns = mask.shape
-    label = np.zeros((rows, columns), np.int32)
-    stack = np.empty((rows * columns, 2), np.int32)
-    count = 0
-    for start_row in range(rows):
-        for start_column in range(columns):
-            if not mask[start_row, start_column] or label[start_row, start_column] != 0:
-                continue
-            count += 1
-            label[start_row, start_column] = count
-            stack[0, 0], stack[0, 1] = start_row, start_column
-            size = 1
-            while size > 0:
-                size -= 1
-                r, c = stack[size, 0], stack[size, 1]
-                for dr, dc in ((0, 1), (-1, 0), (0, -1), (1, 0)):
-                    a, b = r + dr, c + dc
-                    if 0 <= a < rows and 0 <= b < columns and mask[a, b] and label[a, b] == 0:
-                        label[a, b] = count
-                        stack[size, 0], stack[size, 1] = a, b
-                        size += 1
-    return label
 
 
 @kernel

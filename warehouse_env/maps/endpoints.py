@@ -5,15 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from warehouse_env.maps.moves import beyond
+from warehouse_env.maps.moves import beyond, label_regions
 
 STATION_SPACING = 3  # [cells] between neighbouring stations: a 0.9 x 0.6 m robot stops at one and another passes
 
 
 def largest_region(free: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return bool[H, W]: the largest connected region of the free cells (the first in reading order of equals)."""
-    from warehouse_env.maps.distance import label_regions
-
     label = label_regions(free)
     sizes = np.bincount(label.ravel())
     sizes[0] = 0
@@ -85,8 +83,6 @@ def beside(occupied: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 def shelves(occupied: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return bool[H, W]: the occupied cells that are not part of a wall, i.e. not connected with the map's edge."""
-    from warehouse_env.maps.distance import label_regions
-
     label = label_regions(occupied)
     edge = np.concatenate([label[0], label[-1], label[:, 0], label[:, -1]])
     result: NDArray[np.bool_] = occupied & ~np.isin(label, edge)

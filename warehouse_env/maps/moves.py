@@ -36,6 +36,17 @@ def reversed_moves(moves: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return np.stack([shifted(moves[..., (m + 4) % 8], r, c) for m, (r, c) in enumerate(MOVES.tolist())], axis=-1)
 
 
+def label_regions(mask: NDArray[np.bool_]) -> NDArray[np.int32]:
+    """Return int32[H, W]: 0 outside the mask, else the number (from 1, in reading order) of the 4-connected region.
+
+    For free cells these are also the regions of eq. 26: its diagonals need both orthogonal cells free.
+    """
+    from scipy import ndimage  # imported late: it takes long
+
+    labels: NDArray[np.int32] = ndimage.label(mask)[0]
+    return labels
+
+
 def legal_moves(
     occupied: NDArray[np.bool_], one_way: NDArray[np.uint8], tight: NDArray[np.bool_] | None
 ) -> NDArray[np.bool_]:

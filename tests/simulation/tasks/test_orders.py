@@ -69,10 +69,10 @@ def test_orders_to_cells_that_are_no_places_are_noted() -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("", "line 1: release_s is missing"),
+        ("", "line 1 must name the columns"),
         (HEAD, "hold none"),
-        (f"{HEAD.replace('drop', 'dorp')}\n{LINE}\n", "line 1: drop is missing"),
-        (f"{HEAD}\n{LINE},3\n", "line 2: 6 cells in 5 columns"),
+        (f"{HEAD.replace('drop', 'dorp')}\n{LINE}\n", "line 1 must name the columns"),
+        (f"{HEAD}\n{LINE},3\n", "line 2 must have exactly the fields"),
         (f"{HEAD}\n0,1:1,9:1,600,\n", "line 2 must have exactly the fields"),
         (f"{HEAD}\n0,,9:1,600,1\n", "line 2: picks"),
         (f"{HEAD}\n0,1:1,9:1 2:2,600,1\n", "line 2: the cell"),

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from warehouse_env.config import EnvConfig, RobotSpec
-from warehouse_env.maps.distance import label_regions
 from warehouse_env.maps.layouts import make_layout
+from warehouse_env.maps.moves import label_regions
 from warehouse_env.simulation.record.recording import Episode, Recorder
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.state import OWNER, field_of

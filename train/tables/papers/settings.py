@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from train.tables.study import TableSetting, TableTask
 from warehouse_env.errors import ConfigError
-from warehouse_env.maps.distance import label_regions
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.maps.layouts import NAMED_TASKS, make_layout
+from warehouse_env.maps.moves import label_regions
 
 Settings = tuple[TableSetting, ...]
 Occupied = NDArray[np.bool_]

@@ -43,6 +43,7 @@ from warehouse_env.maps.halls.lanes import Lanes, lay, prices
 from warehouse_env.maps.halls.map_server import PICTURES, YAMLS, Occupancy, beside, image_of, read_occupancy
 from warehouse_env.maps.halls.proposed import propose, racks
 from warehouse_env.maps.halls.report import report_of
+from warehouse_env.maps.moves import label_regions
 from warehouse_env.maps.tables import DEAREST
 
 SUFFIXES = (*YAMLS, *PICTURES)
@@ -266,8 +267,6 @@ class _Reader:
         return cells, named
 
     def _note_regions(self, occupied: NDArray[np.bool_]) -> None:
-        from warehouse_env.maps.distance import label_regions
-
         count = int(label_regions(~occupied).max())
         if count > 1:
             lost = int((~occupied).sum() - largest_region(~occupied).sum())

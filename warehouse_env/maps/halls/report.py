@@ -12,6 +12,7 @@ from warehouse_env.errors import counted
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.halls.cells import HallOptions, Raster, closed, exceeds, not_free, room_of, spread
 from warehouse_env.maps.halls.map_server import Occupancy
+from warehouse_env.maps.moves import label_regions
 
 
 def report_of(
@@ -45,8 +46,6 @@ def report_of(
 
 
 def _closed_aisles(room: NDArray[np.bool_], walls: NDArray[np.bool_], raster: Raster) -> Iterator[str]:
-    from warehouse_env.maps.distance import label_regions
-
     lost = closed(room, ~walls)
     if lost.any():
         x, y = raster.centres(np.argwhere(lost)[0]).tolist()

@@ -20,8 +20,8 @@ from numpy.typing import ArrayLike, NDArray
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
 from warehouse_env.kernel import inline, part
-from warehouse_env.maps.distance import label_regions
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
+from warehouse_env.maps.moves import label_regions
 from warehouse_env.simulation.physics.contact import MOVING, put_back, trial_body
 from warehouse_env.simulation.physics.footprint import body_touches_shelf, cell_at
 from warehouse_env.simulation.physics.geometry import body_at, body_of, square_at, squared_distance_to

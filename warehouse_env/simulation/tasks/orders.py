@@ -11,6 +11,7 @@ Cells are row:column; an order with several pick faces visits them in this order
 from __future__ import annotations
 
 import csv
+import io
 import math
 import multiprocessing
 import re
@@ -20,7 +21,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from warehouse_env.errors import ConfigError, MapWarning, WarehouseError, shown
-from warehouse_env.files import as_number, complete_file, named_rows, read_text
+from warehouse_env.files import as_number, complete_file, read_text
 from warehouse_env.maps.grid_map import Cell, GridMap
 
 FIELDS = ("release_s", "picks", "drop", "due_s", "weight_kg")
@@ -42,10 +43,35 @@ class Order(NamedTuple):
 def read_orders(path: str | Path) -> tuple[Order, ...]:
     """Return the orders of a file, sorted by release; ConfigError names the line that is wrong."""
     text, what = read_text(path, "orders", _LARGEST_FILE, ConfigError), f"orders {path}"
-    orders = [_order(row, f"{what}, line {line}") for line, row in named_rows(text, what, FIELDS, ConfigError)]
-    if not orders:
+    (first, names), *lines = _rows(text, what) or [(1, [])]
+    if sorted(map(str.lower, names)) != sorted(FIELDS):
+        raise ConfigError(f"{what}, line {first} must name the columns {', '.join(FIELDS)}")
+    if not lines:
         raise ConfigError(f"{what} hold none; give one a line: {', '.join(FIELDS)}")
+    orders = [_order([name.lower() for name in names], cells, f"{what}, line {line}") for line, cells in lines]
     return tuple(sorted(orders, key=lambda order: order.release))
+
+
+def _rows(text: str, what: str) -> list[tuple[int, list[str]]]:
+    """Return (line number, cells) of a CSV text as spreadsheets write it.
+
+    The separator is whichever of comma, semicolon and tab occurs most in the first line; with the other two, 0,5 is
+    read as 0.5. Blanks around cells, empty lines and empty cells at the right are dropped.
+    """
+    head = text.lstrip("\n").partition("\n")[0]
+    delimiter = max(",;\t", key=head.count)
+    reader = csv.reader(io.StringIO(text), delimiter=delimiter, skipinitialspace=True, strict=True)
+    rows = []
+    try:
+        for cells in reader:
+            line = [cell.strip() if delimiter == "," else cell.strip().replace(",", ".") for cell in cells]
+            while line and not line[-1]:
+                line.pop()
+            if line:
+                rows.append((reader.line_num, line))
+    except csv.Error as failed:
+        raise ConfigError(f"{what}, line {reader.line_num}: {failed}") from None
+    return rows
 
 
 def write_orders(path: str | Path, orders: Iterable[Order]) -> None:
@@ -90,10 +116,11 @@ def _named(cell: Cell) -> str:
     return f"{cell[0]}:{cell[1]}"
 
 
-def _order(row: dict[str, str], where: str) -> Order:
-    """Return the order of a line's values."""
-    if set(row) != set(FIELDS):
+def _order(names: Sequence[str], cells: Sequence[str], where: str) -> Order:
+    """Return the order of a line's cells."""
+    if len(cells) != len(names):
         raise ConfigError(f"{where} must have exactly the fields {', '.join(FIELDS)}, and no empty ones")
+    row = dict(zip(names, cells, strict=True))
     release, due, weight = (_number(row[name], name, where) for name in ("release_s", "due_s", "weight_kg"))
     picks = row["picks"].split()
     if not picks:

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.config import EnvConfig
-from warehouse_env.maps.distance import label_regions
 from warehouse_env.maps.grid_map import Cell, GridMap
+from warehouse_env.maps.moves import label_regions
 
 MARGIN = 0.05  # [m] between a passing body and the disc of a parked one
 
