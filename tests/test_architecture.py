@@ -242,7 +242,7 @@ def test_every_import_is_allowed() -> None:
         ("agents.brake", "from train.advice.trips import traffic"),
         ("agents.brake", "import importlib\nt = importlib.import_module('torch')"),
         ("train.reporting.report", "import matplotlib.pyplot as plt"),
-        ("train.central.car_like.search", "from train.evaluation.rollout import run"),
+        ("train.central.search", "from train.evaluation.rollout import run"),
     ],
 )
 def test_the_rules_catch(module: str, source: str) -> None:

@@ -46,7 +46,6 @@ COMMANDS = {
     "train reinforce": Command("commands.training:TrainReinforce", "train our policy gradient"),
     "train ppo": Command("commands.training:TrainPPO", "train PPO of stable-baselines3"),
     "train threaded_ppo": Command("commands.training:TrainThreadedPPO", "train our own PPO, in threads"),
-    "orders": Command("commands.orders:Orders", "draw random orders for a floor, as a file for evaluate"),
     "evaluate": Command("commands.evaluate:Evaluate", "drive policies over held-out episodes and count collisions"),
     "compare": Command("commands.compare:Compare", "compare runs of evaluate by paired differences"),
     "benchmark": Command("commands.benchmark:Benchmark", "drive policies through the fixed benchmark set"),

@@ -1,1 +1,1 @@
-"""Planners that know the state of all robots."""
+"""Routes over pose and time for car-like robots, planned together."""

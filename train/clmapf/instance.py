@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from train.central.car_like.floor import CarBody
+from train.central.floor import CarBody
 from train.evaluation.audit.bodies import Outline, gap, point_gap
 from warehouse_env.errors import MapError, shown
 from warehouse_env.files import as_number, path_of

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from train.central.car_like.floor import floor_of
-from train.central.car_like.together import Together, plan_together
+from train.central.floor import floor_of
+from train.central.together import Together, plan_together
 from train.clmapf.check import SolutionCheck, check
 from train.clmapf.instance import BODY, DISC_RADIUS, Instance, gaps, read_instance, why_impossible
 from train.clmapf.solution import read_solution, write_solution

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from train.central.car_like.traffic import BEGIN, END, HEADING, X, Y, pose_at
+from train.central.traffic import BEGIN, END, HEADING, X, Y, pose_at
 from train.clmapf.instance import LARGEST
 from warehouse_env.errors import MapError, shown
 from warehouse_env.files import as_number, path_of, write_text

@@ -21,7 +21,7 @@ from train.advice.hall_part import hall_parts
 from train.advice.room import for_kinds, most_with_a_start
 from train.advice.trials import AdvicePlan, TimeBudget
 from train.commands.layouts import BY_MAP, check_connected
-from train.commands.orders import Work
+from train.commands.work import Work
 from train.evaluation.jobs import Progress, Runner
 from train.evaluation.workers import GOES_ON, RowOptions
 from train.kinds import Fleet

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from train.commands.layouts import BY_MAP
-from train.commands.orders import Work
+from train.commands.work import Work
 from train.evaluation.disturbances import DISTURBANCES, UNDISTURBED, known
 from train.evaluation.episodes import play
 from train.evaluation.places import NOTES, PAGE

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from train.central.car_like.floor import CarBody, CarFloor, floor_of, off_discs, stays_inside
-from train.central.car_like.together import Effort, plan_together
-from train.central.car_like.traffic import (
+from train.central.floor import CarBody, CarFloor, floor_of, off_discs, stays_inside
+from train.central.together import Effort, plan_together
+from train.central.traffic import (
     BEGIN,
     BEND,
     END,

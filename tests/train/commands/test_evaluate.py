@@ -17,7 +17,9 @@ from train.reporting.rows import RowFile, read_rows
 from warehouse_env import __version__
 from warehouse_env.config import EnvConfig
 from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.maps.layouts import make_layout
 from warehouse_env.maps.movingai import EXAMPLE_MAP, write_map
+from warehouse_env.simulation.tasks.orders import Order, write_orders
 from warehouse_env.traffic_spec import TRAFFIC, TrafficSpec
 
 AFTER_4 = replace(TRAFFIC["assist"], right_of_way_after=4.0)
@@ -139,11 +141,10 @@ def test_a_floor_has_one_name(tmp_path: Path) -> None:
     assert [row["layout"] for row in read_rows(tmp_path / "rows.jsonl")] == [floor]
 
 
-def test_orders_are_drawn_carried_out_and_tabled(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_orders_are_carried_out_and_tabled(tmp_path: Path) -> None:
     orders, out = tmp_path / "orders.csv", tmp_path / "out"
-    drawn = ["--layout", "open", "--per-hour", "3600", "--hours", "0.01", "--out", str(orders)]
-    assert main(["orders", *drawn]) == 0
-    assert f"wrote {len(orders.read_text().splitlines()) - 1} orders of" in capsys.readouterr().out
+    (pick, other, *_), (drop, *_), _ = make_layout("open").endpoints
+    write_orders(orders, [Order(0.0, (pick,), drop, 60.0, 10.0), Order(1.0, (other,), drop, 60.0, 10.0)])
     drive = ["--policy", "follow", "--layout", "open", "--robots", "4", "--episodes", "1", "--seconds", "60"]
     work = ["--planner", "astar", "--service", "1", "--orders", str(orders), "--allocation", "optimal", "--battery"]
     assert main(["evaluate", *drive, *work, "--no-pictures", "--out", str(out)]) == 0

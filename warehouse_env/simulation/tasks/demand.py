@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator
 
 import numpy as np
 
-from warehouse_env.config import EnvConfig
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.simulation.tasks.orders import Order
 from warehouse_env.work import OrderSpec
@@ -41,14 +39,3 @@ class Demand:
         drop = self._stations[int(rng.integers(len(self._stations)))]
         weight = min(float(rng.uniform(0.0, 2 * spec.weight)), self._payload)
         return Order(release, tuple(dict.fromkeys(picks)), drop, release + spec.due, weight)
-
-    def until(self, seconds: float) -> Iterator[Order]:
-        """Yield the orders that are released in the first `seconds`."""
-        while (order := self.draw()).release < seconds:
-            yield order
-
-
-def draw_orders(config: EnvConfig, grid: GridMap, seconds: float, seed: int) -> tuple[Order, ...]:
-    """Return the orders of the first `seconds` under `config.orders`, for a file or a look."""
-    spec = config.orders or OrderSpec()
-    return tuple(Demand(spec, grid, config.payload, np.random.default_rng(seed)).until(seconds))

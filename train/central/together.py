@@ -13,10 +13,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from train.central.car_like.curves import RouteTask
-from train.central.car_like.floor import CarFloor
-from train.central.car_like.search import Limits, search
-from train.central.car_like.traffic import (
+from train.central.curves import RouteTask
+from train.central.floor import CarFloor
+from train.central.search import Limits, search
+from train.central.traffic import (
     BEGIN,
     END,
     HEADING,
@@ -31,7 +31,7 @@ from train.central.car_like.traffic import (
     pose_at,
     who_meets,
 )
-from train.central.car_like.tree import make_tree
+from train.central.tree import make_tree
 
 Pose = tuple[float, float, float]
 Route = NDArray[np.float64]  # [K, PIECE]

@@ -12,10 +12,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from train.central.car_like.curves import Best, step_time, try_curves
-from train.central.car_like.floor import is_free
-from train.central.car_like.traffic import BEGIN, BEND, END, HEADING, RATE, X, Y, meetings, piece_at
-from train.central.car_like.tree import MOVES, NONE, RATES, SIDES, TO_GO, is_known, place_of
+from train.central.curves import Best, step_time, try_curves
+from train.central.floor import is_free
+from train.central.traffic import BEGIN, BEND, END, HEADING, RATE, X, Y, meetings, piece_at
+from train.central.tree import MOVES, NONE, RATES, SIDES, TO_GO, is_known, place_of
 from warehouse_env.heap import pop, push
 from warehouse_env.kernel import inline, kernel, part
 from warehouse_env.routes.reeds_shepp import SEGMENTS, TURNS, distance, rolled, seen_from, word

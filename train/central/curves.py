@@ -6,9 +6,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from train.central.car_like.floor import is_free
-from train.central.car_like.traffic import BEGIN, BEND, END, HEADING, RATE, X, Y, meetings, piece_at
-from train.central.car_like.tree import TURN
+from train.central.floor import is_free
+from train.central.traffic import BEGIN, BEND, END, HEADING, RATE, X, Y, meetings, piece_at
+from train.central.tree import TURN
 from warehouse_env.kernel import inline, part
 from warehouse_env.routes.reeds_shepp import SEGMENTS, TURNS, WORDS, rolled, seen_from, word
 

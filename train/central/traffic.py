@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from train.central.car_like.floor import point_speed
+from train.central.floor import point_speed
 from warehouse_env.kernel import inline, kernel, part
 from warehouse_env.routes.reeds_shepp import rolled
 from warehouse_env.simulation.physics.geometry import Rectangle, separation
