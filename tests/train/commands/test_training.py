@@ -67,7 +67,7 @@ def test_without_a_bar_it_says_what_it_begins_and_what_it_wrote(
         ("--gamma 1.5", "gamma=1.5"),
         ("--rows 0", "rows=0"),
         ("--name a/b", "name='a/b'"),
-        ("--layout paper46:seed=new", "unknown parameter of layout 'paper46': 'seed'"),
+        ("--layout paper46:seed=new", "layout paper46 takes no parameters; leave out seed"),
         ("--layout aisles:seed=new --traffic none --device cpu", "choose seeds, as in aisles:seed=1"),
         ("--device cpu", "does not simulate live routes yet: leave that out"),
     ],
