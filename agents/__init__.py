@@ -72,19 +72,14 @@ def add_policy(text: str) -> None:
 
     It is made from an EnvConfig, as the rules are. An attribute `needs` may hold the fields of EnvConfig that it needs.
     """
-    part = plugins.split(text)
-    if text in POLICIES or part is None:
-        return
-    if part[1]:
-        raise ConfigError(f"policy {shown(text)}: a policy takes no parameters; leave out {shown(part[1])}")
-    made = plugins.load(text, "policy")
-    if not callable(made):
-        raise ConfigError(f"{text} is no policy: it must be a class that is made from an EnvConfig")
-    if isinstance(made, type):
-        plugins.check_has(text, "policy", made, (_ACT,))
-    with plugins.running(text):
-        needs = dict(getattr(made, "needs", {}))
-    POLICIES[text] = PolicyEntry("a policy of one's own", rule=partial(_own, text, made), needs=needs)
+    _, parameters = plugins.split(text) or ("", "")
+    if parameters:
+        raise ConfigError(f"policy {shown(text)}: a policy takes no parameters; leave out {shown(parameters)}")
+    made = plugins.add(text, "policy", {**POLICIES}, (_ACT,))
+    if made is not None:
+        with plugins.running(text):
+            needs = dict(getattr(made, "needs", {}))
+        POLICIES[text] = PolicyEntry("a policy of one's own", rule=partial(_own, text, made), needs=needs)
 
 
 _ACT = "act(observation, rng)"

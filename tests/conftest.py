@@ -93,10 +93,11 @@ def registries(tmp_path: Path) -> Iterator[None]:
     from warehouse_env import LAYOUTS, PLANNERS
     from warehouse_env.observation import SENSORS
     from warehouse_env.plugins import LOADED
+    from warehouse_env.simulation.tasks.sampled import TASKS
 
     path = list(sys.path)
     with contextlib.ExitStack() as stack:
-        for registry in (LAYOUTS, PLANNERS, POLICIES, SENSORS, LOADED):
+        for registry in (LAYOUTS, PLANNERS, POLICIES, SENSORS, TASKS, LOADED):
             stack.enter_context(mock.patch.dict(registry))
         yield
     sys.path[:] = path

@@ -111,7 +111,7 @@ def test_the_shield_counts_on_the_real_bounds_unless_others_are_declared() -> No
         ({"num_agents": 2.0}, r"num_agents=2\.0 must be a whole number"),
         ({"num_agents": 10**9}, "num_agents=1000000000 must be a whole number from 1 to 100,000"),
         ({"num_agents": 10**5000}, "a value of type int"),
-        ({"tasks": ["lifelong"]}, r"tasks=\['lifelong'\] must be one of lifelong, one_shot"),
+        ({"tasks": ["lifelong"]}, r"tasks=\['lifelong'\] must be a text"),
         ({"layout": 3}, "layout=3 must be a text"),
         ({"service": 3}, "service=3 must be a ServiceSpec or None"),
         ({"traffic": "rulez"}, "traffic='rulez' must be one of none, routes, shield, rules, assist or a TrafficSpec"),

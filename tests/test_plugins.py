@@ -7,6 +7,7 @@ import subprocess
 import sys
 from importlib.util import find_spec
 from pathlib import Path
+from unittest import mock
 
 import pytest
 
@@ -21,6 +22,7 @@ from warehouse_env import LAYOUTS, PLANNERS, EnvConfig, SensorSpec, Simulator, m
 from warehouse_env.errors import ConfigError
 from warehouse_env.maps.layouts import add_layout
 from warehouse_env.observation import SENSORS, add_sensor, observation_layout
+from warehouse_env.simulation.tasks.sampled import TASKS
 
 POLICY = '''
 import numpy as np
@@ -120,12 +122,23 @@ class Broken(Pace):
     def observe(self, view):
         return view.speed
 '''
+TASKS_OF_MINE = """
+class Rim:
+    def __init__(self, config, grid):
+        self.cells = [(0, column) for column in range(grid.shape[1])]
+
+    def starts(self, rng):
+        return self.cells[1::3]
+
+    def goal(self, rng, robot, at, taken):
+        return next(cell for cell in self.cells[5:] if cell not in taken and cell != at)
+"""
 
 
 @pytest.fixture(autouse=True)
 def here(registries: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A working folder with a part of each kind."""
-    files = {"policy": POLICY, "planner": PLANNER, "layout": LAYOUT, "sensor": SENSOR}
+    files = {"policy": POLICY, "planner": PLANNER, "layout": LAYOUT, "sensor": SENSOR, "tasks": TASKS_OF_MINE}
     for kind, source in files.items():
         (tmp_path / f"my_{kind}.py").write_text(source)
     (tmp_path / "helper_of_mine.py").write_text("SLOW = 0.5\n")
@@ -209,18 +222,19 @@ def test_the_search_path_stays_as_it_was(here: Path, monkeypatch: pytest.MonkeyP
         ("--policy gone.py:Mine", "policy 'gone.py:Mine': there is no file gone.py"),
         ("--policy gone.inner:Mine", "policy 'gone.inner:Mine': there is no module gone here or installed"),
         ("--policy my_policy.py:Slow:a=1", "a policy takes no parameters; leave out 'a=1'"),
-        ("--policy my_policy.py:Idle", "my_policy.py:Idle is no policy: it has no act(observation, rng)"),
+        ("--policy my_policy.py:Idle", "my_policy.py:Idle cannot be used as policy: it has no act(observation, rng)"),
         ("--policy my_policy.py:Odd", "must act by an array of whole numbers [1, 2] for [1, 2, 94], not by float64[3]"),
         ("--policy my_policy.py:Broken", "my_policy.py, line 30: ZeroDivisionError: division by zero"),
         ("--policy bad.py:Mine", "bad.py, line 2: SyntaxError"),
         ("--policy missing.py:Mine", "missing.py, line 1: ModuleNotFoundError: No module named 'nowhere'"),
-        ("--policy follow --planner my_planner.py:Aimless", "is no planner: it has no plan(grid, start, goal, rng"),
+        ("--policy follow --planner my_planner.py:Aimless", "used as planner: it has no plan(grid, start, goal"),
         ("--policy follow --planner my_planner.py:Backwards:iner=3", "Backwards': 'iner'; did you mean inner?"),
         ("--policy follow --layout my_layout.py:three", "is no layout: it returned 3, not a GridMap"),
         ("--policy follow --layout my_layout.py:hall:rows=3", "unknown parameter of layout"),
         ("--policy my_policy.py:Feeling", "sensor 'my_sensor.py:Pace' is code"),
         ("--policy follow --sensor my_sensor.py:Pacer", "my_sensor.py has no 'Pacer'; did you mean Pace?"),
-        ("--policy follow --sensor my_policy.py:Idle", "my_policy.py:Idle is no sensor: it has no observe(view)"),
+        ("--policy follow --tasks my_policy.py:Idle", "Idle cannot be used as tasks: it has no starts(rng)"),
+        ("--policy follow --sensor my_policy.py:Idle", "cannot be used as sensor: it has no observe(view)"),
     ],
 )
 def test_what_is_wrong_is_said_in_one_sentence_before_anything_drives(
@@ -247,14 +261,16 @@ def test_a_name_in_a_file_runs_nothing(here: Path) -> None:
     assert not (here / "sprung").exists()
 
 
-def test_a_recorded_episode_asks_for_its_planner(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    own = ["--policy", "my_policy.py:Slow", "--planner", "my_planner.py:Backwards"]
+def test_a_recorded_episode_asks_for_its_planner_and_tasks(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    own = ["--policy", "my_policy.py:Slow", "--planner", "my_planner.py:Backwards", "--tasks", "my_tasks.py:Rim"]
     record = ["record", "--layout", "my_layout.py:hall", "--robots", "2", "--seconds", "2", "--out", "one.npz"]
     assert main([*record, *own]) == 0
     said = capsys.readouterr().out
-    assert said.endswith("--html one.html --policy=my_policy.py:Slow --planner=my_planner.py:Backwards\n")
-    PLANNERS.pop("my_planner.py:Backwards")
-    assert "planner 'my_planner.py:Backwards' is code" in fails(capsys, "replay", "one.npz", "--html", "one.html")
+    assert said.endswith("--html one.html " + " ".join(map("=".join, zip(own[::2], own[1::2], strict=True))) + "\n")
+    for registry, name in ((PLANNERS, "my_planner.py:Backwards"), (TASKS, "my_tasks.py:Rim")):
+        with mock.patch.dict(registry):
+            registry.pop(name)
+            assert f"'{name}' is code" in fails(capsys, "replay", "one.npz", "--html", "one.html")
     assert main(["replay", "one.npz", "--html", "one.html", *own]) == 0
 
 
@@ -262,7 +278,7 @@ def test_a_recorded_episode_asks_for_its_planner(here: Path, capsys: pytest.Capt
     ("name", "sentence"),
     [
         ("Sizeless", "my_sensor.py:Sizeless has the size None, which must be a whole number from 1 to 4,096"),
-        ("Unbounded", "has the bounds 3.0; it needs a lowest and a highest number, or 2 each"),
+        ("Unbounded", "my_sensor.py:Unbounded fails at"),
         ("Flat", "my_sensor.py:Flat must observe an array of numbers [1, 2, 2], not float32[1, 2]"),
         ("Lost", "my_sensor.py:Lost observes nan, which is not finite or beyond its bounds"),
         ("Fast", "my_sensor.py:Fast observes -1.5, which is not finite or beyond its bounds"),
@@ -320,7 +336,7 @@ def test_a_policy_trained_with_a_sensor_is_driven_recorded_and_exported_with_it(
 
 @pytest.mark.nightly
 def test_a_training_takes_them_and_goes_on_with_them(capsys: pytest.CaptureFixture[str]) -> None:
-    own = ["--layout", "my_layout.py:hall", "--planner", "my_planner.py:Backwards"]
+    own = ["--layout", "my_layout.py:hall", "--planner", "my_planner.py:Backwards", "--tasks", "my_tasks.py:Rim"]
     begin = ["train", "reinforce", *SMALL.split(), "--steps", "24", "--out", ".", "--name", "run", *own]
     assert main(begin) == 0
     LAYOUTS.pop("my_layout.py:hall")

@@ -180,14 +180,15 @@ def _run(arguments: list[str]) -> int:
 
 
 _NAME_ROWS = ("compare",)  # commands whose --policy chooses among rows
-_PARTS = {name: name for name in ("policy", "planner", "layout", "sensor")} | {"layouts": "layout", "draw": "layout"}
+_PARTS = {kind: kind for kind in ("policy", "planner", "layout", "sensor", "tasks")}
+_PARTS |= {"layouts": "layout", "draw": "layout"}
 
 
 def _load_own(options: Any) -> None:
     """Load the user's own code that options name. Only typed names may run code, never those in files."""
     given = {**vars(options), **vars(getattr(options, "config", None) or SimpleNamespace())}
     values = {name: value if isinstance(value, tuple) else (value,) for name, value in given.items() if name in _PARTS}
-    typed = [(_PARTS[name], text) for name, texts in values.items() for text in texts if text and ":" in text]
+    typed = [(_PARTS[name], text) for name, texts in values.items() for text in texts if ":" in str(text)]
     if typed:
         from train.own import take_in
 

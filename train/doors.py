@@ -15,7 +15,7 @@ from warehouse_env.files import check_writable, guarded, is_special
 
 OUTPUTS = {"json", "out", "html", "png", "video", "onnx", "report", "save", "resume"}
 """Options that name outputs; any other path is an input."""
-_NAMED = {"draw", "layout", "layouts", "map", "planner", "policy", "sensor"}  # text that may name files
+_NAMED = {"draw", "layout", "layouts", "map", "planner", "policy", "sensor", "tasks"}  # text that may name files
 
 
 @contextmanager

@@ -13,12 +13,13 @@ from warehouse_env.maps.layouts import add_layout
 from warehouse_env.observation import add_sensor
 from warehouse_env.planning import add_planner
 from warehouse_env.plugins import LOADED, digests
+from warehouse_env.simulation.tasks.sampled import add_tasks
 
 Typed = tuple[str, str]
 """A kind of part, and its name as typed."""
 
 _ADD: dict[str, Callable[[str], None]] = {
-    "policy": add_policy, "planner": add_planner, "layout": add_layout, "sensor": add_sensor,
+    "policy": add_policy, "planner": add_planner, "layout": add_layout, "sensor": add_sensor, "tasks": add_tasks,
 }  # fmt: skip
 
 

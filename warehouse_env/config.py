@@ -13,7 +13,6 @@ from warehouse_env.traffic_spec import TRAFFIC, TrafficSpec, UncertaintySpec, pr
 from warehouse_env.work import BatterySpec, OrderSpec, ServiceSpec
 
 ActionType = Literal["discrete", "continuous", "raw"]
-TaskMode = Literal["lifelong", "one_shot"]
 ArrivalMode = Literal["pass", "stop", "pose"]
 TrafficMode = Literal["none", "routes", "shield", "rules", "assist"]
 
@@ -141,7 +140,9 @@ class EnvConfig(Checked):
     layout: str = "paper46"  # a name of LAYOUTS, as "aisles:seed=7", or a file, as "hall.map" or "hall.yaml:cell=0.75"
     num_agents: int = 8  # robots
     planner: str = "pf_aco"  # a name of PLANNERS
-    tasks: TaskMode = "lifelong"  # a new goal after every arrival; or one goal each, then parked
+    # lifelong: a new goal after every arrival; one_shot: one goal each, then parked; or starts and goals by your own
+    # sampler, FILE.py:CLASS
+    tasks: str = "lifelong"
     action_type: ActionType = "discrete"  # what an action means (simulation/actions.py)
     max_steps: int = 1000  # env steps until truncation
     time_step: float = 0.1  # [s] of physics
@@ -313,7 +314,7 @@ class EnvOptions(TypedDict, total=False):
 
     layout: str
     num_agents: int
-    tasks: TaskMode
+    tasks: str
     action_type: ActionType
     max_steps: int
     time_step: float

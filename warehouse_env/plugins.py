@@ -1,4 +1,4 @@
-"""Plugins: a user's policies, planners, layouts and sensors, named as typed: "my_policy.py:Mine" or "module:Mine".
+"""Plugins: a user's policies, planners, layouts, sensors and tasks, as typed: "my_policy.py:Mine" or "module:Mine".
 
 Looking such a name up runs code, so only `load` does it, which the command line calls with what was typed. A loaded
 plugin goes into a registry under that name and is found there like any other. Names that stand in files (rows,
@@ -33,7 +33,7 @@ _OURS = ("warehouse_env", "agents", "train")
 class Plugin(NamedTuple):
     """A loaded plugin."""
 
-    kind: str  # "policy", "planner", "layout" or "sensor"
+    kind: str  # "policy", "planner", "layout", "sensor" or "tasks"
     made: Any  # the class or function
     digest: str  # of the file it is in, as it was loaded
 
@@ -48,7 +48,7 @@ def split(text: str) -> tuple[str, str] | None:
     return (f"{found['home']}:{found['name']}", found["rest"] or "") if found else None
 
 
-_EXAMPLES = {"planner": "pf_aco:ants=20,patience=null", "layout": "aisles:seed=7,rows=40", "sensor": "s.py:Mine:k=3"}
+_EXAMPLES = {"planner": "pf_aco:ants=20,patience=null", "layout": "aisles:seed=7,rows=40"}
 
 
 def parse(text: Any, kind: str, known: Container[str]) -> tuple[Any, dict[str, Any]]:
@@ -58,23 +58,25 @@ def parse(text: Any, kind: str, known: Container[str]) -> tuple[Any, dict[str, A
     """
     part = split(text) if isinstance(text, str) and text.partition(":")[0] not in known else None
     if part is None:
-        return parse_named(text, kind, _EXAMPLES[kind])
-    return part[0], parse_named(f"{kind}:{part[1]}", kind, _EXAMPLES[kind])[1]
+        return parse_named(text, kind, _EXAMPLES.get(kind, "my_file.py:Mine:reach=3"))
+    return part[0], parse_named(f"{kind}:{part[1]}", kind, _EXAMPLES.get(kind, "my_file.py:Mine:reach=3"))[1]
 
 
 def add(text: str, kind: str, registry: dict[str, Any], members: Iterable[str] = ()) -> Any:
     """Load a plugin into its registry and return it, or None if it is there already; ConfigError if it is none.
 
-    members: of what a class makes.
+    members: of what a class makes. An attribute `version` becomes the digest of its file.
     """
     name, _ = parse(text, kind, registry)
     if name in registry or not split(name):
         return None
     made = load(name, kind)
     if not callable(made):
-        raise ConfigError(f"{name} is no {kind}: it must be a class or a function")
+        raise ConfigError(f"{name} cannot be used as {kind}: it must be a class or a function")
     if isinstance(made, type):
         check_has(name, kind, made, members)
+    if hasattr(made, "version"):
+        made.version = LOADED[name].digest
     registry[name] = made
     return made
 
@@ -134,7 +136,7 @@ def check_has(name: str, kind: str, made: object, members: Iterable[str]) -> Non
     """Raise ConfigError for the first member that a plugin lacks."""
     for member in members:
         if not hasattr(made, member.partition("(")[0]):
-            raise ConfigError(f"{name} is no {kind}: it has no {member}")
+            raise ConfigError(f"{name} cannot be used as {kind}: it has no {member}")
 
 
 @contextmanager

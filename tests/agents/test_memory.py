@@ -111,7 +111,7 @@ def test_a_replay_shows_what_it_preferred_with_its_memory_then(here: Path) -> No
     [
         ("Unsaid", r"must return two arrays from act: the actions, and the next memory \[1, 3\]"),
         ("Alike", r"must keep a memory \[worlds, ...\]: memory\(1\) is \(3,\), and memory\(2\) is \(3,\)"),
-        ("Half", "is no policy: it has no drawn"),
+        ("Half", "cannot be used as policy: it has no drawn"),
     ],
 )
 def test_a_memory_that_is_none_is_refused(here: Path, name: str, said: str) -> None:

@@ -58,7 +58,7 @@ def test_tables_have_defaults_as_one_would_write_them(monkeypatch: pytest.Monkey
     generated = extension("generated", monkeypatch)
     table = generated.options_table(EnvConfig).splitlines()
     assert "| `planner` | `str` | `'pf_aco'` | a name of PLANNERS |" in table
-    assert any(line.startswith("| `tasks` | `'lifelong'` or `'one_shot'` | `'lifelong'` |") for line in table)
+    assert any(line.startswith("| `arrival` | `'pass'` or `'stop'` or `'pose'` | `'pass'` |") for line in table)
     assert any(line.startswith("| `robot` | `RobotSpec` | `RobotSpec()` |") for line in table)
     assert any(line.startswith("| `traffic` | `TrafficMode \\| TrafficSpec` | `'none'` |") for line in table)
     assert "on this machine" in generated.options_table(PPOConfig)

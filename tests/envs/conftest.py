@@ -8,13 +8,13 @@ from typing import get_args
 import pytest
 
 from tests.envs.sensors import Compass
-from warehouse_env.config import ActionType, EnvConfig, SensorSpec, TaskMode
+from warehouse_env.config import ActionType, EnvConfig, SensorSpec
 from warehouse_env.maps.layouts import LAYOUTS
 from warehouse_env.observation import SENSORS
 from warehouse_env.work import BatterySpec, OrderSpec, ServiceSpec
 
 CASES = [
-    *itertools.product(("open",), get_args(ActionType), get_args(TaskMode)),
+    *itertools.product(("open",), get_args(ActionType), ("lifelong", "one_shot")),
     *itertools.product(sorted({*LAYOUTS} - {"open", "blocks"}), ("discrete",), ("lifelong",)),
 ]
 

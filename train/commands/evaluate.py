@@ -22,7 +22,7 @@ from train.reporting.report import Table, evaluation_table, require_charts
 from train.reporting.rows import Row, RowFile, whole_rows
 from train.reporting.trainings import read_groups, regrouped
 from warehouse_env.checked import Checked
-from warehouse_env.config import ArrivalMode, EnvConfig, TaskMode
+from warehouse_env.config import ArrivalMode, EnvConfig
 from warehouse_env.errors import ConfigError
 from warehouse_env.files import check_writable, write_text
 from warehouse_env.maps.layouts import make_layout
@@ -81,8 +81,9 @@ class Driven(Checked):
     """Episodes of each policy, floor and number of robots."""
     seconds: float = 600.0
     """Simulated time of an episode [s]."""
-    tasks: TaskMode = "lifelong"
-    """lifelong: a new goal after every arrival; one_shot: one goal per robot, which then parks."""
+    tasks: str = "lifelong"
+    """lifelong: a new goal after every arrival; one_shot: one goal per robot, which then parks; or starts and goals by
+    your own sampler, FILE.py:CLASS."""
 
 
 @dataclass(frozen=True)

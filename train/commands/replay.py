@@ -20,7 +20,7 @@ from train.evaluation.rollout import make_experiment
 from train.fleet.driven import load_episode
 from train.own import OwnSensors
 from train.reporting.report import make_progress, require_video
-from warehouse_env.config import EnvConfig, TaskMode
+from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, WarehouseError
 from warehouse_env.plugins import split
 from warehouse_env.render.replay import Replay, replay_of
@@ -43,8 +43,8 @@ class Record(Working):
     """Number of robots."""
     seconds: float = 120.0
     """Simulated time of the episode [s]."""
-    tasks: TaskMode = "lifelong"
-    """lifelong: a new goal after every arrival; one_shot: one goal each, then parked."""
+    tasks: str = "lifelong"
+    """lifelong: a new goal after every arrival; one_shot: one goal each, then parked; or your own, FILE.py:CLASS."""
     out: Path = Path("results/episode.npz")
     """File for the episode."""
 
@@ -56,7 +56,8 @@ class Record(Working):
             bar = progress.add_task(experiment.title, total=experiment.config.max_steps)
             episode = record(experiment, lambda: progress.advance(bar))
         episode.save(self.out)
-        typed = (("policy", self.policy), ("planner", self.planner), *(("sensor", one) for one in self.sensor))
+        kinds = ("policy", "planner", "tasks")
+        typed = [*((kind, getattr(self, kind)) for kind in kinds), *(("sensor", one) for one in self.sensor)]
         own = [f"--{kind}={name}" for kind, name in typed if split(name)]
         page = str(self.out.with_suffix(".html"))
         show = shlex.join(["warehouse", "replay", str(self.out), "--html", page, *own])
@@ -83,6 +84,8 @@ class ReplayCommand(OwnSensors):
     """Seed of the world to show (default: the first world)."""
     planner: tuple[str, ...] = ()
     """Your own planners that the episodes were recorded with, under the same names: files alone never run code."""
+    tasks: tuple[str, ...] = ()
+    """Your own samplers of starts and goals that the episodes were recorded with."""
     policy: tuple[str, ...] = ()
     """Your own policies that drove the episodes, under the same names, to show their preferences."""
     ranges: ClassVar = {"speed": (0.01, 1000.0)}

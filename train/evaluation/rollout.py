@@ -186,7 +186,7 @@ def identity(experiment: Experiment) -> Row:
         strengths = DISTURBANCES[experiment.disturbance].strengths
         shared |= {"disturbance": experiment.disturbance, "strengths": strengths}
     orders = (config.orders and config.orders.file) or ""
-    plugins = config.planner, config.layout, config.sensor.extra or ""
+    plugins = config.planner, config.layout, config.tasks, config.sensor.extra or ""
     made_of = versions(experiment.policy, *plugins, orders=orders)
     if floor := floor_digest(config.layout):
         made_of[config.layout] = floor

@@ -94,6 +94,8 @@ class TrainingConfig(Checked):
     """Physics steps between two decisions in training; the finished policy decides at every step."""
     predictions: bool = True
     """Observe for every action the time to a conflict; the untrained policy then avoids conflicts."""
+    tasks: str = "lifelong"
+    """Starts and goals in training: lifelong, or by your own sampler, FILE.py:CLASS."""
     sensor: str | None = None
     """Observe also what your own sensor does: FILE.py:CLASS or MODULE:CLASS (docs/how_to/policy.md)."""
     traffic: str = "routes"
@@ -132,6 +134,7 @@ class TrainingConfig(Checked):
         self._between(1, 16_384, "hidden")
         self._between(1, _MOST_SAMPLES // self.rows, "rollout")
         self._between(1, _MOST_SAMPLES, "minibatch")
+        self._require(self.tasks != "one_shot", "tasks", "lifelong, or your own sampler of lifelong tasks")
         for name, most in (("layouts", 100), ("robots", 100), ("hidden", 16)):
             self._require(1 <= len(getattr(self, name)) <= most, name, f"1 to {most} values")
         for robots in self.robots:
@@ -174,7 +177,7 @@ class TrainingConfig(Checked):
         spec = self.traffic_spec
         routes: Literal[False, "barred"] = "barred" if spec.routes else False
         env = EnvConfig(
-            layout=layout, num_agents=robots, planner=self.router, keep_right=self.keep_right,
+            layout=layout, num_agents=robots, planner=self.router, tasks=self.tasks, keep_right=self.keep_right,
             action_repeat=self.action_repeat, sensor=SensorSpec(predictions=self.predictions, extra=self.sensor),
             traffic=dataclasses.replace(spec, right_of_way=False, right_of_way_after=0.0, routes=routes),
             **self.kinds_of(robots),

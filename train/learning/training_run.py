@@ -141,7 +141,7 @@ def stop_signal() -> Iterator[threading.Event]:
 
 
 def _code(config: TrainingConfig) -> dict[str, str]:
-    return digests(*config.layouts, config.router, config.sensor or "")
+    return digests(*config.layouts, config.router, config.tasks, config.sensor or "")
 
 
 def _check_unchanged(config: TrainingConfig, position: Position) -> None:

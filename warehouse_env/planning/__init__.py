@@ -68,9 +68,7 @@ _MEMBERS = ("plan(grid, start, goal, rng, cost=None)", "takes_cost", "name", "ke
 
 def add_planner(text: str) -> None:
     """Load a user's planner, "my_planner.py:Mine" or "module:Mine", into PLANNERS; ConfigError if it is none."""
-    made = plugins.add(text, "planner", PLANNERS, _MEMBERS)
-    if isinstance(made, type) and issubclass(made, BasePlanner):
-        (made.version,) = plugins.digests(text).values()
+    plugins.add(text, "planner", PLANNERS, _MEMBERS)
 
 
 def make_planner(name: str, **parameters: Any) -> Planner:

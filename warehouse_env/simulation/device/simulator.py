@@ -42,6 +42,7 @@ SEARCHES = 4096  # threads that search manoeuvres at once: each has 1 MB of scra
 _ABSENT: tuple[tuple[str, Callable[[EnvConfig], bool]], ...] = (
     ("mixed fleets that stop at poses", lambda config: bool(config.fleet) and config.arrival == "pose"),
     ("extra sensors", lambda config: config.sensor.extra is not None),
+    ("own tasks", lambda config: config.tasks not in ("lifelong", "one_shot")),
     ("people", lambda config: config.people > 0),
     ("orders, services and batteries", lambda config: config.works),
     ("live routes", lambda config: config.traffic_spec.routes is not False),

@@ -31,18 +31,12 @@ class ExtraSensor:
     """A user's sensor, whose numbers are checked; it keeps nothing from one observation to the next."""
 
     def __init__(self, config: EnvConfig, layout: ObservationLayout) -> None:
-        """Make the sensor that the config names; ConfigError if its bounds cannot be used."""
+        """Make the sensor that the config names; ConfigError unless its bounds are two numbers, or `size` each."""
         self._name, self._sensor = str(config.sensor.extra), make_sensor(config)
         self._part = layout.slices["extra"]
-        bounds = getattr(self._sensor, "bounds", (-np.inf, np.inf))
         self.low, self.high = np.full((2, layout.size), [[-np.inf], [np.inf]], np.float32)
-        try:
-            self.low[self._part], self.high[self._part] = bounds
-        except (TypeError, ValueError):
-            size = self._part.stop - self._part.start
-            raise ConfigError(
-                f"{self._name} has the bounds {shown(bounds)}; it needs a lowest and a highest number, or {size} each"
-            ) from None
+        with plugins.running(self._name):
+            self.low[self._part], self.high[self._part] = getattr(self._sensor, "bounds", (-np.inf, np.inf))
 
     def write(self, simulator: Any, worlds: list[int] | slice) -> None:
         """Write the slice of some worlds of a Simulator; ConfigError for what is no array of numbers within bounds."""

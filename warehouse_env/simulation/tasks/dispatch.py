@@ -23,9 +23,9 @@ from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.tasks import giving
 from warehouse_env.simulation.tasks.assignment import Assignment
 from warehouse_env.simulation.tasks.goals import GoalState, endpoints_of
-from warehouse_env.simulation.tasks.one_shot import OneShotTasks
 from warehouse_env.simulation.tasks.orders import Order
 from warehouse_env.simulation.tasks.placement import Limits, place, stand
+from warehouse_env.simulation.tasks.sampled import TASKS, SampledTasks
 from warehouse_env.simulation.tasks.shifts import Shifts, check_given
 from warehouse_env.simulation.tasks.tasks import (
     Arrival,
@@ -83,7 +83,8 @@ class Dispatcher(Portable):
         self._astray, self.far = np.empty(robots.shape, dtype=np.bool_), far_off(config, book.grid.cell_size)
         self.live = LiveRoutes(config, book, persons) if config.traffic_spec.routes else None
         self.all_look = config.traffic_spec.routes is True  # so that some robot gets another route in almost every step
-        tasks = OneShotTasks if config.tasks == "one_shot" else Tasks
+        named = TASKS.get(config.tasks)
+        tasks = named if isinstance(named, type) and issubclass(named, Tasks) else SampledTasks
         self.goals = GoalState.of(len(robots), config.num_agents, len(book.grid.endpoints[2]))
         self.tasks = [tasks(book.grid, config, self.goals, world) for world in range(len(robots))]
         check_given(orders, config)
@@ -270,7 +271,7 @@ class Dispatcher(Portable):
                     continue
             lengths = book_arrival(self.robots, world, robot, seconds, 2 * step > config.max_steps)
             arrivals.append(Arrival(world, robot, *lengths))
-            if self.shifts is None and config.tasks == "lifelong" and r["task"]["alive"]:
+            if self.shifts is None and config.tasks != "one_shot" and r["task"]["alive"]:
                 self._told.pop((world, robot), None)
                 start = state.goal_of(r)
                 goal = self.tasks[world].next_goal(robot, start, self._draws.keys[world])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -120,7 +120,7 @@ def take_goal(robots, routes, world, robot, row, column):
 class Tasks(Portable):
     """The goals of one world's robots. Lifelong robots alternate between a pick face and a station."""
 
-    bound = ("_endpoints", "places")
+    bound: ClassVar[tuple[str, ...]] = ("_endpoints", "places")
 
     def __init__(self, grid: GridMap, config: EnvConfig, state: GoalState | None = None, world: int = 0) -> None:
         """Take the row `world` of the state of several worlds, or make one of its own."""
