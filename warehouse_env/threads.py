@@ -24,6 +24,7 @@ from warehouse_env.errors import ConfigError, shown
 
 MOST_THREADS = int(numba.config.NUMBA_NUM_THREADS)  # type: ignore[attr-defined]  # the cores, or as the environment says
 T = TypeVar("T")
+Done = SimpleQueue[tuple[T | None, BaseException | None]]
 
 _jobs: SimpleQueue[Callable[[], None]] = SimpleQueue()
 _helpers: list[Thread] = []
@@ -52,33 +53,22 @@ def side_by_side(call: Callable[..., T], parts: Sequence[Sequence[Any]]) -> list
     if len(parts) == 1:
         return [call(*parts[0])]
     waiting = deque(parts)
-    done: SimpleQueue[tuple[T | None, BaseException | None]] = SimpleQueue()
+    done: Done[T] = SimpleQueue()
     inside: list[None] = []  # one for each helper that may have taken a part
 
     def help_out() -> None:
         inside.append(None)
         try:
-            work()
+            _work(call, waiting, done)
         finally:
             inside.pop()
-
-    def work() -> None:
-        while True:
-            try:
-                part = waiting.popleft()
-            except IndexError:
-                return
-            try:
-                done.put((call(*part), None))
-            except BaseException as error:
-                done.put((None, error))
 
     helpers = min(get_num_threads(), len(parts)) - 1
     _wake(helpers)
     try:
         for _ in range(helpers):
             _jobs.put(help_out)
-        work()
+        _work(call, waiting, done)
         results = [done.get() for _ in parts]
     except BaseException:  # an interrupt: helpers must not write to the caller's arrays after this returns
         waiting.clear()
@@ -89,6 +79,19 @@ def side_by_side(call: Callable[..., T], parts: Sequence[Sequence[Any]]) -> list
         if error is not None:
             raise error
     return [result for result, _ in results]  # type: ignore[misc]
+
+
+def _work(call: Callable[..., T], waiting: deque[Sequence[Any]], done: Done[T]) -> None:
+    """Do parts until none waits."""
+    while True:
+        try:
+            part = waiting.popleft()
+        except IndexError:
+            return
+        try:
+            done.put((call(*part), None))
+        except BaseException as error:
+            done.put((None, error))
 
 
 def _wake(helpers: int) -> None:

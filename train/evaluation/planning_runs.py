@@ -83,10 +83,7 @@ def plan_once(
         "turns": turns(plan.cells) if plan.found else None,
         "min_turns": task.min_turns,
         "climb_m": climb(grid, plan.cells) if plan.found else None,
-        "line_length": plan.line_length if plan.found else None,
-        "line_turns": line_turns(driven(plan)) if plan.found else None,
-        "turn_angle": turn_angle(driven(plan)) if plan.found else None,
-        "clearance": least_gap(grid, driven(plan)) if plan.found else None,
+        **_of_line(grid, plan),
         "converged_at": plan.converged_at or None,
         "iterations": len(plan.best_by_iteration),
         "ms": 1000 * plan.seconds,
@@ -95,6 +92,19 @@ def plan_once(
         "version": __version__,
     }
     return PlanningRun(task, row["planner"], row, plan)
+
+
+def _of_line(grid: GridMap, plan: Plan) -> Row:
+    """Return the part of a run's row about the line that is driven; None where there is no plan."""
+    if not plan.found:
+        return dict.fromkeys(("line_length", "line_turns", "turn_angle", "clearance"))
+    line = driven(plan)
+    return {
+        "line_length": plan.line_length,
+        "line_turns": line_turns(line),
+        "turn_angle": turn_angle(line),
+        "clearance": least_gap(grid, line),
+    }
 
 
 def _gap(length: float, optimal: float) -> float:

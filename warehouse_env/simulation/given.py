@@ -33,8 +33,9 @@ def check_count(what: str, count: object) -> int:
     return int(count)
 
 
-def check_memory(worlds: int, robots: int, size: int, bytes_a_robot: int, people: int, cells: int) -> None:
+def check_memory(config: EnvConfig, worlds: int, size: int, bytes_a_robot: int, cells: int) -> None:
     """Raise ConfigError if the worlds exceed the machine's memory; size: of an observation; cells: of the floor."""
+    robots, people = config.num_agents, config.people
     needed = worlds * robots * (bytes_a_robot + 4 * (size + robots))  # an observation, and a stamp for every other
     needed += worlds * people * 4 * cells  # the ways to their goals
     there = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")

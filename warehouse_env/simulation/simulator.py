@@ -66,6 +66,14 @@ def _parts(worlds: int, share: int) -> list[tuple[int, int]]:
     return [(first, min(first + share, worlds)) for first in range(0, worlds, share)]
 
 
+def _new_book(config: EnvConfig, grid: GridMap | None, planner: Planner | None) -> RouteBook:
+    """Return an empty book of routes; grid, planner: replace those that the config names."""
+    from warehouse_env.planning import make_planner
+
+    planner = make_planner(config.planner) if planner is None else planner
+    return RouteBook(load_floor(config, grid), planner, keep_right=config.keep_right, wider=config.widest_body.wider)
+
+
 class Simulator(Portable):
     """B independent worlds of N robots in lock-step.
 
@@ -96,27 +104,21 @@ class Simulator(Portable):
         given.check_parts(config, grid, planner, routes)
         num_worlds = given.check_count("num_worlds", num_worlds)
         self.config, self.num_worlds, self.num_agents = config, num_worlds, config.num_agents
-        self.grid = routes.grid if routes is not None else load_floor(config, grid)
-        if routes is None:
-            from warehouse_env.planning import make_planner
-
-            planner = planner if planner is not None else make_planner(config.planner)
-            routes = RouteBook(self.grid, planner, keep_right=config.keep_right, wider=config.widest_body.wider)
+        routes = _new_book(config, grid, planner) if routes is None else routes
+        self.grid = routes.grid
         given.check_pace(config, self.grid.cell_size)
         planned = planned_config(config)
         given.check_stop(config, state.stop_samples(planned))
         self.layout = observation_layout(config)
         each = state.ROBOT.itemsize + 8 * ROUTE_BLOCK
-        cells = self.grid.occupied.size
-        given.check_memory(num_worlds, config.num_agents, self.layout.size, each, config.people, cells)
+        given.check_memory(config, num_worlds, self.layout.size, each, self.grid.occupied.size)
         self._every_kind = state.every_kind(planned, self.grid.cell_size, config.kinds)
         self._params = self._every_kind[:1].copy()
         self._kinds = self._every_kind[list(config.kind_of)] if config.fleet else None
         self._limits: Limits = self._params, self._kinds
         self.actions = ActionDecoder(planned)
         self.action_space = self.actions.space
-        self._weights = weight_vector(config.reward)
-        self._reward_weights = config.reward
+        self._weights, self._reward_weights = weight_vector(config.reward), config.reward
         self._planned = np.zeros((num_worlds, config.num_agents), dtype=state.ROBOT)
         self.robots = self._planned.copy() if errs(config) else self._planned  # at their true poses
         self.people = People(planned, self.grid, num_worlds)
@@ -126,11 +128,9 @@ class Simulator(Portable):
         self.deviation = Deviation(config, num_worlds, self.draws)
         self.messages = Messages(config, num_worlds, self.draws)
         self._make_arrays(planned)
-        low, high = (-np.inf, np.inf) if self._extra is None else (self._extra.low, self._extra.high)
-        self.observation_space = gymnasium.spaces.Box(low, high, (self.layout.size,), np.float32)
 
     def _make_arrays(self, planned: EnvConfig) -> None:
-        b, n, p, self._decides = self.num_worlds, self.num_agents, self._params, self.config.traffic_spec.right_of_way
+        b, n, self._decides = self.num_worlds, self.num_agents, self.config.traffic_spec.right_of_way
         self.arcs = np.zeros((b, n, ARCS, 2), dtype=np.float32)  # [m], [rad]; the robots' manoeuvres
         self._paths = np.zeros((b, n + 1 if self._decides else 0, POSES, COLUMNS), dtype=np.float32)
         self.observation = np.zeros((b, n, self.layout.size), dtype=np.float32)
@@ -140,13 +140,25 @@ class Simulator(Portable):
         self.truncated = np.zeros(b, dtype=np.bool_)
         self.steps = np.zeros(b, dtype=np.int64)  # env steps since each world's reset
         self.arrivals: list[Arrival] = []
-        said = math.ceil(int(p["latency"][0]) / self.config.action_repeat)  # env steps until a command takes effect
+        # env steps until a command takes effect
+        said = math.ceil(int(self._params["latency"][0]) / self.config.action_repeat)
         self._commands = np.zeros((1 + said, b, n, 2), dtype=np.float32)
         self._choices = self.actions.no_choices(b, n)
-        reach = float(p["pair_range"][0])
-        widest = float(p["widest"][0])
         self._stamps = np.zeros((b, n, state.most_near(n, self.config), 2), dtype=np.int32)
-        rows, columns = self.grid.shape
+        self._fill_parameters(planned)
+        self._waiting = np.zeros(b, dtype=np.int32)
+        self._features = Features.of(self.config)
+        most, least = max(_MOST // n, 1), math.ceil(_LEAST / n)
+        self._blocks = _parts(b, most)
+        self._parts = _parts(b, max(min(math.ceil(b / (_PARTS * MOST_THREADS)), most), least))
+        self._bind()
+        low, high = (-np.inf, np.inf) if self._extra is None else (self._extra.low, self._extra.high)
+        self.observation_space = gymnasium.spaces.Box(low, high, (self.layout.size,), np.float32)
+
+    def _fill_parameters(self, planned: EnvConfig) -> None:
+        """Write the ranges and buckets of neighbours, and make the parameters of the true bodies."""
+        n, p, (rows, columns) = self.num_agents, self._params, self.grid.shape
+        reach, widest = float(p["pair_range"][0]), float(p["widest"][0])
         size = self.grid.cell_size
         look = max(
             self.config.sensor.lidar_range + widest,
@@ -165,12 +177,6 @@ class Simulator(Portable):
             if records is not None:
                 for name, value in shared.items():
                     records[name] = value
-        self._waiting = np.zeros(b, dtype=np.int32)
-        self._features = Features.of(self.config)
-        most, least = max(_MOST // n, 1), math.ceil(_LEAST / n)
-        self._blocks = _parts(b, most)
-        self._parts = _parts(b, max(min(math.ceil(b / (_PARTS * MOST_THREADS)), most), least))
-        self._bind()
 
     def _bind(self) -> None:
         """Make the views, the floor and the kernels' arguments."""

@@ -83,16 +83,13 @@ def run(
     """
     cells = len(floor.height)
     walks, best = empty_walks(start, ants, cells), empty_walks(start, 1, cells)
-    pheromone = colony.pheromone.copy()
     seeds = rng.integers(1, 2**63, size=(iterations, ants), dtype=np.uint64)
-    visited = np.zeros(cells, np.int64)
+    pheromone, visited = colony.pheromone.copy(), np.zeros(cells, np.int64)
     history, changed = np.full(iterations, np.inf), 0
     for iteration in range(iterations):
-        trail = _raised(pheromone, colony.trail_power)
-        turning, straight = colony.attraction(iteration)
+        edges = EdgeWeights(_raised(pheromone, colony.trail_power), *colony.attraction(iteration))
         q0 = colony.greedy(iteration) if colony.greedy else 0.0
         rule = WalkRule(q0, backtrack, colony.local_decay, colony.local_level)
-        edges = EdgeWeights(trail, turning, straight)
         walk(floor, edges, rule, seeds[iteration], visited, 1 + iteration * ants, walks)
         winner = appraise(walks) if appraise else measure(floor, walks, 0, ants)
         if winner >= 0 and (walks.cost[winner], walks.turns[winner]) < (best.cost[0], best.turns[0]):
@@ -163,6 +160,18 @@ def _drawn(chance, left):
     return found
 
 
+@inline
+def _chosen(chance, total, q0, draw):
+    """Return the move of a draw in [0, 1): with probability q0 the largest, else each by its share of the total."""
+    if draw < q0:
+        move = _largest(chance)
+    else:
+        if q0 > 0.0:  # known to be at least q0, draw is uniform above it, and so serves again
+            draw = (draw - q0) / (1.0 - q0)
+        move = _drawn(chance, draw * total)
+    return move
+
+
 class Trip(NamedTuple):
     """One ant's walk."""
 
@@ -175,9 +184,8 @@ class Trip(NamedTuple):
 
 
 def sender(weigh: Any) -> Any:
-    """Return the compiled function (ground, rule, trip, generator) by which an ant walks.
+    """Return the compiled function (ground, rule, trip, generator) by which an ant walks; ground: what `weigh` needs.
 
-    ground: whatever `weigh` needs.
     weigh: inlined function (ground, ant, cell, move by which it came or -1, chance) -> total. It writes the weight of
     each move to chance float64[8], 0 for those not allowed, and returns their sum, 0 at a dead end, or ARRIVED.
     """
@@ -204,13 +212,7 @@ def sender(weigh: Any) -> Any:
                 heading = whole(trip.moves[steps - 1]) if steps > 0 else whole(-1)
                 continue
             random = _next_random(random)
-            draw = (random >> _SHIFT_11) * _TO_UNIT
-            if draw < q0:
-                heading = _largest(chance)
-            else:
-                if q0 > 0.0:  # known to be at least q0, draw is uniform above it, and so serves again
-                    draw = (draw - q0) / (1.0 - q0)
-                heading = _drawn(chance, draw * total)
+            heading = _chosen(chance, total, q0, (random >> _SHIFT_11) * _TO_UNIT)
             if decay > 0.0:
                 trip.trail[cell, heading] += decay * (level - trip.trail[cell, heading])
             trip.moves[steps] = heading

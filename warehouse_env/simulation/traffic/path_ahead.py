@@ -34,10 +34,19 @@ _SOON = np.float32(1.0)  # [s] of a person's walk that count
 
 @inline
 def _put(path, k, x, y, heading, driven, p):
-    """Write the body at a pose of its front axle, `driven` [m] ahead."""
+    """Write the body at a pose of its front axle, `driven` [m] ahead; return the number of poses then."""
     s, c = sin_cos(heading)
     path[k, CENTRE_X], path[k, CENTRE_Y] = x - p["offset"] * c, y - p["offset"] * s
     path[k, COS], path[k, SIN], path[k, DRIVEN] = c, s, driven
+    return k + 1
+
+
+@inline
+def _drive(x, y, heading, way, bend):
+    """Return the pose after `way` [m] along the chord of an arc of curvature `bend` [1/m]."""
+    turn = way * bend
+    s, c = sin_cos(heading + HALF * turn)
+    return x + way * c, y + way * s, heading + turn
 
 
 @part
@@ -57,16 +66,13 @@ def _along_arcs(r, arcs, to_next, path, p):
             stride = min(_STRIDE, to_next)
             way = min(max(left, -stride), stride)
             left -= way
-            s, c = sin_cos(heading + HALF * way * bend)
-            x, y, heading = x + way * c, y + way * s, heading + way * bend
+            x, y, heading = _drive(x, y, heading, way, bend)
             driven += abs(way)
             to_next -= abs(way)
             if to_next <= ZERO:
-                _put(path, k, x, y, heading, driven, p)
-                k, to_next = k + 1, APART
+                k, to_next = _put(path, k, x, y, heading, driven, p), APART
         if k < POSES and to_next < APART:
-            _put(path, k, x, y, heading, driven, p)
-            k += 1
+            k = _put(path, k, x, y, heading, driven, p)
     return k, to_next, driven, x, y, heading, steer
 
 
@@ -171,23 +177,19 @@ def write_path(r, route, arcs, side, many, p, floor, path):
     while k < many and driven < _FARTHEST:
         if along >= over:
             if stops and to_next < APART:
-                _put(path, k, x, y, heading, driven, p)
-                k += 1
+                k = _put(path, k, x, y, heading, driven, p)
             return k, True
         s, c = sin_cos(heading)
         wanted = _steer((route, points, spacing, end), along, side, look, (x, y, c, s), p, floor)
         stride = min(_STRIDE, to_next)
         most = _STEERED * stride / _STRIDE
         steer = min(max(wanted, steer - most), steer + most)
-        turn = stride * curvature(steer, p["wheelbase"])
-        s, c = sin_cos(heading + HALF * turn)
-        x, y, heading = x + stride * c, y + stride * s, heading + turn
+        x, y, heading = _drive(x, y, heading, stride, curvature(steer, p["wheelbase"]))
         driven += stride
         to_next -= stride
         along = along_after(route, points, spacing, along, stride, x, y)
         if to_next <= ZERO:
-            _put(path, k, x, y, heading, driven, p)
-            k, to_next = k + 1, APART
+            k, to_next = _put(path, k, x, y, heading, driven, p), APART
     return k, False
 
 
