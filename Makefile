@@ -22,7 +22,7 @@ PIP := $(RUN)/python -m pip --disable-pip-version-check
 # Byte code of all packages takes longer than all else of the installing: imports make what is used, if they may.
 INSTALL := $(PIP) install --quiet --constraint $(CONSTRAINTS) $(if $(PYTHONDONTWRITEBYTECODE),,--no-compile)
 # What compiling kernels needs: it goes on while pip installs all else, torch above all.
-COMPILING := setuptools numba gymnasium pettingzoo pyyaml safetensors platformdirs tyro rich filelock
+COMPILING := setuptools numba gymnasium pettingzoo pyyaml safetensors platformdirs tyro rich filelock scipy
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:

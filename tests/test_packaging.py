@@ -194,7 +194,8 @@ class Absent:
         if name.partition(".")[0] in absent:
             raise ModuleNotFoundError(name)
 sys.meta_path.insert(0, Absent())
-import train.evaluation.kernels
+from train.evaluation.kernels import PARTS
+PARTS["one robot's motion"]()
 """
 
 
