@@ -12,7 +12,7 @@ from warehouse_env.heap import pop, push
 from warehouse_env.kernel import kernel
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
 from warehouse_env.planning.base import BasePlanner
-from warehouse_env.planning.graph_search import fewest_turns, unflatten
+from warehouse_env.planning.graph_search import cheapest, unflatten
 from warehouse_env.planning.plan import CostMap, Plan
 
 
@@ -143,5 +143,5 @@ class ThetaStar(BasePlanner):
         while flat[-1] != first:
             flat.append(int(vertex[flat[-1]]))
         line = unflatten(flat[::-1], cols)
-        followed = fewest_turns(_band(grid.legal_moves, line), None, first, last)
+        followed = cheapest(_band(grid.legal_moves, line), None, first, last)
         return Plan(unflatten(followed, cols), line=line.astype(np.float64))

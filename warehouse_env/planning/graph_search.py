@@ -53,57 +53,23 @@ def is_hairpin(arrived, move):
 
 
 @kernel
-def _search(legal, toll, start, goal, informed):
-    """Return the cell (flat index) before each on a cheapest path, -1 where none.
+def _search(legal, toll, start, goal, informed, turning):
+    """Return the state before each on a cheapest path, -1 where none, and the goal's state, -1 without a path.
 
-    legal: bool[H, W, 8]; toll: int64[H, W, 8], millionths of a cell that a move costs more than its length, or None.
-    informed: A* with the octile distance, ties to the cell nearer the goal; otherwise Dijkstra.
+    A state is a cell (flat index); if `turning`, it is 9 * cell + arriving move, START at the start, and the cost is
+    (length + tolls, turns). legal: bool[H, W, 8]; toll: int64[H, W, 8], millionths of a cell that a move costs more
+    than its length, or None. informed: A* with the octile distance; otherwise Dijkstra. Ties go to the state of fewer
+    turns, or to the cell nearer the goal.
     """
     rows, cols = legal.shape[0], legal.shape[1]
-    straight, diagonal, length, _, before, closed, (keys, ties, items) = _labels(rows * cols, start)
+    states = 9 if turning else 1  # of a cell
+    first = 9 * start + START if turning else start
+    straight, diagonal, length, turned, before, closed, (keys, ties, items) = _labels(states * rows * cols, first)
     goal_row, goal_col = goal // cols, goal % cols
-    size = push(keys, items, 0, 0.0, start, ties, 0.0)
-    while size > 0:
-        _, cell, size = pop(keys, items, size, ties)
-        if cell == goal:
-            break
-        if closed[cell]:
-            continue
-        closed[cell] = True
-        row, col = cell // cols, cell % cols
-        for move in range(8):
-            if not legal[row, col, move]:
-                continue
-            to_row, to_col = row + MOVES[move, 0], col + MOVES[move, 1]
-            to = to_row * cols + to_col
-            a = straight[cell] + (1 - move % 2) * _STEP
-            if toll is not None:
-                a += toll[row, col, move]
-            b = diagonal[cell] + move % 2
-            new_length = a / MICRO + b * _SQRT2
-            if new_length < length[to]:
-                length[to], straight[to], diagonal[to], before[to] = new_length, a, b, cell
-                ahead_a, ahead_b = _ahead(to_row - goal_row, to_col - goal_col) if informed else (0, 0)
-                estimate = (a + ahead_a * _STEP) / MICRO + (b + ahead_b) * _SQRT2
-                size = push(keys, items, size, estimate, to, ties, ahead_a + ahead_b * _SQRT2)
-    return before
-
-
-@kernel
-def _search_turns(legal, toll, start, goal):
-    """A* on cell x arriving move with the cost (length + tolls, turns); return the state before each and the goal's.
-
-    State = 9 * cell + move, START at the start. legal, toll: as in `_search`.
-    """
-    rows, cols = legal.shape[0], legal.shape[1]
-    straight, diagonal, length, turned, before, closed, (keys, ties, items) = _labels(
-        9 * rows * cols, 9 * start + START
-    )
-    goal_row, goal_col = goal // cols, goal % cols
-    size = push(keys, items, 0, 0.0, 9 * start + START, ties, 0.0)
+    size = push(keys, items, 0, 0.0, first, ties, 0.0)
     while size > 0:
         _, state, size = pop(keys, items, size, ties)
-        cell, arrived = state // 9, state % 9
+        cell, arrived = state // states, state % states
         if cell == goal:
             return before, state
         if closed[state]:
@@ -114,28 +80,32 @@ def _search_turns(legal, toll, start, goal):
             if not legal[row, col, move]:
                 continue
             to_row, to_col = row + MOVES[move, 0], col + MOVES[move, 1]
-            to = 9 * (to_row * cols + to_col) + move
+            to = states * (to_row * cols + to_col) + (move if turning else 0)
             a = straight[state] + (1 - move % 2) * _STEP
             if toll is not None:
                 a += toll[row, col, move]
             b = diagonal[state] + move % 2
-            new_turns = turned[state] + (1 if arrived != START and arrived != move else 0)
+            new_turns = turned[state] + (1 if turning and arrived != START and arrived != move else 0)
             new_length = a / MICRO + b * _SQRT2
             if new_length < length[to] or (new_length == length[to] and new_turns < turned[to]):
                 length[to], straight[to], diagonal[to] = new_length, a, b
                 turned[to], before[to] = new_turns, state
-                ahead_a, ahead_b = _ahead(to_row - goal_row, to_col - goal_col)
+                ahead_a, ahead_b = _ahead(to_row - goal_row, to_col - goal_col) if informed else (0, 0)
                 estimate = (a + ahead_a * _STEP) / MICRO + (b + ahead_b) * _SQRT2
-                size = push(keys, items, size, estimate, to, ties, float(new_turns))
+                tie = float(new_turns) if turning else ahead_a + ahead_b * _SQRT2
+                size = push(keys, items, size, estimate, to, ties, tie)
     return before, -1
 
 
-def fewest_turns(legal: NDArray[np.bool_], toll: NDArray[np.int64] | None, start: int, goal: int) -> list[int]:
-    """Return the flat cells of a path with the fewest turns among the cheapest; empty where there is none."""
-    before, state = _search_turns(legal, toll, start, goal)
+def cheapest(
+    legal: NDArray[np.bool_], toll: NDArray[np.int64] | None, start: int, goal: int, *, informed: bool = True,
+    turning: bool = True,
+) -> list[int]:  # fmt: skip
+    """Return the flat cells of a cheapest path, empty where there is none; arguments: see `_search`."""
+    before, state = _search(legal, toll, start, goal, informed, turning)
     path = []
     while state >= 0:
-        path.append(int(state) // 9)
+        path.append(int(state) // (9 if turning else 1))
         state = before[state]
     return path[::-1]
 
@@ -153,23 +123,15 @@ class _GraphSearch(BasePlanner):
 
     takes_cost: ClassVar[bool] = True
     informed: ClassVar[bool] = True  # by the octile distance
+    turning: ClassVar[bool] = False  # whether turns count
 
     def find(self, grid: GridMap, start: Cell, goal: Cell, rng: np.random.Generator, cost: CostMap) -> Plan:
         """Search on flat cells."""
         columns = grid.shape[1]
         toll = tolls(grid, self.gentleness, cost)
-        flat = self.search(grid.legal_moves, toll, start[0] * columns + start[1], goal[0] * columns + goal[1])
+        first, last = start[0] * columns + start[1], goal[0] * columns + goal[1]
+        flat = cheapest(grid.legal_moves, toll, first, last, informed=self.informed, turning=self.turning)
         return Plan(unflatten(flat, columns))
-
-    def search(self, legal: NDArray[np.bool_], toll: NDArray[np.int64] | None, start: int, goal: int) -> list[int]:
-        """Return the flat cells of a cheapest path, none where there is none. legal, toll: as in `_search`."""
-        before = _search(legal, toll, start, goal, self.informed)
-        path = [goal]
-        while path[-1] != start:
-            if before[path[-1]] < 0:
-                return []
-            path.append(int(before[path[-1]]))
-        return path[::-1]
 
 
 @dataclass(frozen=True)
@@ -192,16 +154,13 @@ class AStarTurns(_GraphSearch):
     """The fewest turns among the shortest paths: A* on cell x direction with the cost (length, turns)."""
 
     name: ClassVar[str] = "astar_turns"
-
-    def search(self, legal: NDArray[np.bool_], toll: NDArray[np.int64] | None, start: int, goal: int) -> list[int]:
-        """Return the flat cells of such a path."""
-        return fewest_turns(legal, toll, start, goal)
+    turning: ClassVar[bool] = True
 
 
 def min_turns(grid: GridMap, start: Cell, goal: Cell) -> int:
     """Fewest direction changes that a shortest path from start to goal can have; PlanError if there is no path."""
     start, goal = check_endpoints(grid, start, goal)
-    flat = fewest_turns(grid.legal_moves, None, start[0] * grid.shape[1] + start[1], goal[0] * grid.shape[1] + goal[1])
+    flat = cheapest(grid.legal_moves, None, start[0] * grid.shape[1] + start[1], goal[0] * grid.shape[1] + goal[1])
     if not flat:
         raise PlanError(f"no path from {start} to {goal}")
     return turns(unflatten(flat, grid.shape[1]))
