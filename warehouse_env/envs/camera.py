@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from warehouse_env.config import EnvConfig
 from warehouse_env.errors import unknown_name
 from warehouse_env.portable import Portable
 
 if TYPE_CHECKING:
-    from warehouse_env.config import EnvConfig
     from warehouse_env.render.window import Window
     from warehouse_env.simulation.simulator import Simulator
 
@@ -68,3 +68,23 @@ class Camera(Portable):
         if self._window is not None:
             self._window.close()
             self._window = None
+
+
+class FilmedWorld(Portable):
+    """Base of the environments of one world: its simulator, and how it is shown."""
+
+    metadata: ClassVar[dict[str, Any]] = {"render_modes": list(RENDER_MODES), "render_fps": render_fps(EnvConfig())}
+    render_mode: str | None
+
+    def _show(self, simulator: Simulator, render_mode: str | None) -> None:
+        self.simulator, self.config, self.render_mode = simulator, simulator.config, render_mode
+        self.metadata = {**self.metadata, "render_fps": render_fps(self.config)}  # type: ignore[misc]
+        self._camera = Camera(render_mode, self.metadata["render_fps"])
+
+    def render(self) -> NDArray[np.uint8] | None:
+        """Return the picture uint8[H, W, 3] ("rgb_array"), or show it ("human") and return None."""
+        return self._camera.shot(self.simulator)
+
+    def close(self) -> None:
+        """Close the window, if one is open."""
+        self._camera.close()

@@ -14,18 +14,17 @@ from pettingzoo.utils import parallel_to_aec
 
 from warehouse_env.config import EnvConfig
 from warehouse_env.envs.actions import ActionPacker
-from warehouse_env.envs.camera import RENDER_MODES, Camera, render_fps
+from warehouse_env.envs.camera import FilmedWorld
 from warehouse_env.envs.infos import EPISODE_METRICS, RobotInfos, final_metrics
 from warehouse_env.envs.options import WorldOptions, build, reset
 from warehouse_env.errors import ActionError, shown
-from warehouse_env.portable import Portable
 from warehouse_env.simulation.simulator import Simulator
 
 Observations = dict[str, NDArray[np.float32]]
 Infos = dict[str, dict[str, Any]]
 
 
-class WarehouseParallelEnv(Portable, ParallelEnv):  # type: ignore[misc]  # pettingzoo ships no types
+class WarehouseParallelEnv(FilmedWorld, ParallelEnv):  # type: ignore[misc]  # pettingzoo ships no types
     """Robots "robot_0".."robot_{N-1}" of one warehouse, stepped together.
 
     Lifelong tasks: nobody terminates, all are truncated at `max_steps`. One-shot tasks: a robot that arrives
@@ -36,11 +35,8 @@ class WarehouseParallelEnv(Portable, ParallelEnv):  # type: ignore[misc]  # pett
 
     bound = ("_observation", "_reward", "_terminated", "_infos")
     metadata: ClassVar[dict[str, Any]] = {
-        "name": "warehouse_v0",
-        "render_modes": list(RENDER_MODES),
-        "render_fps": render_fps(EnvConfig()),
-        "is_parallelizable": True,
-    }
+        **FilmedWorld.metadata, "name": "warehouse_v0", "is_parallelizable": True,
+    }  # fmt: skip
 
     def __init__(
         self,
@@ -50,12 +46,7 @@ class WarehouseParallelEnv(Portable, ParallelEnv):  # type: ignore[misc]  # pett
         **options: Unpack[WorldOptions],
     ) -> None:
         """Build one world from `config` with `options` put in; ConfigError or MapError says what cannot be used."""
-        self.simulator = build(Simulator, config, options)
-        self.config = self.simulator.config
-        fps = render_fps(self.config)
-        self._camera = Camera(render_mode, fps)
-        self.render_mode = render_mode
-        self.metadata = {**type(self).metadata, "render_fps": fps}  # type: ignore[misc]
+        self._show(build(Simulator, config, options), render_mode)
         self.possible_agents = [f"robot_{k}" for k in range(self.simulator.num_agents)]
         self.agents: list[str] = []
         # one instance a robot, so that seeding one robot's space leaves the others' alone
@@ -164,14 +155,6 @@ class WarehouseParallelEnv(Portable, ParallelEnv):  # type: ignore[misc]  # pett
     def state(self) -> NDArray[np.float32]:
         """Return the global view of the world, for centralised critics (`Simulator.global_state`)."""
         return np.array(self.simulator.global_state(0), dtype=np.float32)
-
-    def render(self) -> NDArray[np.uint8] | None:
-        """Return the picture uint8[H, W, 3] ("rgb_array"), or show it ("human") and return None."""
-        return self._camera.shot(self.simulator)
-
-    def close(self) -> None:
-        """Close the window, if one is open."""
-        self._camera.close()
 
 
 parallel_env = WarehouseParallelEnv

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, ClassVar, Unpack
+from typing import Any, Unpack
 
 import gymnasium
 import numpy as np
@@ -11,18 +11,17 @@ from numpy.typing import NDArray
 
 from warehouse_env.config import EnvConfig
 from warehouse_env.envs.actions import ActionPacker
-from warehouse_env.envs.camera import RENDER_MODES, Camera, render_fps
+from warehouse_env.envs.camera import FilmedWorld
 from warehouse_env.envs.infos import EPISODE_METRICS, RobotInfos, final_metrics
 from warehouse_env.envs.options import WorldOptions, build, reset
 from warehouse_env.errors import ActionError
-from warehouse_env.portable import Portable
 from warehouse_env.simulation.given import whole_seed
 from warehouse_env.simulation.simulator import Simulator
 
 Others = Callable[[NDArray[np.float32]], Any]
 
 
-class WarehouseSingleEnv(Portable, gymnasium.Env[NDArray[np.float32], Any]):
+class WarehouseSingleEnv(FilmedWorld, gymnasium.Env[NDArray[np.float32], Any]):
     """A warehouse from the view of one robot among others.
 
     The episode terminates when robot 0 does (one-shot arrival) and is truncated at `max_steps`. The last info holds
@@ -30,10 +29,6 @@ class WarehouseSingleEnv(Portable, gymnasium.Env[NDArray[np.float32], Any]):
     """
 
     bound = ("_infos",)
-    metadata: ClassVar[dict[str, Any]] = {  # type: ignore[misc]  # gymnasium's is no ClassVar
-        "render_modes": list(RENDER_MODES),
-        "render_fps": render_fps(EnvConfig()),
-    }
 
     def __init__(
         self,
@@ -48,12 +43,7 @@ class WarehouseSingleEnv(Portable, gymnasium.Env[NDArray[np.float32], Any]):
         `others` maps the other robots' observations float32[N-1, D] to their actions [N-1] or [N-1, 2];
         by default each follows its route and ignores the others. ConfigError or MapError says what cannot be used.
         """
-        self.simulator = build(Simulator, config, options)
-        self.config = self.simulator.config
-        fps = render_fps(self.config)
-        self._camera = Camera(render_mode, fps)
-        self.render_mode = render_mode
-        self.metadata = {**type(self).metadata, "render_fps": fps}  # type: ignore[misc]
+        self._show(build(Simulator, config, options), render_mode)
         self.observation_space = self.simulator.observation_space
         self.action_space = self.simulator.action_space
         self._others = others
@@ -103,14 +93,6 @@ class WarehouseSingleEnv(Portable, gymnasium.Env[NDArray[np.float32], Any]):
         if len(actions) != count:
             raise ActionError(f"`others` gave {len(actions)} actions for {count} robots")
         return actions
-
-    def render(self) -> NDArray[np.uint8] | None:
-        """Return the picture uint8[H, W, 3] ("rgb_array"), or show it ("human") and return None."""
-        return self._camera.shot(self.simulator)
-
-    def close(self) -> None:
-        """Close the window, if one is open."""
-        self._camera.close()
 
 
 single_env = WarehouseSingleEnv
