@@ -87,6 +87,16 @@ def observation_layout(config: EnvConfig) -> ObservationLayout:
     needs[3 or 4], if robots are served, carry out orders or charge: load / payload, 1 while it is served,
         min(seconds of that left, 60) / 60, and with a battery the share of its capacity that is left.
     """
+    slices, start = Slices(), 0
+    for name, size in _sizes(config).items():
+        if size:
+            slices[name] = slice(start, start + size)
+        start += size
+    return ObservationLayout(slices, start)
+
+
+def _sizes(config: EnvConfig) -> dict[str, int]:
+    """Return the numbers of each slice, in their order; 0 for an empty one."""
     sensor = config.sensor
     sizes = {
         "lidar": sensor.rays,
@@ -104,9 +114,4 @@ def observation_layout(config: EnvConfig) -> ObservationLayout:
         sizes["goal"] = GOAL
     if config.works:
         sizes["needs"] = NEEDS + (config.battery is not None)
-    slices, start = Slices(), 0
-    for name, size in sizes.items():
-        if size:
-            slices[name] = slice(start, start + size)
-        start += size
-    return ObservationLayout(slices, start)
+    return sizes

@@ -88,8 +88,7 @@ def _search(legal, toll, start, goal, informed, turning):
             new_turns = turned[state] + (1 if turning and arrived != START and arrived != move else 0)
             new_length = a / MICRO + b * _SQRT2
             if new_length < length[to] or (new_length == length[to] and new_turns < turned[to]):
-                length[to], straight[to], diagonal[to] = new_length, a, b
-                turned[to], before[to] = new_turns, state
+                length[to], straight[to], diagonal[to], turned[to], before[to] = new_length, a, b, new_turns, state
                 ahead_a, ahead_b = _ahead(to_row - goal_row, to_col - goal_col) if informed else (0, 0)
                 estimate = (a + ahead_a * _STEP) / MICRO + (b + ahead_b) * _SQRT2
                 tie = float(new_turns) if turning else ahead_a + ahead_b * _SQRT2
