@@ -40,8 +40,6 @@ def test_the_python_runs(
     if re.search("render|matplotlib|draw|VideoWriter|film", block.source):
         pytest.importorskip("matplotlib")
         pytest.importorskip("pygame")
-    if "RecordVideo" in block.source:
-        pytest.importorskip("moviepy")
     monkeypatch.chdir(tmp_path)
     # Dataclasses look their module up by its name.
     monkeypatch.setitem(sys.modules, "page", type(sys)("page"))
