@@ -5,7 +5,6 @@ from __future__ import annotations
 import ast
 import subprocess
 import sys
-import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
@@ -292,8 +291,3 @@ def test_every_public_name_exists() -> None:
         assert name in dir(warehouse_env)
     with pytest.raises(AttributeError, match="no_such_name"):
         _ = warehouse_env.no_such_name
-
-
-def test_the_version_stands_once() -> None:
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    assert "version" in project.get("dynamic", []) or project["version"] == warehouse_env.__version__

@@ -17,6 +17,8 @@ from packaging.markers import Marker
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
+import warehouse_env
+
 ROOT = Path(__file__).parent.parent
 PACKAGES = ("warehouse_env", "agents", "train")
 CUDA = re.compile(r"(nvidia|cuda|triton)")
@@ -141,6 +143,7 @@ def test_wheel_and_sdist_hold_the_packages_and_their_data(tmp_path: Path) -> Non
 
 def test_the_version_is_semantic_and_stands_in_changelog_and_citation() -> None:
     assert re.fullmatch(r"\d+\.\d+\.\d+", project["version"])
+    assert project["version"] == warehouse_env.__version__
     changes = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
     dated = re.findall(r"^## \[(\d+\.\d+\.\d+)\] - (\d{4}-\d\d-\d\d)$", changes, re.MULTILINE)
     assert dated[0][0] == project["version"], "the newest version is this one"

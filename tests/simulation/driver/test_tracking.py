@@ -158,15 +158,6 @@ def test_it_slows_down_in_a_sharp_turn() -> None:
     assert outside < 0.5  # cuts the corner, but stays near
 
 
-@pytest.mark.parametrize("heading", [math.pi, -2.5, 2.0])
-def test_it_turns_round_in_an_aisle_of_two_cells(heading: float) -> None:
-    grid = drawn(["#" * 24, "." * 24, "." * 24, "#" * 24])
-    simulator = on_route(grid, (12.0, 2.0, heading), (12.0, 2.0), (22.0, 2.0))
-    r = drive(simulator, int(simulator.cruise_action), 200)
-    assert r["totals"]["goals"] >= 1
-    assert simulator.robots["totals"]["hits_shelf"].sum() == 0
-
-
 @pytest.mark.parametrize("told", [STOP, BACK])
 def test_in_a_manoeuvre_it_stops_or_backs_when_told_and_goes_on(told: int) -> None:
     grid = drawn(["#" * 24, "." * 24, "." * 24, "#" * 24])

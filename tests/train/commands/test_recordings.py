@@ -37,12 +37,6 @@ def refused(capsys: pytest.CaptureFixture[str], *words: str | Path) -> str:
     return fails(capsys, "replay", *map(str, words))
 
 
-def test_a_recorded_episode_is_told_of(files: tuple[Path, Path]) -> None:
-    episode = Episode.load(files[0])
-    assert (episode.policy, episode.seeds, len(episode.actions)) == ("ppo", (4,), 60)
-    assert episode.config.num_agents == 3
-
-
 def test_two_episodes_make_a_page(files: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     page = tmp_path / "new" / "page.html"
     run(capsys, *files, "--html", page)
@@ -93,35 +87,27 @@ def test_another_policy_of_that_name_is_not_asked(
 DRIVE = "--layout open --robots 4 --planner astar --seconds 5 --seed 4"
 
 
-@pytest.fixture(scope="module")
-def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """An episode of 5 s."""
-    path = tmp_path_factory.mktemp("episodes") / "ppo.npz"
-    assert main(["record", "--policy", "ppo", *DRIVE.split(), "--out", str(path)]) == 0
-    return path
-
-
 def audit(out: Path, *words: str | Path) -> int:
     """Run an audit and return its exit code."""
     return main(["audit", *map(str, words), "--out", str(out)])
 
 
-def test_a_recording_is_clean(recorded: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert audit(tmp_path, recorded) == 0
+def test_a_recording_is_clean(files: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert audit(tmp_path, files[0]) == 0
     (row,) = read_rows(tmp_path / "rows.jsonl")
-    assert (row["policy"], row["robots"], row["seed"], row["steps"]) == ("ppo", 4, 4, 50)
-    assert (row["episode"], row["differs_at"], row["faults"]) == (str(recorded), None, [])
+    assert (row["policy"], row["robots"], row["seed"], row["steps"]) == ("ppo", 3, 4, 60)
+    assert (row["episode"], row["differs_at"], row["faults"]) == (str(files[0]), None, [])
     assert row["robot_km"] > 0.005
     assert "no faults" in capsys.readouterr().out
     assert (tmp_path / "table.md").read_text(encoding="utf-8").startswith("### Audit")
 
 
-def test_a_doctored_one_is_not(recorded: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    episode = Episode.load(recorded)
+def test_a_doctored_one_is_not(files: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    episode = Episode.load(files[0])
     pose = episode.pose.copy()
     pose[30, 0, 2, 0] += 1e-5
     dataclasses.replace(episode, pose=pose).save(tmp_path / "doctored.npz")
-    assert audit(tmp_path, recorded, tmp_path / "doctored.npz") == 1
+    assert audit(tmp_path, files[0], tmp_path / "doctored.npz") == 1
     said = capsys.readouterr().out
     assert f"at step 30 {tmp_path}/doctored.npz has other poses than this version drives" in said
     assert "1 fault;" in said
