@@ -18,7 +18,7 @@ from warehouse_env.simulation.physics import buckets, contact, contact_episodes,
 from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.physics.kinematics import approach, braking
 from warehouse_env.simulation.physics.trigonometry import ONE, ZERO
-from warehouse_env.simulation.senses import prediction, sensing
+from warehouse_env.simulation.senses import plans, prediction, sensing
 from warehouse_env.simulation.senses.rewards import write_terms
 from warehouse_env.simulation.state import GAP_HORIZON, NOBODY
 from warehouse_env.simulation.traffic import right_of_way, shield, waits
@@ -283,7 +283,7 @@ def _predict(worlds, at, row, starts, table, sights, p, floor):
 def _plan(worlds, b, table, vehicles, floor, sights):
     """Write what the robots plan if others predict by it."""
     if table is not None:
-        prediction.write_plans(worlds, b, vehicles, floor, sights)
+        plans.write_plans(worlds, b, vehicles, floor, sights)
 
 
 @inline

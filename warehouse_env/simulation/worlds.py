@@ -19,7 +19,7 @@ from warehouse_env.observation import Starts
 from warehouse_env.simulation.physics import buckets, contact, deviation
 from warehouse_env.simulation.physics.floor import Floor
 from warehouse_env.simulation.physics.zones import Zones
-from warehouse_env.simulation.senses import prediction
+from warehouse_env.simulation.senses import plans
 from warehouse_env.simulation.traffic import reservations, shield, waits
 
 Floats = NDArray[np.float32]
@@ -101,7 +101,7 @@ class Scratch(NamedTuple):
     near: NDArray[np.int64]  # [1], number of pairs of robots that may meet
     guards: Any  # shield.scratch
     own: Floats  # the motions of the bodies, where these err (deviation.py); else those of `motions`
-    sights: prediction.Sights
+    sights: plans.Sights
     order: NDArray[np.int32]  # [N], robots by right of way
     found: NDArray[np.int64]  # waits.scratch
     meetings: Any  # reservations.scratch
@@ -111,7 +111,7 @@ def make_scratch(setup: Setup, count: int, decides: bool) -> Scratch:
     """Return scratch for worlds of `count` robots; decides: whether there is right of way."""
     p, motions = setup.bodies.shared[0], contact.scratch(count, setup.planned.shared[0])
     table = setup.equipment.table
-    sights = prediction.make_sights(count, p["rays"], p["neighbours"], 0 if table is None else table.shape[1])
+    sights = plans.make_sights(count, p["rays"], p["neighbours"], 0 if table is None else table.shape[1])
     return Scratch(
         buckets.scratch(count, p), motions, np.empty(1, np.int64), shield.scratch(count, setup.planned.shared[0]),
         np.empty_like(motions[1]) if setup.features.erring else motions[1], sights, np.empty(count, np.int32),

@@ -15,7 +15,7 @@ from warehouse_env.simulation.driver.scratch import Cells, Nodes, Queue, SearchS
 from warehouse_env.simulation.physics import deviation
 from warehouse_env.simulation.physics.floor import Floor
 from warehouse_env.simulation.senses import messages, preferences
-from warehouse_env.simulation.senses.prediction import Sights
+from warehouse_env.simulation.senses.plans import Sights
 from warehouse_env.simulation.tasks import giving
 from warehouse_env.simulation.tasks.giving import TaskArrays
 from warehouse_env.simulation.traffic import deadlock_recovery, decision, recovery
@@ -90,7 +90,8 @@ def scratch_of(sets, t):
         (guards[0][t], guards[1][t], guards[2][t], guards[3][t]),
         sets.own[t],
         Sights(
-            sights.turned[t], sights.plans[t], sights.who[t], sights.gaps[t], sights.sides[t], sights.path[t]
+            sights.turned[t], sights.plans[t], sights.who[t], sights.gaps[t], sights.sides[t], sights.asked[t],
+            sights.path[t], sights.probe[t], sights.lanes[t], sights.lane_of[t],
         ),
         sets.order[t], sets.found[t],
         (sets.meetings[0][t], sets.meetings[1][t], sets.meetings[2][t], sets.meetings[3][t]),

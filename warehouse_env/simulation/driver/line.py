@@ -117,21 +117,26 @@ def to_steering(bend, wheelbase, most):
 
 
 @inline
-def pursue(x, y, c, s, tx, ty, p):
-    """Return (steering [rad], [m] ahead, [m] left) of pure pursuit from (x, y) [m], heading (c, s), to (tx, ty) [m]."""
+def pursue(x, y, c, s, tx, ty, wheelbase, most):
+    """Return (steering [rad], [m] ahead, [m] left) of pure pursuit from (x, y) [m], heading (c, s), to (tx, ty) [m].
+
+    most [rad]: the largest steering angle.
+    """
     dx, dy = tx - x, ty - y
     ahead, left = dx * c + dy * s, dy * c - dx * s
-    if ahead <= ZERO:
-        return (-p["max_steer"] if left >= ZERO else p["max_steer"]), ahead, left
     bend = TWO * left / max(ahead * ahead + left * left, np.float32(0.01))
-    return to_steering(bend, p["wheelbase"], p["max_steer"]), ahead, left
+    steer = to_steering(bend, wheelbase, most)
+    if ahead <= ZERO:
+        steer = -most if left >= ZERO else most
+    return steer, ahead, left
 
 
 @inline
 def steer_for(r, tx, ty, p):
     """Return (steering [rad], angle to the target [rad]) of the robot's pure pursuit towards (tx, ty) [m]."""
     motion = r["motion"]
-    steer, ahead, left = pursue(motion["x"], motion["y"], motion["cos"], motion["sin"], tx, ty, p)
+    x, y, c, s = motion["x"], motion["y"], motion["cos"], motion["sin"]
+    steer, ahead, left = pursue(x, y, c, s, tx, ty, p["wheelbase"], p["max_steer"])
     return steer, arc_tan2(left, ahead)
 
 

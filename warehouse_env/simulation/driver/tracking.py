@@ -93,10 +93,13 @@ def _backwards(r, speed, p, floor):
 
 
 @inline
-def on_bend(speed, steer, steered, p):
-    """Return the speed [m/s] that is driven at most while steering at `steered` [rad] towards `steer`."""
+def on_bend(speed, steer, steered, fastest):
+    """Return the speed [m/s] driven, `speed` or less, while steering at `steered` [rad] towards `steer`.
+
+    fastest [m/s]: that of the robot straight ahead.
+    """
     bend = max(abs(steer) / BEND_SCALE, abs(steer - steered) / STEER_SCALE)
-    return min(speed, CREEP + (p["max_speed"] - CREEP) * max(ZERO, ONE - bend))
+    return min(speed, CREEP + (fastest - CREEP) * max(ZERO, ONE - bend))
 
 
 @inline
@@ -140,7 +143,7 @@ def follow(r, route, arcs, wanted_speed, offset, stopping, p, floor):
     if speed > ZERO:
         if not alone and manoeuvre["search_wait"] <= ZERO:
             give_up(r)
-        on_line = on_bend(speed, steer, r["motion"]["steer"], p)
+        on_line = on_bend(speed, steer, r["motion"]["steer"], p["max_speed"])
         if stopping is not None:
             on_line = min(on_line, arrival.speed_on_line(r, p))
             if manoeuvre["arcs"] == 0 and manoeuvre["search_wait"] <= ZERO and arrival.wants_to_dock(r):

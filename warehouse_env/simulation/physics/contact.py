@@ -22,7 +22,7 @@ from warehouse_env.simulation.physics.footprint import (
     touches_obstacle,
 )
 from warehouse_env.simulation.physics.geometry import body_of, grown, rectangles_touch, separation, squared_distance
-from warehouse_env.simulation.physics.kinds import kind_of
+from warehouse_env.simulation.physics.kinds import kind_of, many_alike
 from warehouse_env.simulation.physics.kinematics import (
     arc_driven,
     chassis_of,
@@ -126,23 +126,11 @@ def _drive_lanes(lanes, p):
 
 
 @inline
-def _many_alike(begin, robots, kinds):
-    """Return how many robots from `begin` on are of one kind, at most LANES."""
-    most = min(LANES, robots - begin)
-    if kinds is None:
-        return most
-    count = 1
-    while count < most and kinds[begin + count]["kind"] == kinds[begin]["kind"]:
-        count += 1
-    return count
-
-
-@inline
 def try_motion(motion, flags, lanes, p, kinds):
     """Move all robots for a substep, on trial (the TRY_ rows); speed and steering change for good."""
     begin = 0
     while begin < motion.shape[1]:
-        count = _many_alike(begin, motion.shape[1], kinds)
+        count = many_alike(begin, motion.shape[1], kinds, LANES)
         for row in range(TRY_X):
             for k in range(count):
                 lanes[row * LANES + k] = motion[row, begin + k]

@@ -14,3 +14,15 @@ def kind_of(i, p, kinds):
     if kinds is None:
         return p
     return kinds[i]
+
+
+@inline
+def many_alike(begin, robots, kinds, most):
+    """Return how many robots from `begin` on are of one kind, at most `most`."""
+    most = min(most, robots - begin)
+    if kinds is None:
+        return most
+    count = 1
+    while count < most and kinds[begin + count]["kind"] == kinds[begin]["kind"]:
+        count += 1
+    return count

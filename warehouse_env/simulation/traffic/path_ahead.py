@@ -98,7 +98,7 @@ def _steer(line, along, side, look, pose, p, floor):
     tx, ty, ux, uy = point_at(route, points, spacing, min(along + look, end + p["beyond"]), p["beyond"])
     if side != ZERO:
         side = room_beside(tx, ty, ux, uy, side, end - along, floor, p)
-    return pursue(x, y, c, s, tx - side * uy, ty + side * ux, p)[0]
+    return pursue(x, y, c, s, tx - side * uy, ty + side * ux, p["wheelbase"], p["max_steer"])[0]
 
 
 @inline
