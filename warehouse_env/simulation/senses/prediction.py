@@ -41,7 +41,7 @@ def _may_meet(motion, plan, p):
     for k in range(SAMPLES):
         t = APART * np.float32(k + 1)
         driven = min(v + HALF * p["max_acceleration"] * t, p["max_speed"]) * t
-        reach = driven + p["far"] + p["widest"] + DIAGONAL * (KEPT + KEPT_RATE * t)
+        reach = driven + p["far"] + p["widest"] + DIAGONAL * p["caution"] * (KEPT + KEPT_RATE * t)
         dx, dy = plan[k, 0] - x, plan[k, 1] - y
         if dx * dx + dy * dy < reach * reach:
             return True
