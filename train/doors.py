@@ -35,7 +35,7 @@ def checked(options: Any) -> Iterator[None]:
                 if place in taken and not is_special(path):
                     raise ConfigError(f"--{taken[place]} and --{name} name the same file {path}; name two")
                 taken[place] = name
-                check_writable(path)
+                check_writable(path, rows=name == "json")
         yield
 
 

@@ -165,24 +165,25 @@ def _what(mode: int) -> str:
 
 
 _inputs: set[tuple[int, int]] = set()  # the files that a command reads
+_rows: set[Path] | None = None  # those that it fills row by row; None outside a command
 
 
 @contextlib.contextmanager
 def guarded(inputs: Iterable[Path]) -> Iterator[None]:
-    """Inside this context, refuse to overwrite any of these files, under any name."""
-    global _inputs
-    before = _inputs
-    _inputs = {identity for path in inputs if (identity := _identity(path))}
+    """Inside this context, refuse to overwrite any of these files, under any name, or a file of rows."""
+    global _inputs, _rows
+    before = _inputs, _rows
+    _inputs, _rows = {identity for path in inputs if (identity := _identity(path))}, set()
     try:
         yield
     finally:
-        _inputs = before
+        _inputs, _rows = before
 
 
-def check_writable(given: object) -> Path:
+def check_writable(given: object, rows: bool = False) -> Path:
     """Return the path of an output, links followed; WarehouseError if it cannot or must not be written.
 
-    Commands check this before they work for hours.
+    Commands check this before they work for hours. rows: the file is filled row by row; no other output may replace it.
     """
     path = path_of(given)
     target = _followed(path)
@@ -190,6 +191,10 @@ def check_writable(given: object) -> Path:
         raise WarehouseError(f"{path} is a folder; name a file")
     if target.is_file() and _identity(target) in _inputs:
         raise WarehouseError(f"cannot write {path}: this command reads it; name another file for the output")
+    if not rows and target in (_rows or ()):
+        raise WarehouseError(f"cannot write {path}: the rows go there; name another file for one of the two")
+    if rows and _rows is not None and not is_special(target):
+        _rows.add(target)
     there = next(place for place in (target, *target.parents) if place.exists())
     writable = os.access(there, os.W_OK)
     if there == target and not (writable and there.stat().st_mode & 0o222):  # root may write to any
@@ -207,13 +212,13 @@ def _identity(path: Path) -> tuple[int, int] | None:
     return about.st_dev, about.st_ino
 
 
-def part_file(path: Path) -> Path:
+def part_file(path: Path, rows: bool = False) -> Path:
     """Create an empty file with the suffix of `path`, to be written and then handed to `put_in_place`.
 
     It is created beside the output, in folders made if missing. Leftovers of killed processes are removed. Raises
-    WarehouseError if `path` cannot be written.
+    WarehouseError if `path` cannot be written. rows: see `check_writable`.
     """
-    target = check_writable(path)
+    target = check_writable(path, rows)
     try:
         folder = Path(tempfile.gettempdir()) if is_special(target) else target.parent
         folder.mkdir(parents=True, exist_ok=True)
@@ -270,13 +275,13 @@ def _lives(process: int) -> bool:
 
 
 @contextlib.contextmanager
-def complete_file(given: object) -> Iterator[Path]:
+def complete_file(given: object, rows: bool = False) -> Iterator[Path]:
     """Yield a part of an output to write; it becomes the output at the end, or is removed on an error.
 
     Raises WarehouseError if the output cannot be written, for example on a full disk.
     """
     path = path_of(given)
-    part = part_file(path)
+    part = part_file(path, rows)
     try:
         yield part
         put_in_place(part, path)
@@ -288,9 +293,9 @@ def complete_file(given: object) -> Iterator[Path]:
         part.unlink(missing_ok=True)
 
 
-def write_text(path: object, text: str) -> None:
-    """Write a text file, all of it or nothing."""
-    with complete_file(path) as part:
+def write_text(path: object, text: str, rows: bool = False) -> None:
+    """Write a text file, all of it or nothing; rows: see `check_writable`."""
+    with complete_file(path, rows) as part:
         part.write_text(text, encoding="utf-8", newline="\n")
 
 

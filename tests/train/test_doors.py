@@ -89,6 +89,12 @@ def test_a_floor_is_not_written_over_by_what_is_made_of_it(tmp_path: Path, capsy
     assert {path: path.read_bytes() for path in tmp_path.iterdir() if path in before} == before
 
 
+def test_rows_are_not_replaced_by_a_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    where = ["--json", str(tmp_path / "table.md"), "--out", str(tmp_path)]
+    assert main(["evaluate", "--policy", "brake", "--layout", "open", *where]) == 2
+    assert "the rows go there" in capsys.readouterr().err
+
+
 WRITERS = {"warehouse_env/files.py", "train/reporting/rows.py"}
 
 

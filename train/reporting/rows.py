@@ -92,7 +92,7 @@ class RowFile:
         self._lock = ExitStack()
         self._stream: TextIO | None = None  # stays open for a device or pipe
         if path is not None:
-            check_writable(path)
+            check_writable(path, rows=True)
 
     def __enter__(self) -> Self:
         if self.path is not None and not is_special(self.path):
@@ -169,7 +169,7 @@ def _cut_torn_line(path: Path) -> None:
 
 def write_rows(path: Path, rows: Iterable[Row]) -> None:
     """Write a JSON-lines file, all of it or nothing."""
-    write_text(path, "".join(json.dumps(plain(row), allow_nan=False) + "\n" for row in rows))
+    write_text(path, "".join(json.dumps(plain(row), allow_nan=False) + "\n" for row in rows), rows=True)
 
 
 class Interval(NamedTuple):

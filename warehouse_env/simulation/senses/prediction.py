@@ -74,7 +74,7 @@ def _may_go(r, step, count, sights, p, floor):
     asked, may = sights.asked, False
     asked[count, 0], asked[count, 1] = step
     k = 0
-    while asked[k, 0] != step[0] or asked[k, 1] != step[1]:
+    while k < count and (asked[k, 0] != step[0] or asked[k, 1] != step[1]):
         k += 1
     may = asked[k, 2] != ZERO if k < count else may_drive(r, step[0], step[1], MARGIN, p, floor)
     asked[count, 2] = ONE if may else ZERO
