@@ -49,6 +49,12 @@ def test_the_recipe_is_what_the_shipped_weights_were_trained_by(name: str) -> No
     assert {key: made[key] for key in made.keys() - FREE} == {key: given[key] for key in given.keys() - FREE}
 
 
+def test_caution_is_for_driving_not_for_training() -> None:
+    careful = by_recipe(ThreadedPPOConfig, "careful")
+    trained = careful.env("open", 2)
+    assert (trained.sensor.caution, careful.driven(trained).sensor.caution) == (1.0, 5 / 3)
+
+
 @pytest.mark.parametrize("kind", RECIPES)
 def test_bare_leaves_all_to_the_policy(kind: type[TrainingConfig]) -> None:
     bare = by_recipe(kind, "bare")
