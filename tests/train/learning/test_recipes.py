@@ -5,14 +5,16 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
-from agents import weights_folder
+from agents import policy_config, policy_tensors, weights_folder
 from agents.weights_folder import read_record
 from train.cli import main
 from train.commands.training import TrainPPO, TrainReinforce, TrainThreadedPPO
 from train.learning.config import PPOConfig, ReinforceConfig, ThreadedPPOConfig, TrainingConfig
 from train.learning.recipes import RECIPES, by_recipe
+from train.learning.trainer import first_net
 
 WEIGHTS = Path(weights_folder.__file__).parent / "weights"
 SHIPPED: dict[str, tuple[type[TrainingConfig], str]] = {
@@ -53,6 +55,17 @@ def test_caution_is_for_driving_not_for_training() -> None:
     careful = by_recipe(ThreadedPPOConfig, "careful")
     trained = careful.env("open", 2)
     assert (trained.sensor.caution, careful.driven(trained).sensor.caution) == (1.0, 5 / 3)
+
+
+@pytest.mark.parametrize("recipe", RECIPES[ThreadedPPOConfig])
+def test_a_recipe_can_begin(recipe: str) -> None:
+    """What it begins with fits, though it may have been driven with other caution."""
+    config = by_recipe(ThreadedPPOConfig, recipe)
+    env = config.env("open", config.robots[0])
+    net = first_net(config, env)
+    if config.start is not None:
+        first = policy_tensors(config.start, policy_config(config.start, env))["actor.0.weight"]
+        assert np.array_equal(net.state_dict()["actor.0.weight"].numpy(), first)
 
 
 @pytest.mark.parametrize("kind", RECIPES)
