@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from typing import Any
 
@@ -9,7 +10,7 @@ import numpy as np
 import pytest
 
 from warehouse_env import EnvConfig, Simulator, aec_env, parallel_env, single_env, tensor_env, vec_env
-from warehouse_env.errors import ConfigError
+from warehouse_env.errors import ActionError, ConfigError
 
 CONFIG = EnvConfig(layout="open", num_agents=2, planner="astar")
 STARTS = [(2.5, 4.5, 0.3), (8.5, 2.5, math.pi / 2)]
@@ -68,7 +69,7 @@ def test_robots_start_and_go_as_options_say(adapter: str) -> None:
     [
         ({"start": STARTS}, "unknown option of a reset 'start'; did you mean starts?"),
         ({"goals": GOALS}, "starts and goals of a reset go together"),
-        ({"num_agents": 3}, "cannot change the number of robots to 3; make an environment of as many"),
+        ({"num_agents": 0}, "num_agents=0 must be a whole number of at least 1"),
         ({"starts": [STARTS[0]] * 2, "goals": GOALS}, "robot 1 touches"),
         (3, "options=3 must be a dict of starts, goals, num_agents"),
     ],
@@ -77,6 +78,52 @@ def test_what_cannot_be_is_refused(adapter: str, options: Any, said: str) -> Non
     with pytest.raises(ConfigError) as refused:
         begin(adapter, options)
     assert said in str(refused.value)
+
+
+@pytest.mark.parametrize("adapter", ADAPTERS)
+def test_an_environment_has_no_more_robots_than_it_was_made_for(adapter: str) -> None:
+    said = "is more than the 2" if adapter in ("parallel", "aec") else "only parallel_env and aec_env change"
+    with pytest.raises(ConfigError, match=said):
+        begin(adapter, {"num_agents": 3})
+
+
+def test_an_episode_of_fewer_robots_is_that_of_an_environment_of_as_many() -> None:
+    several, four = parallel_env(CONFIG, num_agents=4), parallel_env(CONFIG, num_agents=4)
+    for env in (several, four):
+        env.reset(seed=3)
+    seen, _ = several.reset(seed=5, options={"num_agents": 2})
+    two = parallel_env(CONFIG)
+    expected, _ = two.reset(seed=5)
+    for step in range(30):
+        assert list(seen) == several.agents == ["robot_0", "robot_1"]
+        assert all(np.array_equal(seen[name], expected[name]) for name in expected)
+        several = copy.deepcopy(several)
+        assert several.state().shape == several.state_space.shape
+        assert np.array_equal(several.state()[:16], two.state())
+        assert not several.state()[16:].any()
+        commands = dict.fromkeys(several.agents, step % 3)
+        seen, *rest = several.step(commands)
+        expected, *same = two.step(commands)
+        assert repr(rest) == repr(same)
+    with pytest.raises(ActionError, match="robot_2"):
+        several.step(dict.fromkeys(several.possible_agents, 0))
+    several.reset(seed=3)
+    assert several.agents == several.possible_agents
+    for count in (3, 1, 4):  # without a seed, too, what follows is fixed by the last one
+        seen, expected = (env.reset(options={"num_agents": count})[0] for env in (several, four))
+        assert len(seen) == count
+        assert all(np.array_equal(seen[name], expected[name]) for name in seen)
+
+
+def test_turns_of_fewer_robots() -> None:
+    env = aec_env(CONFIG, num_agents=4, max_steps=5)
+    env.reset(seed=1, options={"num_agents": 3})
+    acted = []
+    for agent in env.agent_iter():
+        over = env.terminations[agent] or env.truncations[agent]
+        acted.append(agent)
+        env.step(None if over else 0)
+    assert acted == ["robot_0", "robot_1", "robot_2"] * 6
 
 
 def test_several_worlds_need_a_table_each() -> None:

@@ -50,6 +50,15 @@ def reset(simulator: Any, seed: int | None, options: object, one: bool = False) 
     return begin(simulator, seed, assignments_of(options, [simulator.num_agents] * simulator.num_worlds, one))
 
 
+def robots_of(options: object, most: int) -> int:
+    """Return how many robots the options of a reset ask for, by default `most`; ConfigError for more or none."""
+    count = options.get("num_agents") if isinstance(options, Mapping) else None
+    robots = most if count is None else check_count("num_agents", count)
+    if robots > most:
+        raise ConfigError(f"num_agents={robots} is more than the {most} of this environment; make one of as many")
+    return robots
+
+
 def begin(simulator: Any, seed: int | None, assignments: list[Assignment] | None) -> Any:
     """Reset a simulator to assignments, if there are some, and return the observation."""
     return simulator.reset(seed) if assignments is None else simulator.reset_to(assignments, seed)
@@ -59,7 +68,7 @@ def assignments_of(options: object, robots: Sequence[int], one: bool = False) ->
     """Return what the options of a reset assign to each world, of so many robots; None: starts and goals are drawn.
 
     starts and goals hold a table for each world, as `Assignment` takes it; one: of the only world, the table itself.
-    num_agents: the number of robots as it is. ConfigError for everything else.
+    num_agents: the number of robots as it is (see `robots_of`). ConfigError for everything else.
     """
     given = {} if options is None else options
     if not isinstance(given, Mapping):
@@ -69,7 +78,7 @@ def assignments_of(options: object, robots: Sequence[int], one: bool = False) ->
             raise unknown_name("option of a reset", name, _RESET)
     count = given.get("num_agents")
     if count is not None and {check_count("num_agents", count)} != set(robots):
-        raise ConfigError(f"a reset cannot change the number of robots to {count}; make an environment of as many")
+        raise ConfigError(f"only parallel_env and aec_env change their number of robots, to {count} or any other")
     tables = [[given[name]] if one else given[name] for name in ("starts", "goals") if given.get(name) is not None]
     if not tables:
         return None

@@ -16,7 +16,7 @@ from warehouse_env.config import EnvConfig
 from warehouse_env.envs.actions import ActionPacker
 from warehouse_env.envs.camera import FilmedWorld
 from warehouse_env.envs.infos import EPISODE_METRICS, RobotInfos, final_metrics
-from warehouse_env.envs.options import WorldOptions, build, reset
+from warehouse_env.envs.options import WorldOptions, build, reset, robots_of
 from warehouse_env.errors import ActionError, shown
 from warehouse_env.simulation.simulator import Simulator
 
@@ -47,6 +47,7 @@ class WarehouseParallelEnv(FilmedWorld, ParallelEnv):  # type: ignore[misc]  # p
     ) -> None:
         """Build one world from `config` with `options` put in; ConfigError or MapError says what cannot be used."""
         self._show(build(Simulator, config, options), render_mode)
+        self._fleets = {self.simulator.num_agents: self.simulator}  # by their number of robots
         self.possible_agents = [f"robot_{k}" for k in range(self.simulator.num_agents)]
         self.agents: list[str] = []
         # one instance a robot, so that seeding one robot's space leaves the others' alone
@@ -54,11 +55,16 @@ class WarehouseParallelEnv(FilmedWorld, ParallelEnv):  # type: ignore[misc]  # p
         self.action_spaces = {a: copy.deepcopy(self.simulator.action_space) for a in self.possible_agents}
         shape = self.simulator.global_state(0).shape
         self.state_space = spaces.Box(-np.inf, np.inf, shape, np.float32)
-        self._blank: dict[str, Any] = dict.fromkeys(self.possible_agents)
-        self._nobody = dict.fromkeys(self.possible_agents, False)
-        self._actions = ActionPacker(self.possible_agents, self.simulator.action_space)
         self._idle = self.simulator.cruise_action
         self.np_random = np.random.default_rng()
+        self._take(self.simulator)
+
+    def _take(self, simulator: Simulator) -> None:
+        """Step this Simulator from now on; its robots are the first of `possible_agents`."""
+        self.simulator, self._names = simulator, self.possible_agents[: simulator.num_agents]
+        self._blank: dict[str, Any] = dict.fromkeys(self._names)
+        self._nobody = dict.fromkeys(self._names, False)
+        self._actions = ActionPacker(self._names, simulator.action_space)
         self._bind()
 
     def _bind(self) -> None:
@@ -79,17 +85,32 @@ class WarehouseParallelEnv(FilmedWorld, ParallelEnv):  # type: ignore[misc]  # p
     def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Observations, Infos]:
         """Start an episode; a seed fixes it to the bit, otherwise the generators continue.
 
-        options: "starts" [N, 3], poses (x [m], y [m], heading [rad]), and "goals": cells, points or poses, see
-        `Assignment`; without them both are drawn. ConfigError or MapError for what cannot be honoured.
+        options: "num_agents": how many of `possible_agents` there are in this episode, by default all; "starts"
+        [num_agents, 3], poses (x [m], y [m], heading [rad]), and "goals": cells, points or poses, see `Assignment`;
+        without them both are drawn. ConfigError or MapError for what cannot be honoured.
         """
         probed = isinstance(options, dict) and options.keys() == {"options"}  # by PettingZoo's own API test
-        reset(self.simulator, seed, None if probed else options, one=True)
+        options = None if probed else options
+        simulator = self._fleet_of(robots_of(options, len(self.possible_agents)))
+        given = seed
+        if simulator is not self.simulator and seed is None:  # its own draws do not go on from the last fleet's
+            given = int(self.np_random.integers(2**31))
+        reset(simulator, given, options, one=True)
+        if simulator is not self.simulator:
+            self._take(simulator)
         if seed is not None:
             self.np_random = np.random.default_rng(seed)
-        self.agents = list(self.possible_agents)
+        self.agents = list(self._names)
         if self.render_mode == "human":
             self.render()
         return dict(zip(self.agents, self._observation.copy(), strict=True)), {agent: {} for agent in self.agents}
+
+    def _fleet_of(self, robots: int) -> Simulator:
+        """Return the Simulator of this many robots; all use the same routes."""
+        if robots not in self._fleets:
+            book = self.simulator.route_book
+            self._fleets[robots] = Simulator(self.config.replace(num_agents=robots), routes=book)
+        return self._fleets[robots]
 
     def step(
         self, actions: dict[str, Any]
@@ -100,7 +121,7 @@ class WarehouseParallelEnv(FilmedWorld, ParallelEnv):  # type: ignore[misc]  # p
         """
         if not isinstance(actions, (dict, Mapping)):
             raise ActionError(f"actions {shown(actions)} must be a dict of one action for each robot")
-        agents, names = self.agents, self.possible_agents
+        agents, names = self.agents, self._names
         if not agents and not actions:
             return {}, {}, {}, {}, {}
         self._advance(actions)
@@ -137,7 +158,7 @@ class WarehouseParallelEnv(FilmedWorld, ParallelEnv):  # type: ignore[misc]  # p
 
     def _advance(self, actions: dict[str, Any]) -> None:
         """Check the live robots' actions and step the Simulator."""
-        agents, names = self.agents, self.possible_agents
+        agents, names = self.agents, self._names
         if len(actions) > len(agents):
             known = names if agents else ()  # one that has left while others drive may be given an action
             extra = next((name for name in actions if name not in known), None)
@@ -153,8 +174,11 @@ class WarehouseParallelEnv(FilmedWorld, ParallelEnv):  # type: ignore[misc]  # p
         self._actions.step(self.simulator, given)
 
     def state(self) -> NDArray[np.float32]:
-        """Return the global view of the world, for centralised critics (`Simulator.global_state`)."""
-        return np.array(self.simulator.global_state(0), dtype=np.float32)
+        """Return the global view of the world, for centralised critics (`Simulator.global_state`); absent robots: 0."""
+        state = np.zeros(self.state_space.shape, dtype=np.float32)
+        now = self.simulator.global_state(0)
+        state[: len(now)] = now
+        return state
 
 
 parallel_env = WarehouseParallelEnv
