@@ -183,7 +183,8 @@ def _disturb(simulator: Simulator, rng: np.random.Generator) -> None:
         simulator.put(pose, np.where(rng.random(shape) < 0.5, *limits.T))
     elif kind == 2:
         cells = rng.permutation(simulator.grid.free_cells)
-        simulator.people.stand(0, simulator.grid.centre(cells[: simulator.config.people]))
+        persons = simulator.people.persons[0]
+        persons["x"], persons["y"] = simulator.grid.centre(cells[: len(persons)]).T
         simulator.break_down(1, int(rng.integers(simulator.num_agents)))
     elif kind == 3:
         free = simulator.grid.centre(rng.permutation(simulator.grid.free_cells)[: 2 * shape[1]])

@@ -20,7 +20,6 @@ from warehouse_env.planning.potential_field import (
     improved_potential,
     intermediate_point,
     repulsion,
-    repulsive_potential,
 )
 
 GAIN, REACH = 0.02, 1.5
@@ -33,7 +32,7 @@ def one_shelf() -> np.ndarray:
 
 
 def test_repulsion_points_away_with_the_strength_of_the_formula() -> None:
-    push = repulsion(one_shelf(), GAIN, REACH)
+    push, _ = repulsion(one_shelf(), GAIN, REACH)
     beside = GAIN * (1 - 1 / 1.5)  # d = 1
     assert push[2, 3] == pytest.approx((0, beside))
     assert push[2, 1] == pytest.approx((0, -beside))
@@ -53,7 +52,7 @@ def test_alignment_is_the_cosine_to_each_move() -> None:
 
 
 def test_repulsive_potential_by_hand() -> None:
-    energy = repulsive_potential(one_shelf(), 3.0, 2.0)
+    _, energy = repulsion(one_shelf(), 3.0, 2.0)
     assert energy[2, 1] == pytest.approx(1.5 * 0.5**2)
     assert energy[1, 1] == pytest.approx(1.5 * (1 / math.sqrt(2) - 0.5) ** 2)
     assert energy[0, 2] == 0  # at the reach

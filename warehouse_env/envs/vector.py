@@ -14,7 +14,7 @@ from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices
 
 from warehouse_env.config import EnvConfig
-from warehouse_env.envs.camera import Camera, render_fps
+from warehouse_env.envs.camera import checked_mode, picture
 from warehouse_env.envs.infos import EPISODE_METRICS, final_metrics, finished_task, known
 from warehouse_env.envs.options import WorldOptions, assignments_of, begin, build, share_routes
 from warehouse_env.envs.rows import write_rows
@@ -67,7 +67,7 @@ class WarehouseVecEnv(VecEnv):
                     "all configs of one vec_env need the same observation and action spaces: "
                     "give them the same sensor, action_type, speed_levels and lateral_offsets"
                 )
-        self._camera = Camera(render_mode, render_fps(first.config))
+        self._mode = checked_mode(render_mode)
         self.blocks: list[Block] = []
         rows = 0
         for simulator in simulators:
@@ -217,7 +217,7 @@ class WarehouseVecEnv(VecEnv):
         """Return, for each chosen row, the attribute of its Simulator ("render_mode": of this env)."""
         rows = self._get_indices(indices)
         if attr_name == "render_mode":
-            return [self._camera.mode for _ in rows]
+            return [self._mode for _ in rows]
         return [getattr(self._of_row[row][0], attr_name) for row in rows]
 
     def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
@@ -251,12 +251,11 @@ class WarehouseVecEnv(VecEnv):
         return [wrapper_class is Monitor for _ in self._get_indices(indices)]
 
     def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
-        """Return one picture for each world (not row)."""
-        return [self._camera.shot(simulator, world) for simulator, world in self._worlds]
+        """Return one picture for each world (not row), or None without a render mode."""
+        return [picture(simulator, world) if self._mode else None for simulator, world in self._worlds]
 
     def close(self) -> None:
-        """Close the window, if one is open."""
-        self._camera.close()
+        """Do nothing: there is nothing to close."""
 
 
 def _takes_world(method: Callable[..., Any], *arguments: Any, **options: Any) -> bool:

@@ -14,7 +14,7 @@ from warehouse_env.kernel import kernel
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
 from warehouse_env.planning.base import BasePlanner
 from warehouse_env.planning.plan import CostMap, Plan
-from warehouse_env.planning.potential_field import force_at, intermediate_point, repulsion_parts
+from warehouse_env.planning.potential_field import force_at, intermediate_point, repulsion
 
 _EQUAL = 1e-9  # [cosine] closer alignments count as equal, so that rounding does not choose the move
 _HALF = float(np.sqrt(0.5))
@@ -42,7 +42,7 @@ class Apf(BasePlanner):
 
     def _walk(self, grid: GridMap, start: Cell, goal: Cell, exponent: float, points: int) -> Plan:
         """Go leg by leg: to the goal, and where stuck to an intermediate point first, of which there are `points`."""
-        parts = repulsion_parts(grid.occupied, self.repulsion_gain, self.repulsion_reach)
+        parts = repulsion(grid.occupied, self.repulsion_gain, self.repulsion_reach)
         tried = np.zeros(grid.shape, np.bool_)
         way, target = [np.array([start], dtype=np.int64)], goal
         while True:

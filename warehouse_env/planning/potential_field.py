@@ -7,7 +7,6 @@ Every shelf cell is an obstacle of its own; distances are those between cell cen
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,58 +18,38 @@ _NO_FORCE = 1e-9  # below this a resultant has no direction
 _SQRT2 = math.sqrt(2.0)
 
 
-def attraction(shape: tuple[int, int], goal: Cell) -> NDArray[np.float64]:
-    """Unit vectors float64[H, W, 2] from every cell straight to the goal, zero at the goal."""
-    rows, cols = np.indices(shape)
-    pull = np.stack([goal[0] - rows, goal[1] - cols], axis=-1).astype(np.float64)
-    distance = np.sqrt((pull**2).sum(axis=-1, keepdims=True))
-    unit: NDArray[np.float64] = pull / np.maximum(distance, 1.0)
-    return unit
+def repulsion(
+    occupied: NDArray[np.bool_], gain: float, reach: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the push of the shelf cells closer than `reach` [cells], float64[H, W, 2], and its potential [H, W].
 
-
-def repulsion(occupied: NDArray[np.bool_], gain: float, reach: float) -> NDArray[np.float64]:
-    """Sum over the shelf cells closer than `reach` [cells] of gain * (1/d - 1/reach) / d^2, away from each.
-
-    occupied: bool[H, W]. Returns float64[H, W, 2], also on shelf cells. The classical field (Khatib 1986), on whose
-    gradient paper 000 builds; the map's edge does not repel.
+    Sums of gain * (1/d - 1/reach) / d^2, away from each, and of gain/2 * (1/d - 1/reach)^2, also on shelf cells: the
+    classical field (Khatib 1986), on whose gradient paper 000 builds; eq. 5 of paper 001 (which prints it without the
+    square that its own gradient, eq. 7, needs), eq. 13 of paper 002. The map's edge does not repel.
     """
-    push = np.zeros((*occupied.shape, 2))
-    for d_row, d_col, shelf in _shelves_near(occupied, reach):
-        distance = math.hypot(d_row, d_col)
-        strength = gain * (1 / distance - 1 / reach) / distance**2
-        push[..., 0] -= shelf * (strength * d_row / distance)
-        push[..., 1] -= shelf * (strength * d_col / distance)
-    return push
-
-
-def repulsive_potential(occupied: NDArray[np.bool_], gain: float, reach: float) -> NDArray[np.float64]:
-    """Sum over the shelf cells closer than `reach` [cells] of gain/2 * (1/d - 1/reach)^2, float64[H, W].
-
-    Eq. 5 of paper 001 (which prints it without the square that its own gradient, eq. 7, needs), eq. 13 of paper 002.
-    """
-    energy = np.zeros(occupied.shape)
-    for d_row, d_col, shelf in _shelves_near(occupied, reach):
-        energy += shelf * (0.5 * gain * (1 / math.hypot(d_row, d_col) - 1 / reach) ** 2)
-    return energy
-
-
-def _shelves_near(occupied: NDArray[np.bool_], reach: float) -> Iterator[tuple[int, int, NDArray[np.bool_]]]:
-    """For every offset shorter than `reach`, where a shelf stands at it: (d_row, d_col, bool[H, W])."""
+    push, energy = np.zeros((*occupied.shape, 2)), np.zeros(occupied.shape)
     rows, cols = occupied.shape
     span = math.ceil(reach) - 1 if reach > 0 else 0
     padded = np.pad(occupied, span)
-    for d_row in range(-span, span + 1):
-        for d_col in range(-span, span + 1):
-            if 0 < math.hypot(d_row, d_col) < reach:
-                yield d_row, d_col, padded[span + d_row : span + d_row + rows, span + d_col : span + d_col + cols]
+    for d_row, d_col in np.ndindex(2 * span + 1, 2 * span + 1):
+        shelf = padded[d_row : d_row + rows, d_col : d_col + cols]
+        offset = np.array([d_row - span, d_col - span])
+        distance = math.hypot(*offset)
+        if 0 < distance < reach:
+            nearness = 1 / distance - 1 / reach
+            push -= shelf[..., None] * (gain * nearness / distance**2 * offset / distance)
+            energy += shelf * (0.5 * gain * nearness**2)
+    return push, energy
 
 
 def resultant(occupied: NDArray[np.bool_], goal: Cell, gain: float, reach: float) -> NDArray[np.float64]:
     """Attraction + repulsion float64[H, W, 2]; where they cancel, the attraction alone (paper 000, after eq. 11)."""
-    pull = attraction((occupied.shape[0], occupied.shape[1]), goal)
-    force = pull + repulsion(occupied, gain, reach)
+    straight = np.array(goal) - np.moveaxis(np.indices(occupied.shape), 0, -1)
+    pull = straight / np.maximum(np.sqrt((straight**2).sum(axis=-1, keepdims=True)), 1.0)
+    force = pull + repulsion(occupied, gain, reach)[0]
     size = np.sqrt((force**2).sum(axis=-1, keepdims=True))
-    return np.where(size < _NO_FORCE, pull, force)
+    chosen: NDArray[np.float64] = np.where(size < _NO_FORCE, pull, force)
+    return chosen
 
 
 def alignment(force: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -82,18 +61,11 @@ def alignment(force: NDArray[np.float64]) -> NDArray[np.float64]:
     return cosine
 
 
-def repulsion_parts(
-    occupied: NDArray[np.bool_], gain: float, reach: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return `repulsion` and `repulsive_potential`: what the improved field needs of the shelves for any goal."""
-    return repulsion(occupied, gain, reach), repulsive_potential(occupied, gain, reach)
-
-
 @kernel
 def force_at(pull_row, pull_col, push_row, push_col, energy, gain, exponent):
     """Force (d_row, d_col) of the improved field on one cell: eqs. 6, 10-12 of paper 001, 12 and 17-20 of paper 002.
 
-    pull: from the cell to the goal [cells], d long; push, energy: `repulsion` and `repulsive_potential` there.
+    pull: from the cell to the goal [cells], d long; push, energy: `repulsion` there.
     gain * d to the goal + d^n * push + n * energy * d^(n-1) to the goal: the negative gradient of `improved_potential`.
     n = 0 is the classical field. At the goal no force acts.
     """
@@ -107,7 +79,7 @@ def force_at(pull_row, pull_col, push_row, push_col, energy, gain, exponent):
 
 @kernel
 def improved_force(push, energy, goal, gain, exponent):
-    """`force_at` on every cell, float64[H, W, 2]. push float64[H, W, 2], energy float64[H, W]: `repulsion_parts`."""
+    """`force_at` on every cell, float64[H, W, 2]. push float64[H, W, 2], energy float64[H, W]: `repulsion`."""
     rows, cols = energy.shape
     force = np.empty((rows, cols, 2))
     for row in range(rows):

@@ -24,5 +24,5 @@ def load(module: str) -> Any:
 
 
 def check_frames() -> None:
-    """Raise WarehouseError if the package that draws frames and windows is not installed."""
+    """Raise WarehouseError if the package that draws pictures is not installed."""
     load("pygame")

@@ -13,19 +13,9 @@ from hypothesis import strategies as st
 from tests.simulation.safe_stops import checked as checked  # a fixture
 from tests.simulation.worlds import coast, drawn, raw, room, stage
 from warehouse_env.config import EnvConfig, RobotSpec
-from warehouse_env.errors import ConfigError, WarehouseError
+from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import Cell
-from warehouse_env.simulation.physics.people import (
-    AT_GOAL,
-    GIVEN_UP,
-    KEEP,
-    PACE,
-    PATIENCE,
-    RADIUS,
-    RESTS,
-    START,
-    People,
-)  # fmt: skip
+from warehouse_env.simulation.physics.people import AT_GOAL, GIVEN_UP, KEEP, PACE, PATIENCE, RADIUS, RESTS, START
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.traffic_spec import TrafficSpec
 
@@ -243,13 +233,3 @@ def test_people_begin_away_from_robots_and_where_they_can_walk() -> None:
     assert apart.min() >= START
     cells = simulator.grid.cell(np.stack([persons["x"], persons["y"]], axis=-1))
     assert not simulator.grid.occupied[cells[..., 0], cells[..., 1]].any()
-
-
-@pytest.mark.parametrize(
-    "points",
-    [[[math.nan, 1.0]], [[1.0, math.inf]], [[-0.1, 1.0]], [[1.0, 7.1]], [[1.0]], [[1.0, 2.0]] * 2, "x", [[2.5, 2.5]]],
-)
-def test_people_stand_on_free_floor_alone(points: Any) -> None:
-    people = People(EnvConfig(people=1), drawn(["......", "......", ".####.", "......", "......"]), 1)
-    with pytest.raises(WarehouseError, match=r"people|person 0 .* on a shelf"):
-        people.stand(0, points)

@@ -23,7 +23,7 @@ from train.tables.study import TableSetting, TableTask, driven_row
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
 from warehouse_env.planning import Planner, make_planner, path_length, turns
 from warehouse_env.planning.field_walkers import along
-from warehouse_env.planning.potential_field import force_at, intermediate_point, repulsion_parts
+from warehouse_env.planning.potential_field import force_at, intermediate_point, repulsion
 
 STANDING, CROSSING, ONCOMING = "standing obstacle", "crossing obstacle", "oncoming obstacle"
 SIZE, SHARE, MAPS = 30, 0.2, 24
@@ -48,7 +48,7 @@ class Avoider:
     def __init__(self, task: TableTask, planner: Planner) -> None:
         self.grid, self.goal, self.at, self._planner = task.grid, task.goal, task.start, planner
         self.path = cells_of(planner, self.grid, self.at, self.goal)
-        self._shelves = repulsion_parts(self.grid.occupied, SHELVES_GAIN, SHELVES_REACH)
+        self._shelves = repulsion(self.grid.occupied, SHELVES_GAIN, SHELVES_REACH)
         self._tried = np.zeros(self.grid.shape, np.bool_)  # intermediate points
         self.point: Cell | None = None  # the intermediate point that the robot heads for
 

@@ -14,7 +14,7 @@ from warehouse_env.planning.ants.colony import Colony
 from warehouse_env.planning.ants.floor import AntFloor, Table
 from warehouse_env.planning.ants.system import AntSystem, goal_distance
 from warehouse_env.planning.ants.walks import Walks, deposit
-from warehouse_env.planning.potential_field import descent_length, improved_potential, repulsive_potential
+from warehouse_env.planning.potential_field import descent_length, improved_potential, repulsion
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class ApfAco(AntSystem):
     def colony(self, grid: GridMap, floor: AntFloor, start: int) -> Colony:
         """Slots: one heuristic for all iterations; all ants deposit, the best more, the worst takes away."""
         goal = (floor.goal // floor.columns, floor.goal % floor.columns)
-        energy = repulsive_potential(grid.occupied, self.repulsion_gain, self.repulsion_reach)
+        _, energy = repulsion(grid.occupied, self.repulsion_gain, self.repulsion_reach)
         potential = improved_potential(energy, goal, self.attraction_gain, self.distance_exponent)
         way = descent_length(potential, grid.legal_moves, goal, self.stuck_penalty).reshape(-1)
         eta = power(1.0 / (goal_distance(floor) + way), self.exponent)[floor.neighbour]

@@ -21,7 +21,7 @@ from warehouse_env.planning.potential_field import (
     alignment,
     improved_force,
     intermediate_point,
-    repulsion_parts,
+    repulsion,
 )
 
 
@@ -66,7 +66,7 @@ class FusionAco(AntSystem):
 
     def force(self, grid: GridMap, goal: Cell) -> NDArray[np.float64]:
         """The resultant force on every cell float64[H, W, 2] (eq. 24), diverted round local minima if asked."""
-        parts = repulsion_parts(grid.occupied, self.repulsion_gain, self.repulsion_reach)
+        parts = repulsion(grid.occupied, self.repulsion_gain, self.repulsion_reach)
         force: NDArray[np.float64] = improved_force(*parts, goal, self.attraction_gain, self.distance_exponent)
         if not self.intermediate_point:
             return force

@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections import defaultdict
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
@@ -26,7 +26,6 @@ from warehouse_env.simulation.physics.contact import MOVING, put_back, trial_bod
 from warehouse_env.simulation.physics.footprint import body_touches_shelf, cell_at
 from warehouse_env.simulation.physics.geometry import body_at, body_of, square_at, squared_distance_to
 from warehouse_env.simulation.physics.kinds import kind_of
-from warehouse_env.simulation.physics.poses import poses
 from warehouse_env.simulation.physics.stops import BODY_COS, BODY_SIN, CENTRE_X, CENTRE_Y
 from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO
 from warehouse_env.simulation.state import PERSON, PERSON_RADIUS
@@ -85,19 +84,6 @@ class People:
             o = self.persons[world, person]
             o["x"], o["y"] = points[free[0]]
             o["cos"] = ONE
-
-    def stand(self, world: int, points: ArrayLike) -> None:
-        """Move the people of a world to points float[M, 2] [m], each with a new goal. Call after `begin`.
-
-        Raises ConfigError or MapError for points off the floor or in shelves. The caller keeps them in the largest
-        region and off robots.
-        """
-        places = poses("people", points, (self.persons.shape[1], 2), self._grid)
-        for person, (x, y) in enumerate(places):
-            self._grid.check_cell(self._grid.nearest_cell((x, y)), f"person {person}")
-            self._send(world, person)
-            o = self.persons[world, person]
-            o["x"], o["y"] = x, y
 
     def leave(self, world: int) -> None:
         """Take all people off the floor, so that the first routes of an episode ignore those of the last one."""
