@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import errno
 import importlib
+import inspect
 import io
 import os
 import signal
@@ -211,13 +212,28 @@ def _options(options: Any, program: str, arguments: list[str]) -> Any:
     made.__annotations__["chosen"] = Annotated[options, tyro.conf.arg(name="")]
     if hasattr(options, "defaults_for"):  # one option sets the defaults of the others
         made.__defaults__ = (options.defaults_for(arguments),)
-    return tyro.cli(made, prog=program, description=options.__doc__, args=arguments)
+    if {"-h", "--help"}.intersection(arguments):
+        _join_lines(options)
+    return tyro.cli(made, prog=program, description=inspect.getdoc(options), args=arguments)
+
+
+def _join_lines(options: Any) -> None:
+    """Give each option its docstring as one line, since tyro would keep its line breaks."""
+    from docstring_parser import parse_from_object
+
+    for one in options.__mro__[-2::-1]:
+        for said in parse_from_object(one).params:
+            options.__dataclass_fields__[said.arg_name].metadata = {"help": " ".join((said.description or "").split())}
 
 
 def options_of(name: str) -> Any:
-    """Return the dataclass of a command's options."""
+    """Return the dataclass of a command's options; help lists its own before those that it shares with others."""
     module, _, options = COMMANDS[name].home.partition(":")
-    return getattr(importlib.import_module(f"train.{module}"), options)
+    made = getattr(importlib.import_module(f"train.{module}"), options)
+    homes = {name: one.__module__ for one in made.__mro__[::-1] for name in vars(one).get("__annotations__", ())}
+    fields = sorted(made.__dataclass_fields__.items(), key=lambda field: homes[field[0]] != made.__module__)
+    made.__dataclass_fields__ = dict(fields)
+    return made
 
 
 def _no_command(arguments: list[str]) -> int:

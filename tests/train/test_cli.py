@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shlex
 import subprocess
 import sys
@@ -55,14 +56,20 @@ def test_help_is_quick_and_light() -> None:
     assert seconds < 5  # about 0.3 s on a quiet machine
 
 
-def test_every_command_has_help_with_the_common_options(capsys: pytest.CaptureFixture[str]) -> None:
+def test_every_command_has_help_with_the_common_options(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "240")
     for name in COMMANDS:
         assert main([*name.split(), "--help"]) == 0
         shown = capsys.readouterr().out
         assert f"warehouse {name}" in shown
         assert ("--seed" in shown) == (name not in DRAW_NOTHING)
         assert "{None,True,False}" not in shown
+        assert not re.search(r"FILE.py:CLASS( or)?\s*\n", shown)  # a line break of the source
         assert ("--json" in shown) == (name in RESULTS)
+        listed = re.findall(r"(?m)^\W+--([a-z]+)", shown)
+        assert not {"sensor", "processes"}.intersection(listed[:1]) or name == "compile"  # which many commands share
 
 
 def test_help_without_a_command_and_version(capsys: pytest.CaptureFixture[str]) -> None:
