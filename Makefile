@@ -79,7 +79,7 @@ cuda: $(STAMP) ## compile the kernels for a GPU; on a machine with one, compare 
 
 gpu: cuda ## check, measure and train on a GPU, MINUTES minutes of it training, into results/gpu
 	$(RUN)/warehouse bench --only cuda --seconds 2 --json results/gpu/bench.jsonl
-	$(RUN)/warehouse train threaded_ppo --recipe device --device cuda --minutes $(MINUTES) --checkpoint-seconds 120 \
+	$(RUN)/warehouse train gpu --device cuda --minutes $(MINUTES) --checkpoint-seconds 120 \
 	  --out results/gpu --name policy
 	$(RUN)/warehouse evaluate --policy results/gpu/policy brake --robots 16 --episodes 8 --out results/gpu
 

@@ -24,6 +24,7 @@ from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, WeightsError, shown
 from warehouse_env.files import whereabouts
 from warehouse_env.observation import observation_layout
+from warehouse_env.old_names import POLICIES as OLD_POLICIES
 from warehouse_env.traffic_spec import driven_with
 
 __all__ = [
@@ -58,7 +59,7 @@ POLICIES: dict[str, PolicyEntry] = {
         name: PolicyEntry(summary, weights=WEIGHTS_FOLDER / name)
         for name, summary in (
             ("reinforce", "our policy gradient, trained on this environment"),
-            ("threaded_ppo", "our PPO, under the shield, with live routes, and right of way where robots stand"),
+            ("shielded", "our PPO, under the shield, with live routes, and right of way where robots stand"),
             ("unshielded", "our PPO with live routes only: no shield, no right of way"),
             ("careful", "unshielded trained on: a third of its contacts at most, for 2% fewer goals"),
             ("ppo", "stable-baselines3 PPO, trained on this environment"),
@@ -123,9 +124,9 @@ def save_model(directory: Path | str, model: Any, config: EnvConfig | None = Non
     return save_model(directory, model, config, mode)
 
 
-def _entry(name_or_dir: str | Path) -> PolicyEntry:
+def entry_of(name_or_dir: str | Path) -> PolicyEntry:
     """Resolve a name of POLICIES first, then a folder; raises ConfigError or WeightsError."""
-    name = str(name_or_dir)
+    name = OLD_POLICIES.get(str(name_or_dir), str(name_or_dir))
     if name in POLICIES:
         return POLICIES[name]
     try:
@@ -151,7 +152,7 @@ def policy_config(name_or_dir: str | Path, base: EnvConfig) -> EnvConfig:
     `base.max_steps` is kept: where the decision time may change, set it from seconds afterwards.
     Raises ConfigError for an unknown name and WeightsError for a folder that is none.
     """
-    entry = _entry(name_or_dir)
+    entry = entry_of(name_or_dir)
     if entry.weights is not None:
         return config_for(entry.weights, base)
     config = base.replace(**entry.needs)
@@ -160,7 +161,7 @@ def policy_config(name_or_dir: str | Path, base: EnvConfig) -> EnvConfig:
 
 def weights_of(name_or_dir: str | Path) -> Path:
     """Return the folder of a trained policy; raises ConfigError for a rule or an unknown name."""
-    folder = _entry(name_or_dir).weights
+    folder = entry_of(name_or_dir).weights
     if folder is None:
         learned = ", ".join(name for name, other in POLICIES.items() if other.weights is not None)
         raise ConfigError(f"{name_or_dir} is a rule without weights; shipped policies with weights are: {learned}")
@@ -179,7 +180,7 @@ def make_policy(name_or_dir: str | Path, config: EnvConfig) -> Policy:
 
     Raises ConfigError for an unknown name, WeightsError for a damaged folder or one made for another config.
     """
-    entry = _entry(name_or_dir)
+    entry = entry_of(name_or_dir)
     if entry.rule is not None:
         return entry.rule(config)
     assert entry.weights is not None

@@ -157,7 +157,7 @@ def main(kills: int = 1000, seed: int = 0, only: tuple[str, ...] = tuple(COMMAND
         seed: of the moments, as far as a clock allows.
         only: commands to kill.
     """
-    importlib.import_module("train.reinforce")
+    importlib.import_module("train.trainers")
     rng, folder = random.Random(seed), Path(tempfile.mkdtemp(prefix="warehouse-kills-"))
     os.environ["WAREHOUSE_CACHE_DIR"] = str(folder / "cache")
     trials = [Trial(name, folder) for name in only]

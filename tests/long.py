@@ -31,7 +31,7 @@ from warehouse_env.config import EnvConfig  # noqa: E402
 from warehouse_env.files import complete_file  # noqa: E402
 from warehouse_env.traffic_spec import UncertaintySpec  # noqa: E402
 
-POLICY, TIMES, PARTS = "threaded_ppo", 2, 10
+POLICY, TIMES, PARTS = "shielded", 2, 10
 PATIENCE, ENDLESS = 600.0, 1800.0  # [s] that a robot may stand, or pursue one goal
 HEADER = ("decisions", "digest", "memory MB", "objects", "files", "us a robot", "goals", "stood s", "without a goal s")
 

@@ -75,7 +75,7 @@ HALL = {
     "h.oneway": b"....\n.>..\n....\n....\n",
     "l.json": json.dumps(LIF).encode(), "l.geojson": json.dumps(GRAPH).encode(),
 }  # fmt: skip
-RECORD = json.loads((WEIGHTS_FOLDER / "threaded_ppo" / CONFIG).read_text())
+RECORD = json.loads((WEIGHTS_FOLDER / "shielded" / CONFIG).read_text())
 NETWORK = Network(3, 2, True, (2,))
 EVALUATED: list[dict[str, Any]] = [
     {"policy": policy, "layout": "open", "robots": 2, "tasks": "lifelong", "planner": "astar", "episode": seed,

@@ -114,7 +114,7 @@ def test_every_command_is_understood(line: str, capsys: pytest.CaptureFixture[st
         options, words = options_of(name), words[len(name.split()) :]
         if "--device" in words:  # one that is looked for, and need not be here
             words[words.index("--device") + 1] = "cpu"
-        usual = {"default": options.defaults_for(words)} if hasattr(options, "defaults_for") else {}
+        usual = {"default": options.defaults_for(name.split()[-1])} if hasattr(options, "defaults_for") else {}
         parsed = tyro.cli(options, prog=f"warehouse {name}", args=words, **usual)
         assert isinstance(parsed, options)
 

@@ -21,6 +21,7 @@ from types import SimpleNamespace
 from typing import Annotated, Any, NamedTuple, NoReturn
 
 from warehouse_env.errors import ConfigError, LostError, MapWarning, WarehouseError, unknown_name
+from warehouse_env.old_names import POLICIES
 
 PROGRAM = "warehouse"
 LOST = 3  # exit code where jobs were lost, or a broker
@@ -44,9 +45,15 @@ COMMANDS = {
     "places": Command("commands.places:PlacesCommand", "propose pick faces and stations of a hall, and draw them"),
     "policies": Command("commands.parts:Policies", "list the policies"),
     "planners": Command("commands.parts:Planners", "list the planners"),
-    "train reinforce": Command("commands.training:TrainReinforce", "train our policy gradient"),
-    "train ppo": Command("commands.training:TrainPPO", "train PPO of stable-baselines3"),
-    "train threaded_ppo": Command("commands.training:TrainThreadedPPO", "train our own PPO, in threads"),
+    "train reinforce": Command("commands.training:Train", "train by our REINFORCE, with live routes"),
+    "train ppo": Command("commands.training:Train", "train by PPO of stable-baselines3, with live routes"),
+    "train shielded": Command("commands.training:Train", "train by our PPO, under the shield, with live routes"),
+    "train unshielded": Command("commands.training:Train", "train by our PPO, with live routes, for few contacts"),
+    "train careful": Command("commands.training:Train", "train by our PPO, from unshielded on, for fewer contacts"),
+    "train fixed_routes": Command("commands.training:Train", "train by our PPO, as in papers: fixed routes, no shield"),
+    "train fixed_routes_reinforce": Command("commands.training:Train", "train so by our REINFORCE"),
+    "train fixed_routes_ppo": Command("commands.training:Train", "train so by PPO of stable-baselines3"),
+    "train gpu": Command("commands.training:Train", "train by our PPO, in thousands of worlds on a GPU"),
     "evaluate": Command("commands.evaluate:Evaluate", "drive policies over held-out episodes and count collisions"),
     "compare": Command("commands.compare:Compare", "compare runs of evaluate by paired differences"),
     "benchmark": Command("commands.benchmark:Benchmark", "drive policies through the fixed benchmark set"),
@@ -167,6 +174,8 @@ def _run(arguments: list[str]) -> int:
     if not arguments or arguments[0] in ("-h", "--help"):
         print(_help(""))
         return 0
+    if arguments[0] == "train":
+        arguments = ["train", *(POLICIES.get(word, word) for word in arguments[1:2]), *arguments[2:]]
     name = next((name for name in COMMANDS if name.split() == arguments[: len(name.split())]), None)
     if name is None:
         return _no_command(arguments)
@@ -210,11 +219,14 @@ def _options(options: Any, program: str, arguments: list[str]) -> Any:
         return chosen
 
     made.__annotations__["chosen"] = Annotated[options, tyro.conf.arg(name="")]
-    if hasattr(options, "defaults_for"):  # one option sets the defaults of the others
-        made.__defaults__ = (options.defaults_for(arguments),)
+    described = options
+    if hasattr(options, "defaults_for"):  # the last word of the command sets the defaults
+        usual = options.defaults_for(program.split()[-1])
+        made.__defaults__, described = (usual,), type(usual.config)
     if {"-h", "--help"}.intersection(arguments):
-        _join_lines(options)
-    return tyro.cli(made, prog=program, description=inspect.getdoc(options), args=arguments)
+        for one in {options, described}:
+            _join_lines(one)
+    return tyro.cli(made, prog=program, description=inspect.getdoc(described), args=arguments)
 
 
 def _join_lines(options: Any) -> None:

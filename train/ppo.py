@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 import warnings
-from pathlib import Path
 
 import numpy as np
 import torch
@@ -20,12 +19,9 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepR
 
 from agents.networks import first_actor_critic, tensors_of
 from train.books import book_of
-from train.held_out import held_out
 from train.learning.config import PPOConfig
-from train.learning.floors import check_fixed
 from train.learning.tally import TrainingTally, figures_of
 from train.learning.trainer import Split, Tensors, Trainer, network_of, set_threads
-from train.learning.training_run import run_training
 from train.learning.worlds import TrainingSimulator
 from warehouse_env.envs.vector import WarehouseVecEnv
 
@@ -133,9 +129,3 @@ class Ppo(Trainer):
                     names[f"{ours}.{layer}.{kind}"] = f"mlp_extractor.{hidden}.{2 * layer}.{kind}"
                 names[f"{ours}.{depth}.{kind}"] = f"{last}.{kind}"
         return names
-
-
-def train(config: PPOConfig) -> Path:
-    """Train by `config`; return the run's folder, a policy folder (errors: `run_training`)."""
-    check_fixed(config.layouts)
-    return run_training(config, Ppo, held_out)

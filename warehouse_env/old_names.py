@@ -1,10 +1,15 @@
-"""Options of older versions in stored configurations, translated to today's names."""
+"""Names of older versions: options in stored configurations, policies and trainers, and what they are called today."""
 
 from __future__ import annotations
 
 from typing import Any
 
 from warehouse_env.errors import ConfigError, shown
+
+POLICIES = {"threaded_ppo": "shielded"}
+ALGORITHMS = {
+    "threaded_ppo": "ppo (ours)", "ppo": "ppo (stable-baselines3)", "reinforce": "reinforce (ours)",
+}  # fmt: skip
 
 _TRAFFIC = {
     "protective_field": "shield", "field_margin": "margin", "right_of_way": "right_of_way",

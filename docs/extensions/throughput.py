@@ -26,7 +26,7 @@ FLOORS = ("paper46", "narrow")
 _ROOM = 30  # goals per hour; a higher bar has room for its figure
 # In the order of the bars; grey marks policies of others.
 BARS = {
-    "threaded_ppo": ("threaded_ppo\ntraffic assist", "#0072b2"),
+    "shielded": ("shielded\ntraffic assist", "#0072b2"),
     "greedy": ("greedy\ntraffic rules", "#56a4d3"),
     "orca": ("ORCA\ntraffic routes", "#8c8c8c"),
     "rules": ("paper 001\ntraffic routes", "#8c8c8c"),

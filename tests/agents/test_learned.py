@@ -79,7 +79,7 @@ def test_a_policy_gets_the_options_that_it_was_trained_under(tmp_path: Path) -> 
     under = EnvConfig(traffic="shield")
     network = Network(observation_layout(under).size, 20, True, (8,))
     tensors = tensors_of(ActorCritic(network, np.zeros(20, np.float32)))
-    folder = save_policy(tmp_path / "under", PolicyRecord("threaded_ppo", network, under), tensors)
+    folder = save_policy(tmp_path / "under", PolicyRecord("ppo (ours)", network, under), tensors)
     assert policy_config(folder, EnvConfig()) == under
     assert make_policy(folder, under.replace(traffic=TrafficSpec(shield=True))) is not None
     with pytest.raises(WeightsError, match="trained under the shield, and needs it"):
@@ -159,7 +159,7 @@ NEEDS = {"service": ServiceSpec(), "battery": BatterySpec()}
 
 
 @pytest.mark.parametrize(
-    ("name", "more"), [("ppo", NEEDS), ("threaded_ppo", NEEDS), ("ppo", {"traffic": TrafficSpec(shield=True)})]
+    ("name", "more"), [("ppo", NEEDS), ("shielded", NEEDS), ("ppo", {"traffic": TrafficSpec(shield=True)})]
 )
 def test_a_shipped_policy_passes_over_what_it_was_trained_without(name: str, more: dict[str, Any]) -> None:
     config = policy_config(name, EnvConfig(num_agents=3, arrival="stop"))

@@ -14,9 +14,9 @@ import pytest
 
 from agents.weights_folder import read_record
 from tests.pages import ROOT, python_blocks
-from train import threaded_ppo
 from train.learning import checkpoint
 from train.learning.config import ThreadedPPOConfig
+from train.trainers import train
 
 pytest.importorskip("ray.tune")
 SMALL: dict[str, Any] = {
@@ -72,7 +72,7 @@ def test_a_killed_sweep_goes_on_to_its_end(tmp_path: Path) -> None:
     assert [training["spent"] for training in trials.values()] == [1.0, 1.0]
     name = min(begun)
     options = {option: trials[name]["config"][option] for option in ("learning_rate", "entropy_first")}
-    whole = threaded_ppo.train(
+    whole = train(
         ThreadedPPOConfig(out=tmp_path, name="whole", steps=150_000, threads=1, progress=False, **SMALL, **options)
     )
     assert (whole / "weights.safetensors").read_bytes() == (policies / name / "weights.safetensors").read_bytes()

@@ -19,7 +19,7 @@ NOTEBOOKS = sorted((ROOT / "examples").glob("*.ipynb"))
 SHOWN = {
     "day_of_orders": ("orders_done", "stranded", "image/png"),
     "compare_planners": ("| astar_turns | 4 of 4 | 0.00% |", "image/png"),
-    "train_and_evaluate": ("wrote the rows to", "# threaded_ppo", "image/png"),
+    "train_and_evaluate": ("wrote the rows to", "# mine", "image/png"),
     "watch_robots": ("goals_per_robot_hour", "image/gif", "image/png"),
 }
 

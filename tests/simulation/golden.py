@@ -44,13 +44,13 @@ STACKS: dict[str, tuple[str, int, dict[str, Any]]] = {
     "greedy, 128 on narrow": ("greedy", 500, {"num_agents": 128, "layout": "narrow"}),
     "greedy, 32, one shot": ("greedy", 900, {"num_agents": 32, "tasks": "one_shot"}),
     "greedy, 64 on a drawn floor, people": ("greedy", 500, {"num_agents": 64, "layout": "aisles:seed=77", "people": 6}),
-    "threaded_ppo, 32": ("threaded_ppo", 600, {"num_agents": 32}),
-    "threaded_ppo, 32, routes searched": ("threaded_ppo", 600, {"num_agents": 32, "planner": "astar_turns"}),
-    "threaded_ppo, 64, messages lost": (
-        "threaded_ppo", 500, {"num_agents": 64, "uncertainty": UncertaintySpec(loss=0.2)}
+    "shielded, 32": ("shielded", 600, {"num_agents": 32}),
+    "shielded, 32, routes searched": ("shielded", 600, {"num_agents": 32, "planner": "astar_turns"}),
+    "shielded, 64, messages lost": (
+        "shielded", 500, {"num_agents": 64, "uncertainty": UncertaintySpec(loss=0.2)}
     ),
-    "threaded_ppo, 32 on single_lane, people": (
-        "threaded_ppo", 600, {"num_agents": 32, "layout": "single_lane", "people": 6}
+    "shielded, 32 on single_lane, people": (
+        "shielded", 600, {"num_agents": 32, "layout": "single_lane", "people": 6}
     ),
     "unshielded, 32": ("unshielded", 400, {"num_agents": 32, "layout": "narrow"}),
 }  # fmt: skip

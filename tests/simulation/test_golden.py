@@ -28,7 +28,7 @@ def test_the_digest_is_the_recorded_one(name: str) -> None:
 
 
 # It compiles a step that no other test uses.
-AT_NIGHT = {"threaded_ppo, 32 on single_lane, people": pytest.mark.nightly}
+AT_NIGHT = {"shielded, 32 on single_lane, people": pytest.mark.nightly}
 
 
 @pytest.mark.parametrize("name", [pytest.param(name, marks=AT_NIGHT.get(name, ())) for name in STACKS])

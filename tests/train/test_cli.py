@@ -207,7 +207,7 @@ def test_a_lost_job_has_a_code_of_its_own(monkeypatch: pytest.MonkeyPatch, capsy
     [
         ("layouts", set(LAYOUTS), {}),
         ("policies", set(POLICIES), {
-            "greedy": "traffic rules", "follow": "-", "threaded_ppo": "traffic assist, predictions",
+            "greedy": "traffic rules", "follow": "-", "shielded": "traffic assist, predictions",
             **dict.fromkeys(("reinforce", "ppo", "unshielded", "careful"), "traffic routes, predictions"),
         }),
         ("planners", set(PLANNERS), {"astar": "yes", "theta_star": "no"}),

@@ -17,10 +17,9 @@ from agents.networks import ActorCritic
 from agents.weights_folder import Network
 from tests.train.trainings import SMALL
 from train.learning.config import PPOConfig, ThreadedPPOConfig
-from train.learning.threaded import joint_scale
+from train.learning.threaded import ThreadedTrainer, clipped_loss, joint_scale
 from train.learning.trainer import rng_of
 from train.ppo import Ppo
-from train.threaded_ppo import ThreadedPpo, clipped_loss
 
 
 @pytest.fixture
@@ -128,7 +127,7 @@ def test_a_draw_comes_with_its_log_probability(discrete: bool, device: str | Non
 
 
 def test_every_pass_takes_every_row_once(threaded: ThreadedPPOConfig, monkeypatch: pytest.MonkeyPatch) -> None:
-    trainer, taken = ThreadedPpo(replace(threaded, epochs=3)), []
+    trainer, taken = ThreadedTrainer(replace(threaded, epochs=3)), []
     gradient = trainer.gradient
 
     def counted(rollout, rows, *rest):  # type: ignore[no-untyped-def]

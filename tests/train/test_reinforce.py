@@ -19,13 +19,13 @@ from agents import make_policy, policy_config
 from agents.networks import ActorCritic
 from agents.weights_folder import Network, read_record
 from tests.train.trainings import SMALL
-from train import ppo, reinforce
 from train.learning import checkpoint
 from train.learning.config import HELD_OUT_SEED, PPOConfig, ReinforceConfig
 from train.learning.experience import advantages
 from train.learning.tally import TrainingTally, figures_of
+from train.learning.threaded import policy_loss
 from train.learning.worlds import TrainingSimulator, TrainingWorlds
-from train.reinforce import policy_loss
+from train.trainers import train
 from warehouse_env.config import EnvConfig, SensorSpec
 from warehouse_env.errors import ConfigError, WarehouseError, WeightsError
 from warehouse_env.traffic_spec import TRAFFIC
@@ -64,8 +64,8 @@ def test_advantages_have_the_bits_of_the_formula_in_numpy() -> None:
 
 
 def test_a_training_leaves_a_policy_that_acts(config: ReinforceConfig) -> None:
-    folder = reinforce.train(config)
-    assert folder == config.out / "reinforce"
+    folder = train(config)
+    assert folder == config.out / "policy"
     env = policy_config(folder, EnvConfig(layout="open"))
     assert make_policy(folder, env) is not None
     training = read_record(folder).training
@@ -96,29 +96,29 @@ def test_contacts_go_on_in_worlds_that_are_brought_back() -> None:
 
 
 def test_a_finished_run_is_not_overwritten(config: ReinforceConfig) -> None:
-    folder = reinforce.train(config)
+    folder = train(config)
     before = (folder / "weights.safetensors").read_bytes()
     with pytest.raises(ConfigError, match=r"holds a training already: go on with --resume"):
-        reinforce.train(config)
+        train(config)
     with pytest.raises(ConfigError, match=r"leave out gamma=0\.5"):
-        reinforce.train(ReinforceConfig(resume=folder, gamma=0.5))
+        train(ReinforceConfig(resume=folder, gamma=0.5))
     assert (folder / "weights.safetensors").read_bytes() == before
 
 
 def test_resuming_from_nothing_or_from_damage_is_one_sentence(config: ReinforceConfig, tmp_path: Path) -> None:
     with pytest.raises(WeightsError, match="holds no checkpoint"):
-        reinforce.train(ReinforceConfig(resume=tmp_path / "nowhere"))
-    folder = reinforce.train(config)
+        train(ReinforceConfig(resume=tmp_path / "nowhere"))
+    folder = train(config)
     state = folder / "checkpoint" / "state.json"
     data = json.loads(state.read_text())
     state.write_text(json.dumps({**data, "algorithm": "ppo"}))
     with pytest.raises(WeightsError, match="was trained by ppo"):
-        reinforce.train(ReinforceConfig(resume=folder))
+        train(ReinforceConfig(resume=folder))
     state.write_text(json.dumps(data))
     arrays = next((folder / "checkpoint").glob("*.safetensors"))
     arrays.write_bytes(arrays.read_bytes()[:100])
     with pytest.raises(WeightsError, match="is damaged"):
-        reinforce.train(ReinforceConfig(resume=folder))
+        train(ReinforceConfig(resume=folder))
 
 
 def test_the_tally_counts_what_the_episode_counts() -> None:
@@ -201,11 +201,11 @@ def test_late_braking_costs_by_the_metre() -> None:
 def test_the_policy_asks_for_right_of_way_that_its_training_goes_without(config: ReinforceConfig) -> None:
     config = replace(config, traffic="assist:right_of_way_after=6", steps=8 * 6)
     assert not config.env("open", 2).traffic_spec.right_of_way
-    directory = reinforce.train(config)
+    directory = train(config)
     driven = policy_config(directory, EnvConfig())
     assert driven.traffic_spec == replace(TRAFFIC["assist"], right_of_way_after=6.0)
     assert "right_of_way_after=6.0" in (directory / "CARD.md").read_text()
-    plain = reinforce.train(replace(config, name="plain", traffic="shield"))
+    plain = train(replace(config, name="plain", traffic="shield"))
     assert not policy_config(plain, EnvConfig()).traffic_spec.right_of_way
     assert (read_record(directory).mode, read_record(plain).mode) == ("greedy", "sample")
     assert (plain / "weights.safetensors").read_bytes() == (directory / "weights.safetensors").read_bytes()
@@ -227,7 +227,7 @@ def test_killed_again_and_again_commands_come_to_the_same_files() -> None:
 
 
 def test_weights_that_are_no_numbers_are_not_saved(tmp_path: Path) -> None:
-    begun = ppo.train(PPOConfig(out=tmp_path, steps=8 * 6, **SMALL))
+    begun = train(PPOConfig(out=tmp_path, steps=8 * 6, **SMALL))
     good = weights(begun)
     saved = checkpoint.read(begun / "checkpoint")
     data = saved.data | {"config": saved.data["config"] | {"learning_rate": 1e9, "gradient_clip": 1e9, "steps": 10**6}}
@@ -237,7 +237,7 @@ def test_weights_that_are_no_numbers_are_not_saved(tmp_path: Path) -> None:
     checkpoint.write(begun / "checkpoint", arrays, data)
     config = PPOConfig(resume=begun, progress=False)
     with pytest.raises(WarehouseError, match=r"weights that are not finite.*last good ones.*--learning-rate"):
-        ppo.train(config)
+        train(config)
     for name, tensor in weights(begun).items():
         np.testing.assert_array_equal(tensor, good[name])
     make_policy(begun, policy_config(begun, EnvConfig()))
@@ -246,7 +246,7 @@ def test_weights_that_are_no_numbers_are_not_saved(tmp_path: Path) -> None:
 def test_a_full_disk_is_one_sentence_and_the_last_checkpoint_stays(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    folder = reinforce.train(ReinforceConfig(out=tmp_path, steps=8 * 6, **SMALL))
+    folder = train(ReinforceConfig(out=tmp_path, steps=8 * 6, **SMALL))
     before = (folder / "checkpoint" / "state.json").read_bytes()
     saved = checkpoint.read(folder / "checkpoint")
     longer = saved.data["config"] | {"steps": 8 * 6 * 4}
@@ -260,7 +260,7 @@ def test_a_full_disk_is_one_sentence_and_the_last_checkpoint_stays(
     monkeypatch.setattr(Path, "write_bytes", full)
     config = ReinforceConfig(resume=folder, progress=False)
     with pytest.raises(WarehouseError, match=r"cannot write .*No space left on device"):
-        reinforce.train(config)
+        train(config)
     assert (folder / "checkpoint" / "state.json").read_bytes() == kept
     monkeypatch.undo()
-    assert reinforce.train(config) == folder
+    assert train(config) == folder

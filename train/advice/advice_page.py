@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from agents import POLICIES
+from agents import entry_of
 from train.advice.answer import answer, effect_text, robots_text
 from train.advice.candidates import storage_lost
 from train.advice.changes import Effect
@@ -206,4 +206,4 @@ def _facts(advice: Advice) -> dict[str, str]:
 
 
 def _summary(policy: str) -> str:
-    return POLICIES[policy].summary if policy in POLICIES else "a policy folder"
+    return entry_of(policy).summary

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import statistics
 import sys
 from collections.abc import Callable, Iterator
@@ -130,31 +129,26 @@ def peers(seconds: float) -> Iterator[Row]:
 
 
 def training(seconds: float) -> Iterator[Row]:
-    """Run the trainers by their recipe `bare` in turns: agent-steps/s of the whole loop, and shares of its time."""
-    from train.learning import config as configs
+    """Run the trainers with fixed routes in turns: agent-steps/s of the whole loop, and shares of its time."""
     from train.learning.recipes import by_recipe
     from train.learning.trainer import profile
+    from train.trainers import trainer_of
 
-    kinds = {
-        ("train.reinforce", "Reinforce"): configs.ReinforceConfig,
-        ("train.threaded_ppo", "ThreadedPpo"): configs.ThreadedPPOConfig,
-        ("train.ppo", "Ppo"): configs.PPOConfig,  # of stable-baselines3: the others are compared with it
-    }
     measured = []
-    for (module, name), kind in kinds.items():
-        config: configs.TrainingConfig = by_recipe(kind, "bare", seed=_SEED)
-        trainer = getattr(importlib.import_module(module), name)(config)
+    for recipe in ("fixed_routes_reinforce", "fixed_routes", "fixed_routes_ppo"):
+        config = by_recipe(recipe, seed=_SEED)
+        trainer = trainer_of(config)
         update = profile(trainer, 1, _WARM_UP)["seconds"]
         updates = max(1, round(_TRAINED * seconds / _TRAINING_TURNS / update))
-        measured.append((trainer, updates, list[dict[str, float]]()))
+        measured.append((config, trainer, updates, list[dict[str, float]]()))
     for _ in range(_TRAINING_TURNS):
-        for trainer, updates, turns in measured:
+        for _, trainer, updates, turns in measured:
             turns.append(profile(trainer, updates, 0))
-    for trainer, _, turns in measured:
-        config, rates = trainer.config, [turn["steps_per_second"] for turn in turns]
+    for config, _, _, turns in measured:
+        rates = [turn["steps_per_second"] for turn in turns]
         split = {part: sum(turn[part] for turn in turns) for part in ("simulator_s", "policy_s", "update_s")}
         yield {
-            "what": f"train_{config.algorithm}", "trainer": config.algorithm, "threads": config.threads,
+            "what": f"train {config.recipe}", "trainer": config.algorithm, "threads": config.threads,
             "envs": sum(count for _, count in config.worlds(config.rows)), "agents": "/".join(map(str, config.robots)),
             "hidden": list(config.hidden), "agent_steps_per_s": statistics.median(rates), "low": min(rates),
             "high": max(rates),

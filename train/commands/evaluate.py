@@ -69,7 +69,7 @@ class Working(Fleet, Work, Drive):
 class Driven(Checked):
     """What is driven where; the first options of the help."""
 
-    policy: tuple[str, ...] = ("follow", "brake", "reinforce", "ppo", "threaded_ppo")
+    policy: tuple[str, ...] = ("follow", "brake", "reinforce", "ppo", "shielded")
     """Policies to compare: names of `warehouse policies`, folders of trained policies, or your own, FILE.py:CLASS or
     MODULE:CLASS."""
     layout: Annotated[tuple[str, ...], BY_MAP] = (EnvConfig.layout,)
@@ -180,7 +180,7 @@ class Evaluate(Episodes):
 class Robust(Episodes):
     """Drive policies with other bodies, worse sensors, lost messages or a broken robot; print what holds and breaks."""
 
-    policy: tuple[str, ...] = ("greedy", "reinforce", "ppo", "threaded_ppo")
+    policy: tuple[str, ...] = ("greedy", "reinforce", "ppo", "shielded")
     """Policies to compare, named as for `warehouse evaluate`."""
     layout: Annotated[tuple[str, ...], BY_MAP] = ("paper46", "narrow")
     """Floors to drive on, named as for `warehouse evaluate`."""

@@ -29,7 +29,7 @@ _STOPS_IN = 2.0  # [s] at most
 class Live(Fleet, Drive):
     """Run a simulation on a page in the browser; set pace, policy, floor, robots and seed there."""
 
-    policy: str = "threaded_ppo"
+    policy: str = "shielded"
     """Policy to begin with: a name, or the folder of a trained one."""
     layout: Annotated[str, BY_MAP] = "paper46"
     """Floor to begin with: a name of `warehouse layouts`, or a file NAME.map or NAME.yaml."""

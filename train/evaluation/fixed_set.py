@@ -22,10 +22,10 @@ SHIPPED = Path(__file__).with_suffix(".jsonl")
 SECONDS = 600.0  # of an episode
 SEED = 50_000_000  # of the first episode of each case; nothing may be trained or chosen on seeds from here on
 PLANNER = "pf_aco"
-SHIELDED = "shielded"
+SHIELDED = "with_shield"
 TRACKS = {
     SHIELDED: "with the shield, right of way and live routes",
-    "unshielded": "with live routes alone: only the policy keeps robots apart",
+    "routes_only": "with live routes alone: only the policy keeps robots apart",
 }
 NOTE = (
     "Goals per robot and hour in the second half of 600 s: the mean of the groups [95% interval by Student's t over "
@@ -55,8 +55,8 @@ CASES: tuple[Case, ...] = (
 def options(policy: str, track: str) -> dict[str, Any]:
     """Return the fields of EnvConfig that a track sets against the policy's own.
 
-    On `shielded`, right of way acts when the policy asks for it, or as "assist" says. Raw actions have no right of way,
-    since they follow no route.
+    On `with_shield`, right of way acts when the policy asks for it, or as "assist" says. Raw actions have no right of
+    way, since they follow no route.
     """
     own = config_of(policy, EnvConfig(), {})
     if track != SHIELDED:

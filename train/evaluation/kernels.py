@@ -122,7 +122,7 @@ def _plans() -> None:
 
 def _traffic() -> None:
     for planner in FINDERS:
-        run(make_experiment("threaded_ppo", _CROWD.replace(planner=planner), 1, _SECONDS, 0))
+        run(make_experiment("shielded", _CROWD.replace(planner=planner), 1, _SECONDS, 0))
 
 
 def _each() -> None:

@@ -35,7 +35,8 @@ its own certified protective field.
 def write_card(directory: Path) -> Path:
     """Write the card of the policy in `directory` from its config.json; return its path. WeightsError if it is none."""
     record = read_record(directory)
-    parts = [f"# {record.algorithm}", _origin(record), _options(record.training), _END]
+    name = record.training.get("config", {}).get("name", "policy")
+    parts = [f"# {name}", _origin(record), _options(record.training), _END]
     write_text(directory / CARD, "\n\n".join(parts))
     return directory / CARD
 
@@ -51,7 +52,7 @@ def _origin(record: PolicyRecord) -> str:
         f"A policy for one robot among many: from its own observation of {network.observation_size} numbers to "
         f"{kind.format(network.actions)} every {env.time_step * env.action_repeat:g} s. Actions are chosen by: "
         f"{record.mode}. It drives with traffic `{written_traffic(env.traffic_spec)}`."
-        f"\n\nTrained for {minutes:.1f} minutes: {steps:,} agent-steps in {updates:,} updates"
+        f"\n\nTrained by {record.algorithm} for {minutes:.1f} minutes: {steps:,} agent-steps in {updates:,} updates"
         f"{f', with {from_plain(Kinds, fleet).words}' if fleet else ''}.{begun}"
     )
 

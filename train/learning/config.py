@@ -1,6 +1,6 @@
 """The options of a training: the dataclass is the command line, the record in the checkpoint and on the card.
 
-Defaults are the recipe of each trainer's shipped weights; recipes.py has the others. Training worlds use seeds below
+Each trainer has a dataclass; recipes.py has the defaults that made each policy. Training worlds use seeds below
 HELD_OUT_SEED and evaluations the seeds from there on, so no measured episode was trained on.
 """
 
@@ -33,10 +33,12 @@ _Floors = Annotated[tuple[str, ...], tyro.conf.arg(aliases=("--layout", "--map")
 class TrainingConfig(Checked):
     """Options of all trainers: worlds, budget, reward schedule, network and folders."""
 
-    algorithm: ClassVar[str]
+    algorithm: ClassVar[str]  # names the trainer in checkpoints and policy folders
 
     name: str = "policy"
     """Name of the run; its folder is OUT/NAME."""
+    recipe: Annotated[str | None, tyro.conf.Suppress] = None
+    """The recipe that gave the defaults; None: those of the dataclass."""
     out: Path = Path("runs")
     """Folder that holds the runs."""
     resume: Path | None = None
@@ -286,17 +288,15 @@ class ClippedConfig(TrainingConfig):
 class ReinforceConfig(ThreadedConfig):
     """Train our policy gradient: REINFORCE over the next action command, with a learned value as baseline."""
 
-    algorithm = "reinforce"
-    name: str = algorithm
+    algorithm = "reinforce (ours)"
     minibatch: int = 2048
 
 
 @dataclass(frozen=True)
 class ThreadedPPOConfig(ThreadedConfig, ClippedConfig):
-    """Train our own proximal policy optimisation, in threads."""
+    """Train our own proximal policy optimisation (PPO), in threads."""
 
-    algorithm = "threaded_ppo"
-    name: str = algorithm
+    algorithm = "ppo (ours)"
     layouts: _Floors = ("paper46", "narrow", "single_lane", *DRAWN)
     robots: tuple[int, ...] = (64,)
     rows: int = 1216
@@ -310,8 +310,11 @@ class ThreadedPPOConfig(ThreadedConfig, ClippedConfig):
 
 @dataclass(frozen=True)
 class PPOConfig(ClippedConfig):
-    """Train proximal policy optimisation, by stable-baselines3."""
+    """Train proximal policy optimisation (PPO) of stable-baselines3."""
 
-    algorithm = "ppo"
-    name: str = algorithm
+    algorithm = "ppo (stable-baselines3)"
     learning_rate: float = 2e-4
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_fixed(self.layouts)

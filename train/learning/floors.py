@@ -30,7 +30,7 @@ def check_fixed(layouts: Iterable[str]) -> None:
     """Raise ConfigError if a layout draws floors."""
     for layout in filter(draws_floors, layouts):
         fixed = floor_of(layout, 1)
-        raise ConfigError(f"{layout} needs threaded_ppo or reinforce on the CPU: choose seeds, as in {fixed}")
+        raise ConfigError(f"{layout} is only for our own trainers on the CPU: choose seeds, as in {fixed}")
 
 
 class FloorSchedule:

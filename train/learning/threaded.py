@@ -1,4 +1,4 @@
-"""The policy-gradient trainer behind REINFORCE and our PPO, which differ in their loss.
+"""Our trainers, REINFORCE and PPO: policy gradients that differ in their loss. All robots share one policy.
 
 Each thread plays its own worlds and computes the gradient of its own rows. Threads meet only to add the gradients, in
 order. That is faster than threads within each small operation, also on a busy machine. A device has one worker with all
@@ -21,7 +21,7 @@ from torch import Tensor
 
 from agents.networks import tensors_of
 from train.learning import checkpoint
-from train.learning.config import ThreadedConfig
+from train.learning.config import ThreadedConfig, ThreadedPPOConfig
 from train.learning.experience import Rollout, RolloutWorker
 from train.learning.tally import figures_of
 from train.learning.trainer import Tensors, Trainer, first_net, network_of, rng_of, set_threads, shuffled
@@ -39,13 +39,29 @@ advantage scaled to mean 0 and deviation 1.
 """
 
 
+def policy_loss(log_probability: Tensor, old: Tensor, advantage: Tensor) -> tuple[Tensor, Tensor]:
+    """Return -E[A log pi(a | o)] (Williams 1992) and 0, for no row is held back (see `ActorLoss`)."""
+    return -(advantage * log_probability).mean(), advantage.new_zeros(())
+
+
+def clipped_loss(log_probability: Tensor, old: Tensor, advantage: Tensor, clip: float) -> tuple[Tensor, Tensor]:
+    """Return -E[min(r A, clip(r, 1 - e, 1 + e) A)] with the ratio r = pi(a | o) / pi_old(a | o) (Schulman et al. 2017,
+    eq. 7), and the share of rows whose ratio is clipped (see `ActorLoss`).
+    """
+    ratio = (log_probability - old).exp()
+    within = ratio.clamp(1.0 - clip, 1.0 + clip)
+    loss = -torch.minimum(ratio * advantage, within * advantage).mean()
+    return loss, ((ratio - 1.0).abs() > clip).float().mean()
+
+
 class ThreadedTrainer(Trainer):
     """Workers, network and optimizer. One `update` is one rollout and `epochs` passes over its rows."""
 
-    epochs = 1
-
-    def __init__(self, config: ThreadedConfig, actor_loss: ActorLoss) -> None:
-        self.config, self.rollout, self._actor_loss = config, config.rollout, actor_loss
+    def __init__(self, config: ThreadedConfig) -> None:
+        self.config, self.rollout, self.epochs = config, config.rollout, 1
+        self._actor_loss: ActorLoss = policy_loss
+        if isinstance(config, ThreadedPPOConfig):
+            self._actor_loss, self.epochs = partial(clipped_loss, clip=config.clip), config.epochs
         self._threads = config.threads if config.device else 1  # of torch: a worker beside others has one
         set_threads(self._threads)
         self._workers = [RolloutWorker(config, worlds) for worlds in _worlds(config)]

@@ -12,7 +12,6 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
 
@@ -26,20 +25,20 @@ from train.learning.evaluations import Drive, Evaluations
 from train.learning.floors import HELD_OUT_FLOORS, floor_of
 from train.learning.plan_ahead import plan_ahead
 from train.learning.progress import ProgressLog
+from train.learning.recipes import by_recipe
 from train.learning.trainer import Trainer, first_net
 from train.reporting.report import tell
 from train.reporting.rows import held
 from warehouse_env.checked import from_plain
 from warehouse_env.errors import ConfigError, WarehouseError, WeightsError
 from warehouse_env.files import check_writable
+from warehouse_env.old_names import ALGORITHMS
 from warehouse_env.plugins import digests
 
 CHECKPOINT = "checkpoint"
 LOCK = ".lock"  # in a run's folder, while it is trained in
 _NAMED = 3  # floors that the first line names
 _FREE_ON_RESUME = ("resume", "progress")  # options that do not change the schedule
-
-ConfigT = TypeVar("ConfigT", bound=TrainingConfig)
 
 
 @dataclasses.dataclass
@@ -69,7 +68,7 @@ class Position:
         return min(max(shares), 1.0)
 
 
-def run_training(config: ConfigT, make: Callable[[ConfigT], Trainer], drive: Drive) -> Path:
+def run_training(config: TrainingConfig, make: Callable[[TrainingConfig], Trainer], drive: Drive) -> Path:
     """Train until the budget is used or a signal stops it; return the run's folder, which is a policy folder.
 
     make: makes the trainer. drive: see `Evaluations`. SIGINT and SIGTERM take effect once everything is saved.
@@ -167,7 +166,7 @@ def _check_unchanged(config: TrainingConfig, position: Position) -> None:
             )
 
 
-def _begin(config: ConfigT) -> tuple[ConfigT, checkpoint.Checkpoint | None]:
+def _begin(config: TrainingConfig) -> tuple[TrainingConfig, checkpoint.Checkpoint | None]:
     """Check the run's folder; return the config to train with, and the checkpoint to resume from, if any."""
     directory = config.directory
     if config.resume is None:
@@ -177,13 +176,15 @@ def _begin(config: ConfigT) -> tuple[ConfigT, checkpoint.Checkpoint | None]:
         return config, None
     saved = checkpoint.read(directory / CHECKPOINT)
     try:
-        if saved.data["algorithm"] != config.algorithm:
-            raise WeightsError(f"{directory} was trained by {saved.data['algorithm']}, not by {config.algorithm}")
+        trainer = ALGORITHMS.get(saved.data["algorithm"], saved.data["algorithm"])
+        if trainer != config.algorithm:
+            raise WeightsError(f"{directory} was trained by {trainer}, not by {config.algorithm}")
         stored = from_plain(type(config), saved.data["config"])
     except (KeyError, TypeError) as error:
         raise WeightsError(f"the checkpoint in {directory} lacks the entry {error}") from None
+    usual = by_recipe(config.recipe) if config.recipe else type(config)()
     for field in dataclasses.fields(config):
-        given, default = getattr(config, field.name), getattr(type(config)(), field.name)
+        given, default = getattr(config, field.name), getattr(usual, field.name)
         if field.name not in _FREE_ON_RESUME and given not in (default, getattr(stored, field.name)):
             raise ConfigError(f"--resume goes on with the schedule of {directory}: leave out {field.name}={given!r}")
     kept = {name: getattr(config, name) for name in _FREE_ON_RESUME}

@@ -51,7 +51,7 @@ class FloorsTable(TableOptions):
 
     name: ClassVar[str] = "floors"
 
-    policy: tuple[str, ...] = ("threaded_ppo",)
+    policy: tuple[str, ...] = ("shielded",)
     """Policies to compare with the rule: names, or folders of trained ones."""
     robots: tuple[int, ...] = (16, 32, 64, 128)
     """Numbers of robots, except on large floors."""

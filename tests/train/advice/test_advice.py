@@ -108,7 +108,7 @@ def load(robots: int, goals: Interval, stuck: float = 0.0, jammed: bool = False)
 SIXTEEN, TWENTY, JAM = load(16, interval(1000.0, 100.0)), load(24, interval(1010.0, 100.0)), load(
     32, interval(500.0, 50.0), 0.5, True)  # fmt: skip
 CAPACITY = Capacity(
-    Team("threaded_ppo", 16), load(16, interval(990.0, 50.0)), interval(125.0, 5.0), [SIXTEEN, TWENTY, JAM], True,
+    Team("shielded", 16), load(16, interval(990.0, 50.0)), interval(125.0, 5.0), [SIXTEEN, TWENTY, JAM], True,
     interval(0.0), interval(12.0, 2.0), JAM, [], "",
 )  # fmt: skip
 
@@ -118,7 +118,7 @@ def advice(asked: RobotsNeeded | None = None, **changes: Any) -> Advice:
     base = interval(1000.0, 100.0)
     (gap, *_), (rule,) = aisles(RACKS, (3, 2)), alternating(RACKS)
     effects = [Effect(gap, 4, base, interval(50.0, 10.0)), Effect(rule, 1, base, interval(5.0, 35.0))]
-    plan = AdvicePlan(RACKS, ("greedy", "threaded_ppo"), "astar_turns", 300.0, 0, None, 64)
+    plan = AdvicePlan(RACKS, ("greedy", "shielded"), "astar_turns", 300.0, 0, None, 64)
     floor = FloorNotes(np.ones((7, 6)), np.empty((0, 2)), 1.0)
     worst = [Bottleneck((3, 3), 3.5, 3.5, 30.0, 0.75, 0.25)]
     known = Advice(plan, CAPACITY.team, CAPACITY, asked, floor, worst, np.zeros((7, 6)), effects, True)
@@ -136,7 +136,7 @@ def test_the_answer_says_what_was_found() -> None:
         "the most with 16 robots: 990 [940, 1,040] goals an hour",
         "about 12 [10, 14] robots on",
         "With 32 robots it jams", "50.0 [40.0, 60.0]% of the robots are stuck",
-        "`threaded_ppo`, the best of 2 policies",
+        "`shielded`, the best of 2 policies",
         "wait most at **1** (x 3.5 m, y 3.5 m; 75% of all waiting",
         "the best of 4 tried is a gap through the shelves",
         "it gains +50.0 [40.0, 60.0] goals an hour (+5.0%) in 8 pairs of episodes; it costs",
@@ -148,7 +148,7 @@ def test_the_answer_says_what_was_found() -> None:
 def test_the_answer_if_less_was_found() -> None:
     text = told(jam=None, knee=None, loads=[SIXTEEN], raced=False, stopped=["32 robots were tried", "all"])
     for says in ("No jam was seen with up to 16", "Up to 16 robots, each adds over half", "at least this with 16",
-                 "The time was over before 32 robots were tried, all.", "The policy is `threaded_ppo`."):  # fmt: skip
+                 "The time was over before 32 robots were tried, all.", "The policy is `shielded`."):  # fmt: skip
         assert says in text
     assert "[10, more than were tried] robots on" in told(knee=Interval(12.0, 10.0, math.inf, 8))
     assert "0.500 [0.400, 0.600] contacts" in told(contacts=interval(0.5, 0.1))

@@ -21,8 +21,7 @@ from train.benchmarks.reference import ROOT, Size, reference_table
 from train.benchmarks.timing import Timed, in_turns, speeds
 from train.cli import main
 from train.commands.bench import What, tables
-from train.learning import recipes
-from train.learning.recipes import by_recipe
+from train.learning.recipes import RECIPES
 from train.reporting.rows import Row, read_rows, write_rows
 from warehouse_env.errors import WarehouseError
 from warehouse_env.simulation.device import memory, simulator
@@ -77,10 +76,15 @@ def test_a_part_leaves_the_number_of_threads_as_it_was(request: pytest.FixtureRe
 
 
 def test_every_trainer_is_measured(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(recipes, "by_recipe", lambda kind, recipe, **given: by_recipe(kind, recipe, **given | SMALL))
+    for name, (kind, changes) in list(RECIPES.items()):
+        monkeypatch.setitem(RECIPES, name, (kind, changes | SMALL))
     rows = list(PARTS["training"](TINY))
     assert list(PARTS) == list(get_args(What))
-    assert [row["what"] for row in rows] == ["train_reinforce", "train_threaded_ppo", "train_ppo"]
+    assert [(row["what"], row["trainer"]) for row in rows] == [
+        ("train fixed_routes_reinforce", "reinforce (ours)"),
+        ("train fixed_routes", "ppo (ours)"),
+        ("train fixed_routes_ppo", "ppo (stable-baselines3)"),
+    ]
     for row in rows:
         assert row["low"] <= row["agent_steps_per_s"] <= row["high"]
         assert sum(row["shares"].values()) == pytest.approx(1.0)

@@ -30,7 +30,7 @@ assert known, "no kernel was called"
 
 from train.evaluation.rollout import make_experiment, run
 from warehouse_env import EnvConfig, parallel_env
-for policy in ("brake", "greedy", "ppo", "threaded_ppo"):
+for policy in ("brake", "greedy", "ppo", "shielded"):
     run(make_experiment(policy, EnvConfig(num_agents=16), 2, 10.0, 3))
 env = parallel_env(num_agents=3)
 env.reset(seed=1)

@@ -14,7 +14,7 @@ from agents.weights_folder import read_record
 from tests.maps.halls.test_map_server import YAML, hall, room
 from train.cli import main
 from train.learning import checkpoint
-from train.reinforce import Reinforce
+from train.learning.threaded import ThreadedTrainer
 from train.reporting.rows import held
 from warehouse_env.config import RobotSpec
 from warehouse_env.maps.grid_map import GridMap
@@ -148,14 +148,14 @@ def test_stopped_before_the_first_row_it_says_how_to_go_on(
     monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest,
 ) -> None:  # fmt: skip
     """The stop comes in the first update, as the row would after 5 s or at the end."""
-    before, update = signal.signal(number, usual), Reinforce.update
+    before, update = signal.signal(number, usual), ThreadedTrainer.update
     request.addfinalizer(lambda: signal.signal(number, before))
 
     def stopped(*arguments: Any) -> dict[str, float]:
         os.kill(os.getpid(), number)
         return update(*arguments)
 
-    monkeypatch.setattr(Reinforce, "update", stopped)
+    monkeypatch.setattr(ThreadedTrainer, "update", stopped)
     words = ["--layout", "open", "--steps", "96", "--out", str(tmp_path / "of us"), "--name", "mine"]
     assert main(["train", "reinforce", *SMALL.split(), *words]) == code
     shown = capsys.readouterr()
@@ -171,12 +171,13 @@ def test_stopped_before_the_first_row_it_says_how_to_go_on(
 
 def test_a_resumed_training_keeps_its_own_settings(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Also one of before there were recipes and evaluations, whose checkpoint says nothing of them."""
-    bare = ["--recipe", "bare", "--layout", "open", "--steps", "24", "--out", str(tmp_path), "--name", "mine"]
-    train(capsys, *bare)
+    words = [*SMALL.split(), "--layout", "open", "--steps", "24", "--out", str(tmp_path), "--name", "mine"]
+    assert main(["train", "fixed_routes_reinforce", *words]) == 0
     folder = tmp_path / "mine"
     saved = checkpoint.read(folder / "checkpoint")
-    old = {name: value for name, value in saved.data["config"].items() if name != "evaluation_seconds"}
-    checkpoint.write(folder / "checkpoint", saved.arrays, saved.data | {"config": old | {"steps": 48}})
+    old = {name: value for name, value in saved.data["config"].items() if name not in ("evaluation_seconds", "recipe")}
+    data = saved.data | {"algorithm": "reinforce", "config": old | {"steps": 48}}
+    checkpoint.write(folder / "checkpoint", saved.arrays, data)
     assert main(["train", "reinforce", "--resume", str(folder)]) == 0
     config = read_record(folder).training["config"]
     assert (config["shared"], config["traffic"], config["steps"]) == (0.0, "none", 48)
@@ -187,7 +188,7 @@ def test_a_resumed_training_keeps_its_own_settings(tmp_path: Path, capsys: pytes
 def test_where_nothing_can_be_written_it_is_said_at_once(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(Reinforce, "__init__", lambda *_: pytest.fail("it plans and compiles first"))
+    monkeypatch.setattr(ThreadedTrainer, "__init__", lambda *_: pytest.fail("it plans and compiles first"))
     (tmp_path / "file").touch()
     monkeypatch.setattr(os, "access", lambda path, mode: Path(path) != tmp_path)
     for out in (tmp_path / "file", tmp_path / "new"):
@@ -196,7 +197,7 @@ def test_where_nothing_can_be_written_it_is_said_at_once(
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 
-@pytest.mark.parametrize("trainer", ["reinforce", "threaded_ppo", "ppo"])
+@pytest.mark.parametrize("trainer", ["reinforce", "shielded", "ppo"])
 def test_robots_of_other_kinds_are_trained_with_and_gone_on_with(
     trainer: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

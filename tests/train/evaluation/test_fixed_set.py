@@ -47,19 +47,19 @@ def test_shipped_policies_drove_the_whole_set() -> None:
     driven: dict[tuple[str, str], set[tuple[object, ...]]] = {}
     for row in rows:
         driven.setdefault((row["policy"], row["track"]), set()).add(tuple(row[name] for name in COLUMNS))
-    assert {policy for policy, _ in driven} == {"careful", "greedy", "orca", "ppo", "threaded_ppo", "unshielded"}
+    assert {policy for policy, _ in driven} == {"careful", "greedy", "orca", "ppo", "shielded", "unshielded"}
     for (_, track), known in driven.items():
         assert known == {one for one in wanted if one[0] == track}
 
 
 def test_a_track_sets_the_same_traffic_for_all() -> None:
-    for policy in ("follow", "greedy", "ppo", "threaded_ppo", "orca", "apf"):
-        spec = config_of(policy, EnvConfig(), options(policy, "shielded")).traffic_spec
+    for policy in ("follow", "greedy", "ppo", "shielded", "orca", "apf"):
+        spec = config_of(policy, EnvConfig(), options(policy, "with_shield")).traffic_spec
         assert (spec.shield, spec.right_of_way, spec.routes) == (True, True, True)
-        assert config_of(policy, EnvConfig(), options(policy, "unshielded")).traffic == "routes"
-    assert [fixed_set.tracks(policy) for policy in ("greedy", "threaded_ppo")] == [
-        ["shielded", "unshielded"],
-        ["shielded"],
+        assert config_of(policy, EnvConfig(), options(policy, "routes_only")).traffic == "routes"
+    assert [fixed_set.tracks(policy) for policy in ("greedy", "shielded")] == [
+        ["with_shield", "routes_only"],
+        ["with_shield"],
     ]
 
 
@@ -75,7 +75,7 @@ def test_tables_have_the_best_first() -> None:
     for table in tables:
         assert table.cells[0][:2] == ("better", "shield, 0.3 s")
     assert ("ppo", "routes, 0.1 s") in [line[:2] for line in tables[1].cells]
-    assert "threaded_ppo" not in [line[0] for line in tables[1].cells]
+    assert "shielded" not in [line[0] for line in tables[1].cells]
 
 
 def test_the_command_drives_resumes_and_tabulates(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -98,4 +98,4 @@ def test_the_command_drives_resumes_and_tabulates(tmp_path: Path, monkeypatch: p
 
 def test_the_command_shows_the_shipped_policies(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["benchmark"]) == 0
-    assert "threaded_ppo" in capsys.readouterr().out
+    assert "shielded" in capsys.readouterr().out

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 from tests.train.trainings import SMALL
-from train import reinforce
 from train.learning import progress
 from train.learning.config import ReinforceConfig
 from train.learning.progress import FIGURES, ProgressLog, open_board
+from train.trainers import train
 
 events = pytest.importorskip("tensorboard.backend.event_processing.event_accumulator")
 
@@ -43,7 +43,7 @@ def test_the_line_tells_standing_touching_and_jams_beside_goals(
 
 def test_tensorboard_has_figures_evaluations_and_settings(tmp_path: Path) -> None:
     config = ReinforceConfig(out=tmp_path, steps=8 * 6 * 4, **SMALL)
-    log = log_of(reinforce.train(config) / "tensorboard")
+    log = log_of(train(config) / "tensorboard")
     tags = set(log.Tags()["scalars"])
     assert {f"train/{name}" for name in (*ROW, "entropy", "steps_per_second")} <= tags
     assert {f"held_out/{name}" for name in FIGURES} <= tags

@@ -3,29 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
-from agents import policy_config, policy_tensors, weights_folder
+from agents import POLICIES, make_policy, policy_config, weights_folder
 from agents.weights_folder import read_record
-from train.cli import main
-from train.commands.training import TrainPPO, TrainReinforce, TrainThreadedPPO
-from train.learning.config import PPOConfig, ReinforceConfig, ThreadedPPOConfig, TrainingConfig
+from train.cli import COMMANDS, main
+from train.commands.training import Train
 from train.learning.recipes import RECIPES, by_recipe
-from train.learning.trainer import first_net
+from warehouse_env.config import EnvConfig
+from warehouse_env.old_names import POLICIES as OLD
 
 WEIGHTS = Path(weights_folder.__file__).parent / "weights"
-SHIPPED: dict[str, tuple[type[TrainingConfig], str]] = {
-    "reinforce": (ReinforceConfig, "shipped"),
-    "ppo": (PPOConfig, "shipped"),
-    "threaded_ppo": (ThreadedPPOConfig, "shipped"),
-    "unshielded": (ThreadedPPOConfig, "unshielded"),
-    "careful": (ThreadedPPOConfig, "careful"),
-}
+SHIPPED = [path.parent.name for path in WEIGHTS.glob("*/config.json")]
 # What a user chooses anew: where it goes, for how long, on what machine, and what shows itself or is judged.
-FREE = {"out", "seed", "minutes", "threads", "progress", "resume", "evaluation_seconds", "floor_episodes"}
+FREE = {"out", "seed", "minutes", "threads", "progress", "resume", "evaluation_seconds", "floor_episodes", "recipe"}
 
 # options than some weights, which had them off
 NEWER = {
@@ -34,15 +27,16 @@ NEWER = {
 }  # fmt: skip
 
 
-def test_every_shipped_policy_has_a_recipe() -> None:
-    assert {path.parent.name for path in WEIGHTS.glob("*/config.json")} == set(SHIPPED)
+def test_every_shipped_policy_has_a_recipe_and_every_recipe_a_command() -> None:
+    assert {name for name, entry in POLICIES.items() if entry.weights} == set(SHIPPED) <= set(RECIPES)
+    assert [name for name in COMMANDS if name.startswith("train ")] == [f"train {name}" for name in RECIPES]
 
 
 @pytest.mark.parametrize("name", SHIPPED)
 def test_the_recipe_is_what_the_shipped_weights_were_trained_by(name: str) -> None:
-    kind, recipe = SHIPPED[name]
-    config = by_recipe(kind, recipe)
-    given, made = kind.upgraded(read_record(WEIGHTS / name).training["config"]), config.to_dict()
+    config, record = by_recipe(name), read_record(WEIGHTS / name)
+    assert (record.algorithm, config.name) == (config.algorithm, name)
+    given, made = config.upgraded(record.training["config"]), config.to_dict()
     made = {key: list(value) if isinstance(value, tuple) else value for key, value in made.items()}
     made["steps"] = config.total_steps  # left out where a default says them
     newer = {key: made.pop(key) for key in NEWER.keys() & made.keys() - given.keys()}
@@ -52,44 +46,54 @@ def test_the_recipe_is_what_the_shipped_weights_were_trained_by(name: str) -> No
 
 
 def test_caution_is_for_driving_not_for_training() -> None:
-    careful = by_recipe(ThreadedPPOConfig, "careful")
+    careful = by_recipe("careful")
     trained = careful.env("open", 2)
     assert (trained.sensor.caution, careful.driven(trained).sensor.caution) == (1.0, 5 / 3)
 
 
-@pytest.mark.parametrize("recipe", RECIPES[ThreadedPPOConfig])
-def test_a_recipe_can_begin(recipe: str) -> None:
-    """What it begins with fits, though it may have been driven with other caution."""
-    config = by_recipe(ThreadedPPOConfig, recipe)
-    env = config.env("open", config.robots[0])
-    net = first_net(config, env)
-    if config.start is not None:
-        first = policy_tensors(config.start, policy_config(config.start, env))["actor.0.weight"]
-        assert np.array_equal(net.state_dict()["actor.0.weight"].numpy(), first)
+@pytest.mark.parametrize("name", [name for name in RECIPES if name.startswith("fixed_routes")])
+def test_with_fixed_routes_all_is_left_to_the_policy(name: str) -> None:
+    config = by_recipe(name)
+    env = config.driven(config.env("open", 2))
+    assert (env.traffic, config.shared) == ("none", 0.0)
+    assert by_recipe(name, shared=0.5).shared == 0.5
 
 
-@pytest.mark.parametrize("kind", RECIPES)
-def test_bare_leaves_all_to_the_policy(kind: type[TrainingConfig]) -> None:
-    bare = by_recipe(kind, "bare")
-    env = bare.driven(bare.env("open", 2))
-    assert (env.traffic, bare.shared) == ("none", 0.0)
-    assert by_recipe(kind, "bare", shared=0.5).shared == 0.5
+DESCRIBED = {
+    "reinforce (ours)": "Train our policy gradient: REINFORCE",
+    "ppo (ours)": "Train our own proximal policy optimisation (PPO)",
+    "ppo (stable-baselines3)": "(PPO) of stable-baselines3",
+}
 
 
-@pytest.mark.parametrize("command", [TrainReinforce, TrainPPO, TrainThreadedPPO])
-def test_every_recipe_can_be_named_on_the_command_line(
-    command: Any, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+def test_a_command_has_the_defaults_and_the_trainer_of_its_recipe(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    kind, ran = type(command().config), []
-    monkeypatch.setattr(command, "run", lambda self: ran.append(self))
-    word = command.module.removeprefix("train.")
-    for recipe in RECIPES[kind]:
-        assert main(["train", word, "--recipe", recipe]) == 0
-        assert main(["train", word, f"--recipe={recipe}", "--robots", "3", "5", "--shared", "0.25"]) == 0
-        plain, chosen = ran[-2:]
-        assert (plain.recipe, plain.config) == (recipe, by_recipe(kind, recipe))
-        assert chosen.config == by_recipe(kind, recipe, robots=(3, 5), shared=0.25)
-    assert main(["train", word]) == 0
-    assert ran[-1].config == kind()
-    assert main(["train", word, "--recipe", "brae"]) == 2
-    assert "unknown recipe 'brae'; did you mean bare?" in capsys.readouterr().err
+    ran: list[Train] = []
+    monkeypatch.setattr(Train, "run", lambda self: ran.append(self))
+    for recipe in RECIPES:
+        assert main(["train", recipe]) == 0
+        assert main(["train", recipe, "--robots", "3", "5", "--shared", "0.25"]) == 0
+        assert [one.config for one in ran[-2:]] == [by_recipe(recipe), by_recipe(recipe, robots=(3, 5), shared=0.25)]
+        assert main(["train", recipe, "--help"]) == 0
+        assert DESCRIBED[by_recipe(recipe).algorithm] in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(("old", "new"), OLD.items())
+def test_a_policys_old_name_still_drives_and_trains(old: str, new: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    ran: list[Train] = []
+    monkeypatch.setattr(Train, "run", lambda self: ran.append(self))
+    for name in (old, new):
+        assert main(["train", name, "--steps", "7"]) == 0
+    assert ran[0] == ran[1] == Train(by_recipe(new, steps=7))
+    assert old not in POLICIES
+    config = policy_config(old, EnvConfig())
+    assert config == policy_config(new, EnvConfig())
+    seen = np.random.default_rng(0).random((1, 2, read_record(WEIGHTS / new).network.observation_size), np.float32)
+    first, second = (make_policy(name, config).act(seen, np.random.default_rng(0)) for name in (old, new))
+    np.testing.assert_array_equal(first, second)
+
+
+def test_a_recipe_that_is_none_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["train", "carefull"]) == 2
+    assert "unknown train command 'carefull'; did you mean careful?" in capsys.readouterr().err

@@ -13,7 +13,7 @@ from agents.networks import begin_with
 from agents.weights_folder import PolicyRecord, save_policy
 from tests.train.trainings import SMALL
 from train.learning.config import ThreadedPPOConfig
-from train.threaded_ppo import ThreadedPpo
+from train.learning.threaded import ThreadedTrainer
 from warehouse_env.errors import ConfigError, WeightsError
 
 
@@ -23,39 +23,39 @@ def config(tmp_path: Path) -> ThreadedPPOConfig:
     return ThreadedPPOConfig(out=tmp_path, steps=16 * 6 * 4, **SMALL | {"rows": 16, "threads": 1})
 
 
-def saved(trainer: ThreadedPpo, config: ThreadedPPOConfig, folder: Path) -> Path:
+def saved(trainer: ThreadedTrainer, config: ThreadedPPOConfig, folder: Path) -> Path:
     """Save what a trainer has learned."""
     record = PolicyRecord("ours", trainer.network, config.driven(trainer.env))
     return save_policy(folder, record, trainer.policy_tensors())
 
 
 def test_a_training_begins_with_a_policy(config: ThreadedPPOConfig, tmp_path: Path) -> None:
-    first = ThreadedPpo(config)
+    first = ThreadedTrainer(config)
     first.update(0, 0.0)
     seen = torch.randn(10, first.network.observation_size)
-    started = ThreadedPpo(replace(config, start=str(saved(first, config, tmp_path / "first"))))
+    started = ThreadedTrainer(replace(config, start=str(saved(first, config, tmp_path / "first"))))
     assert torch.equal(started.net.output(seen), first.net.output(seen))
     assert torch.equal(started.net.value(seen), first.net.value(seen))
     actor = {name: array for name, array in first.policy_tensors().items() if not name.startswith("critic.")}
     begin_with(started.net, actor)
-    wide = ThreadedPpo(replace(config, hidden=(40, 40)))
+    wide = ThreadedTrainer(replace(config, hidden=(40, 40)))
     with pytest.raises(ConfigError, match=r"actor\.0\.weight"):
         begin_with(wide.net, actor)
     with pytest.raises(ConfigError, match="rule"):
-        ThreadedPpo(replace(config, start="brake"))
+        ThreadedTrainer(replace(config, start="brake"))
 
 
 def test_a_policy_of_other_senses_is_no_beginning(config: ThreadedPPOConfig, tmp_path: Path) -> None:
-    folder = saved(ThreadedPpo(replace(config, predictions=False)), config, tmp_path / "blind")
+    folder = saved(ThreadedTrainer(replace(config, predictions=False)), config, tmp_path / "blind")
     with pytest.raises(WeightsError, match=r"112|112 values|made for"):
-        ThreadedPpo(replace(config, start=str(folder)))
+        ThreadedTrainer(replace(config, start=str(folder)))
 
 
 def test_the_update_judges_the_decisions_of_the_rollout(
     config: ThreadedPPOConfig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Until the first step the probabilities are those of the draws."""
-    trainer = ThreadedPpo(replace(config, minibatch=1000))
+    trainer = ThreadedTrainer(replace(config, minibatch=1000))
 
     def compared(log_probability: Tensor, old: Tensor, advantage: Tensor) -> tuple[Tensor, Tensor]:
         assert torch.allclose(log_probability, old, atol=1e-5)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from types import ModuleType
 from typing import TypeVar
 
 import numpy as np
@@ -15,13 +14,13 @@ from safetensors.numpy import load_file
 
 from agents.weights_folder import read_record
 from tests.train.trainings import SMALL
-from train import reinforce, threaded_ppo
 from train.held_out import held_out
 from train.learning.config import ReinforceConfig, ThreadedConfig, ThreadedPPOConfig
 from train.learning.device_worlds import DeviceWorlds, TrainingDevice
 from train.learning.tally import figures_of
 from train.learning.threaded import ThreadedTrainer, shares
 from train.learning.worlds import TrainingSimulator, TrainingWorlds
+from train.trainers import train
 from warehouse_env.config import EnvConfig, RewardWeights
 from warehouse_env.simulation.device.memory import field_on_device
 from warehouse_env.simulation.state import OWNER
@@ -29,19 +28,18 @@ from warehouse_env.traffic_spec import UncertaintySpec
 
 T = TypeVar("T")
 SIXTEEN = SMALL | {"rows": 16, "steps": 16 * 6 * 8, "traffic": "none:shield=true"}
-TRAINERS = [(reinforce, ReinforceConfig), (threaded_ppo, ThreadedPPOConfig)]
 
 
 @pytest.mark.parametrize(("threads", "device"), [(2, None), (3, None), (1, "cpu")])
-@pytest.mark.parametrize(("module", "options"), TRAINERS)
+@pytest.mark.parametrize("options", [ReinforceConfig, ThreadedPPOConfig])
 def test_a_resumed_run_gives_the_same_bits_as_an_unbroken_one(
-    module: ModuleType, options: type[ThreadedConfig], threads: int, device: str | None, tmp_path: Path,
+    options: type[ThreadedConfig], threads: int, device: str | None, tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
     layouts = ("open",) if device else ("open", "aisles:seed=new")
     kind = {"threads": threads, "layouts": layouts, "late_braking": -3.0}
     config = options(out=tmp_path, device=device, **SIXTEEN | kind)
-    whole = load_file(module.train(replace(config, name="whole")) / "weights.safetensors")
+    whole = load_file(train(replace(config, name="whole")) / "weights.safetensors")
     update, calls = ThreadedTrainer.update, []
 
     def broken(self: ThreadedTrainer, number: int, spent: float) -> dict[str, float]:
@@ -52,9 +50,9 @@ def test_a_resumed_run_gives_the_same_bits_as_an_unbroken_one(
 
     monkeypatch.setattr(ThreadedTrainer, "update", broken)
     with pytest.raises(KeyboardInterrupt):
-        module.train(replace(config, name="parts"))
+        train(replace(config, name="parts"))
     monkeypatch.setattr(ThreadedTrainer, "update", update)
-    folder = module.train(options(resume=tmp_path / "parts", progress=False))
+    folder = train(options(resume=tmp_path / "parts", progress=False))
     parts = load_file(folder / "weights.safetensors")
     assert read_record(folder).training["updates"] == read_record(tmp_path / "whole").training["updates"]
     assert whole.keys() == parts.keys()

@@ -158,7 +158,7 @@ def test_no_cell_is_cut_at_any_width(width: int, monkeypatch: pytest.MonkeyPatch
     rows = [
         row(policy, collisions, layout=layout, late_goals_per_robot_hour=88.8, longest_standing_s=123.0, seed=seed)
         for seed, collisions in enumerate((2.0, 3.0, 4.0))
-        for policy in ("threaded_ppo", "my_policy.py:Mine")
+        for policy in ("shielded", "my_policy.py:Mine")
         for layout in ("paper46_rough", "blocks:rows=92,columns=92")
     ]
     table = evaluation_table(rows)
