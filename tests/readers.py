@@ -22,7 +22,6 @@ from train.fleet.factsheet import factsheet_of
 from train.fleet.received import hear_log
 from train.kinds import read_fleet
 from train.learning import checkpoint
-from train.learning.progress import read_run
 from train.reporting.comparison import read_runs
 from train.reporting.rows import read_rows, whole_rows
 from warehouse_env.config import EnvConfig
@@ -85,7 +84,6 @@ EVALUATED: list[dict[str, Any]] = [
      "longest_deadlock_s": 0.0, "success_rate": 1.0, "path_length_ratio": 1.1, "ms_per_step": 0.2, "config": {}}
     for policy in ("follow", "ppo") for seed in (1, 2)
 ]  # fmt: skip
-PROGRESS = [{"steps": n, "seconds": 1.0, "reward": 0.1, "goals_per_robot_hour": 9.0, "entropy": 1.0} for n in (1, 2)]
 
 
 @functools.cache
@@ -172,12 +170,6 @@ def with_other_rows(path: Path) -> Any:
     return read_runs([path.with_name("other.jsonl"), path])[1].rows
 
 
-def of_training(path: Path) -> Any:
-    path.with_name("config.json").write_text(json.dumps(RECORD))
-    curve = read_run(path.parent)
-    return curve.steps.tolist(), {name: values.tolist() for name, values in curve.values.items()}
-
-
 def of_checkpoint(path: Path) -> Any:
     for name, content in _state().items():
         if name != path.name:
@@ -210,7 +202,6 @@ READERS: dict[str, Reader] = {
     "rows.jsonl": of_text(read_rows, rows([{"a": "é"}, {"a": 2}]), WarehouseError),
     "whole.jsonl": Reader(whole_rows, lambda: rows([{"a": 1}]), WarehouseError),
     "run.jsonl": of_text(with_other_rows, rows(EVALUATED), WarehouseError),
-    "progress.jsonl": of_text(of_training, rows(PROGRESS), WarehouseError),
     "instance.yaml": of_text(lambda path: repr(read_instance(path, "i")), CLMAPF),
     "solution.yaml": of_text(lambda path: repr(read_solution(path)), CLMAPF_SOLUTION),
     "log.jsonl": of_text(lambda path: check_log(path).messages, LOG, WarehouseError),

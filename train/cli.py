@@ -65,7 +65,6 @@ COMMANDS = {
     "live": Command("commands.live:Live", "run a simulation and steer it from a page in the browser"),
     "audit": Command("commands.audit:AuditCommand", "check robots' motion at every instant: overlaps, limits, jumps"),
     "robust": Command("commands.evaluate:Robust", "drive policies with other bodies, worse sensors and lost messages"),
-    "curves": Command("commands.training:Curves", "draw the learning curves of several runs in one picture"),
     "export": Command("commands.export:Export", "write a trained policy as an ONNX model"),
     "compile": Command("commands.compile:Compile", "compile all kernels ahead of time"),
     "bench": Command("commands.bench:Bench", "measure the speed of the simulator and the trainers"),

@@ -22,7 +22,7 @@ from warehouse_env.maps.movingai import EXAMPLE_MAP
 from warehouse_env.planning import PLANNERS
 
 DRAW_NOTHING = (
-    "bench", "benchmark", "compare", "compile", "curves", "demo", "export", "fleet", "layouts", "places", "planners",
+    "bench", "benchmark", "compare", "compile", "demo", "export", "fleet", "layouts", "places", "planners",
     "policies",
 )  # fmt: skip
 RESULTS = (  # commands whose results are rows
@@ -115,7 +115,6 @@ def test_the_last_line_says_what_was_written_and_where(
         ("layouts --draw open --png a.b", ["a.b must end in", ".png"]),
         ("bench --seconds -1", ["seconds=-1.0"]),
         ("demo --video-seconds -1", ["video_seconds=-1.0"]),
-        ("curves nowhere", ["nowhere is no run of training: it has no config.json"]),
         ("train reinforce --robots 0", ["robots=(0,)"]),
         ("evaluate --policy greedy --traffic shiled", ["did you mean shield"]),
         ("evaluate --policy greedy --traffic rules:routes", ["must be PARAMETER=VALUE"]),

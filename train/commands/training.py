@@ -1,4 +1,4 @@
-"""`warehouse train RECIPE` and `warehouse curves`."""
+"""`warehouse train RECIPE`."""
 
 from __future__ import annotations
 
@@ -13,12 +13,8 @@ import tyro
 from agents.weights_folder import read_record
 from train.kinds import read_fleet
 from train.learning.config import TrainingConfig
-from train.learning.progress import ROWS, read_run
+from train.learning.progress import ROWS
 from train.learning.recipes import by_recipe
-from train.reporting.report import require_charts
-from warehouse_env.checked import Checked
-from warehouse_env.errors import ConfigError, counted
-from warehouse_env.render.learning_curves import learning_curves
 
 
 @dataclass(frozen=True)
@@ -63,22 +59,3 @@ def _end(config: TrainingConfig) -> str:
         f"{training['steps']:,} agent-steps in {training['seconds']:.0f} s; wrote the policy, its card and its log to "
         f"{directory}{rest}"
     )
-
-
-@dataclass(frozen=True)
-class Curves(Checked):
-    """Draw goals, collisions and entropy of training runs over their steps, one colour per algorithm."""
-
-    runs: tyro.conf.Positional[tuple[Path, ...]]
-    """Folders of runs, as `warehouse train` makes them."""
-    out: Path = Path("results/curves.png")
-    """File for the picture."""
-
-    def run(self) -> None:
-        """Read all runs, then draw them."""
-        if not self.runs:
-            raise ConfigError("name at least one folder of a run")
-        require_charts(self.out)
-        curves = [read_run(run) for run in dict.fromkeys(self.runs)]
-        learning_curves(curves, self.out)
-        print(f"wrote the curves of {counted(len(curves), 'run')} to {self.out}")

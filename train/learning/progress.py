@@ -1,7 +1,4 @@
-"""The progress of a training: a bar or a line every minute, rows in progress.jsonl, and TensorBoard's log.
-
-Learning curves are read from those rows.
-"""
+"""The progress of a training: a bar or a line every minute, rows in progress.jsonl, and TensorBoard's log."""
 
 from __future__ import annotations
 
@@ -12,21 +9,17 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
-from agents.weights_folder import CONFIG, read_record
+from train.learning.reference import QUANTILES, Reference
 from train.reporting.report import tell
-from train.reporting.rows import Row, RowFile, read_rows, whole_rows, write_rows
-from warehouse_env.errors import WeightsError
-from warehouse_env.render.learning_curves import PANELS, Curve
+from train.reporting.rows import Row, RowFile, whole_rows, write_rows
 
 ROWS = "progress.jsonl"
 LOG_SECONDS = 5.0  # between two rows
 LINE_SECONDS = 60.0  # between two lines where no bar is shown
 FIGURES = ("goals_per_robot_hour", "collisions_per_km", "stuck")  # of an evaluation on held-out seeds
-KEYS = tuple(key for key, _, _ in PANELS)
 
 
 def _steps(row: Row) -> float:
@@ -42,7 +35,9 @@ class ProgressLog:
         last: figures of the last row.
     """
 
-    def __init__(self, directory: Path, show: bool, steps: int, settings: Mapping[str, Any] = {}) -> None:
+    def __init__(
+        self, directory: Path, show: bool, steps: int, settings: Mapping[str, Any] = {}, beside: Reference | None = None
+    ) -> None:
         """Open the log of the run in `directory`.
 
         Args:
@@ -50,6 +45,7 @@ class ProgressLog:
             show: the bar, where there is a terminal.
             steps: agent-steps done before; later rows of a broken run go.
             settings: of the training, for TensorBoard.
+            beside: other trainings, shown beside this one in lines and in TensorBoard.
         """
         path = directory / ROWS
         write_rows(path, [row for row in whole_rows(path) if _steps(row) <= steps])
@@ -61,6 +57,9 @@ class ProgressLog:
         self._bar = Progress(*columns, console=self._console, disable=self._bare)
         self._task = self._bar.add_task("training", total=1.0, text="first rollout")
         self._board = open_board(directory / "tensorboard", settings, steps)
+        self._beside = beside
+        if self._board is not None and beside is not None and not steps:
+            _draw(beside, directory / "tensorboard")
         if self._board is None:
             tell('no TensorBoard log: for one, pip install "warehouse-env[train]"', self._console)
         self._since, self._steps, self._losses = time.monotonic(), steps, []  # type: tuple[float, int, list[dict[str, float]]]
@@ -109,9 +108,16 @@ class ProgressLog:
         ended = self.last["worlds_ended"]
         text += f", {ended * self.last['worlds_jammed']:.0f} of the last {ended:.0f} worlds reset for a jam"
         self._bar.update(self._task, text=text)
-        if self._bare and now - self._told >= LINE_SECONDS:
-            tell(f"{100 * spent:.0f}% after {seconds:.0f} s: {text}", self._console)
+        if (self._bare and now - self._told >= LINE_SECONDS) or (self._beside is not None and spent >= 1.0):
+            tell(f"{100 * spent:.0f}% after {seconds:.0f} s: {text}{self._others(steps)}", self._console)
             self._told = now
+
+    def _others(self, steps: int) -> str:
+        """Return how the other trainings stood after as many steps, if there are any."""
+        if self._beside is None:
+            return ""
+        low, high = (_in_words(self._beside.at(name, steps)) for name in ("low", "high"))
+        return f"; the middle 90% of {self._beside.trainings} shipped trainings: {low} to {high}"
 
     def evaluated(self, figures: Mapping[str, float], steps: int, seconds: float) -> None:
         """Log how the policy drove on held-out seeds after `steps` agent-steps; seconds: the time that this took."""
@@ -139,23 +145,16 @@ def open_board(directory: Path, settings: Mapping[str, Any], steps: int) -> Any:
     return writer
 
 
+def _draw(beside: Reference, folder: Path) -> None:
+    """Write other trainings into TensorBoard's log, each quantile as a run."""
+    for name in QUANTILES:
+        board = open_board(folder / f"shipped_{name}", {"trainings": beside.trainings}, 0)
+        for steps in beside.steps:
+            for figure, value in beside.at(name, steps).items():
+                board.add_scalar(f"train/{figure}", value, steps)
+        board.close()
+
+
 def _in_words(figures: Mapping[str, float]) -> str:
     goals, contacts, stuck = (figures[name] for name in FIGURES)
     return f"{goals:.0f} goals/robot-h, {contacts:.2f} collisions/km, {100 * stuck:.1f}% stuck"
-
-
-def read_run(folder: Path) -> Curve:
-    """Return the curve of the training in a folder; WeightsError if there is none, or it has no rows yet."""
-    for name in (CONFIG, ROWS):
-        if not (folder / name).is_file():
-            raise WeightsError(f"{folder} is no run of training: it has no {name}")
-    record, path = read_record(folder), folder / ROWS
-    rows = read_rows(path)
-    try:
-        steps = np.array([row["steps"] for row in rows], dtype=np.float64)
-        values = {key: np.array([row.get(key) for row in rows], dtype=np.float64) for key in KEYS}  # None becomes nan
-    except (KeyError, TypeError, ValueError):
-        raise WeightsError(f"{path} holds rows that are none of a training") from None
-    if not len(steps) or not (np.diff(steps) > 0).all():
-        raise WeightsError(f"{path} holds no rows whose steps grow")
-    return Curve(record.algorithm, steps, values)

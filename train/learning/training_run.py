@@ -26,6 +26,7 @@ from train.learning.floors import HELD_OUT_FLOORS, floor_of
 from train.learning.plan_ahead import plan_ahead
 from train.learning.progress import ProgressLog
 from train.learning.recipes import by_recipe
+from train.learning.reference import reference_of
 from train.learning.trainer import Trainer, first_net
 from train.reporting.report import tell
 from train.reporting.rows import held
@@ -95,7 +96,8 @@ def run_training(config: TrainingConfig, make: Callable[[TrainingConfig], Traine
             trainer.load(saved.arrays)
             position = Position.of(saved)
         stop = stack.enter_context(stop_signal())
-        log = stack.enter_context(ProgressLog(config.directory, config.progress, position.steps, config.to_dict()))
+        settings, beside = config.to_dict(), reference_of(config)
+        log = stack.enter_context(ProgressLog(config.directory, config.progress, position.steps, settings, beside))
         evaluations = Evaluations(config, drive, None if saved is None else position.update)
         if saved is None:
             _save(config, trainer, position, log.last)  # from here on it can be resumed

@@ -7,9 +7,10 @@ from pathlib import Path
 import pytest
 
 from tests.train.trainings import SMALL
-from train.learning import progress
+from train.learning import progress, training_run
 from train.learning.config import ReinforceConfig
 from train.learning.progress import FIGURES, ProgressLog, open_board
+from train.learning.reference import Reference
 from train.trainers import train
 
 events = pytest.importorskip("tensorboard.backend.event_processing.event_accumulator")
@@ -41,9 +42,43 @@ def test_the_line_tells_standing_touching_and_jams_beside_goals(
     assert second == "held-out seeds after 1.50 M, in 2.0 s: 100 goals/robot-h, 0.00 collisions/km, 6.2% stuck"
 
 
-def test_tensorboard_has_figures_evaluations_and_settings(tmp_path: Path) -> None:
+OTHERS = Reference(
+    {}, 5, [150, 300],
+    {"low": {name: [1.0, 2.0] for name in FIGURES}, "median": {name: [3.0, 4.0] for name in FIGURES},
+     "high": {name: [5.0, 6.0] for name in FIGURES}},
+)  # fmt: skip
+
+
+def test_other_trainings_stand_beside_it_after_as_many_steps(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In every line, and in one at the end where a bar showed the rest."""
+    monkeypatch.setattr(progress, "LOG_SECONDS", 0.0)
+    for beside, lines, seconds in ((OTHERS, 2, 0.0), (OTHERS, 1, 1e9), (None, 0, 1e9)):
+        monkeypatch.setattr(progress, "LINE_SECONDS", seconds)
+        with ProgressLog(tmp_path, False, 0, {}, beside) as log:
+            for steps, spent in ((100, 0.3), (300, 1.0)):
+                log.update(steps, 60.0, spent, lambda: ROW, {"entropy": 1.0})
+        said = capsys.readouterr().err.splitlines()
+        assert len(said) == lines
+        if lines:
+            assert said[-1].startswith("100% after 60 s")
+            assert said[-1].endswith(
+                "; the middle 90% of 5 shipped trainings: 2 goals/robot-h, 2.00 collisions/km, 200.0% stuck to "
+                "6 goals/robot-h, 6.00 collisions/km, 600.0% stuck"
+            )
+
+
+def test_tensorboard_has_figures_evaluations_settings_and_others(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(training_run, "reference_of", lambda config: OTHERS)
     config = ReinforceConfig(out=tmp_path, steps=8 * 6 * 4, **SMALL)
-    log = log_of(train(config) / "tensorboard")
+    folder = train(config) / "tensorboard"
+    for name, values in OTHERS.quantiles.items():
+        drawn = log_of(folder / f"shipped_{name}").Scalars("train/stuck")
+        assert [(event.step, event.value) for event in drawn] == list(zip(OTHERS.steps, values["stuck"], strict=True))
+    log = log_of(folder)
     tags = set(log.Tags()["scalars"])
     assert {f"train/{name}" for name in (*ROW, "entropy", "steps_per_second")} <= tags
     assert {f"held_out/{name}" for name in FIGURES} <= tags
