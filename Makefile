@@ -81,7 +81,8 @@ gpu: cuda ## check, measure and train on a GPU, MINUTES minutes of it training, 
 	$(RUN)/warehouse bench --only cuda --seconds 2 --json results/gpu/bench.jsonl
 	$(RUN)/warehouse train gpu --device cuda --minutes $(MINUTES) --checkpoint-seconds 120 \
 	  --out results/gpu --name policy
-	$(RUN)/warehouse evaluate --policy results/gpu/policy brake --robots 16 --episodes 8 --out results/gpu
+	$(RUN)/warehouse evaluate --policy results/gpu/policy careful --traffic routes --planner astar_turns \
+	  --layout paper46 narrow aisles:seed=581 aisles:seed=582 --robots 32 64 --episodes 2 --out results/gpu
 
 lint: $(STAMP) ## run ruff and strict mypy
 	$(RUN)/ruff check

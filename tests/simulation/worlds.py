@@ -74,15 +74,16 @@ def write(r: Any, **fields: Any) -> None:
         r[OWNER[name]][name] = value
 
 
-def lay(simulator: Simulator, *corners: tuple[float, float]) -> None:
-    """Lay robot 0's route along straight lines between corners, points 0.5 m apart, up to its goal."""
+def lay(simulator: Simulator, *corners: tuple[float, float], robot: int = 0) -> None:
+    """Lay a robot's route along straight lines between corners, points 0.5 m apart, up to its goal."""
     points = [corners[0]]
     for (ax, ay), (bx, by) in pairwise(corners):
         count = round(math.hypot(bx - ax, by - ay) / 0.5)
         points += [(ax + (bx - ax) * k / count, ay + (by - ay) * k / count) for k in range(1, count + 1)]
-    simulator.routes[0, 0, : len(points)] = points
+    simulator.routes[0, robot, : len(points)] = points
     (x, y), (row, column) = points[-1], simulator.grid.cell(points[-1])
-    write(simulator.robots[0, 0], points=len(points), spacing=0.5, goal_x=x, goal_y=y, goal_row=row, goal_col=column)
+    goal = {"goal_x": x, "goal_y": y, "goal_row": row, "goal_col": column}
+    write(simulator.robots[0, robot], points=len(points), spacing=0.5, **goal)
 
 
 def body_at(

@@ -13,12 +13,6 @@ _FIXED_ROUTES: dict[str, Any] = {
     "traffic": "none",
 }  # fmt: skip
 _THREADED = {"robots": (16, 24, 32), "rows": 768, "hidden": (64, 64)}
-# Thousands of worlds on a GPU, within what a device simulates.
-_GPU = {
-    "layouts": ("paper46",), "robots": (16,), "rows": 262_144, "planner": "pf_aco", "collision_last": -30.0,
-    "traffic": "none:shield=true", "hidden": (64, 64), "minibatch": 131_072, "learning_rate": 1e-3,
-    "steps": 1_000_000_000,
-}  # fmt: skip
 # Live routes only, and large contact penalties.
 _UNSHIELDED = {
     "steps": 100_000_000, "layouts": ("paper46", "narrow", "single_lane", *DRAWN[:4]),
@@ -31,6 +25,12 @@ _CAREFUL = _UNSHIELDED | {
     "robots": (24, 40), "rows": 1920, "start": "unshielded", "collision_first": -300.0,
     "collision_last": -800.0, "late_braking": -40.0, "entropy_first": 0.003, "learning_rate": 3e-4,
     "caution": 5 / 3,
+}  # fmt: skip
+
+# The same in thousands of worlds on a GPU, which has no live routes and draws no floors.
+_GPU = _CAREFUL | {
+    "steps": 1_000_000_000, "layouts": ("paper46", "narrow", "single_lane", *DRAWN[:4]), "rows": 262_144,
+    "minibatch": 131_072, "learning_rate": 1e-3, "traffic": "none",
 }  # fmt: skip
 
 RECIPES: dict[str, tuple[type[TrainingConfig], dict[str, Any]]] = {

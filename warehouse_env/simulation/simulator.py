@@ -35,6 +35,7 @@ from warehouse_env.simulation.physics.zones import zones_of
 from warehouse_env.simulation.record import metrics
 from warehouse_env.simulation.senses.extra import ExtraSensor
 from warehouse_env.simulation.senses.messages import Messages
+from warehouse_env.simulation.senses.passages import passages_of
 from warehouse_env.simulation.senses.rewards import REWARD_TERMS, weight_vector
 from warehouse_env.simulation.senses.sensing import unit_vectors
 from warehouse_env.simulation.tasks.assignment import Assignment, check_assignments
@@ -195,10 +196,12 @@ class Simulator(Portable):
 
     def _collect(self) -> None:
         """Collect the kernels' arguments once: to do so takes longer than a small world's step."""
-        shifts, people, deviation, table = self.dispatcher.shifts, self.people, self.deviation, None
+        shifts, people, deviation = self.dispatcher.shifts, self.people, self.deviation
+        table, passages = None, None
         if self.config.sensor.predictions:  # commands of each kind of robots, float32[K, A, 2]
             actions, kinds = self.actions, planned_config(self.config).kinds
             table = np.stack([actions.commands_of(robot) for robot in kinds]) if len(kinds) > 1 else actions.table[None]
+            passages = passages_of(self._floor)
         self._worlds = Worlds(
             self._planned, self.routes, self.arcs, self._commands, people.persons, people.ways,
             None if shifts is None else shifts.limits, deviation.bodies, deviation.errors, self._stamps,
@@ -207,7 +210,7 @@ class Simulator(Portable):
         )  # fmt: skip
         self.setup = Setup(
             self._features,
-            Equipment(self.layout.starts, self._rays, table, self._weights, self._zones),
+            Equipment(self.layout.starts, self._rays, table, self._weights, self._zones, passages),
             Vehicles(*self._limits), Vehicles(self._true_params, self._true_kinds), self._floor,
         )  # fmt: skip
 

@@ -18,7 +18,7 @@ from warehouse_env.simulation.physics import buckets, contact, contact_episodes,
 from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.physics.kinematics import approach, braking
 from warehouse_env.simulation.physics.trigonometry import ONE, ZERO
-from warehouse_env.simulation.senses import plans, prediction, sensing
+from warehouse_env.simulation.senses import passages, plans, prediction, sensing
 from warehouse_env.simulation.senses.rewards import write_terms
 from warehouse_env.simulation.state import GAP_HORIZON, NOBODY
 from warehouse_env.simulation.traffic import right_of_way, shield, waits
@@ -280,10 +280,11 @@ def _predict(worlds, at, row, starts, table, sights, p, floor):
 
 
 @inline
-def _plan(worlds, b, table, vehicles, floor, sights):
-    """Write what the robots plan if others predict by it."""
-    if table is not None:
+def _plan(worlds, b, ways, vehicles, floor, sights):
+    """Write what the robots plan, and how far their ways are free, if predictions need it."""
+    if ways is not None:
         plans.write_plans(worlds, b, vehicles, floor, sights)
+        passages.write_free_ways(worlds, b, vehicles, ways, sights)
 
 
 @inline
@@ -293,7 +294,7 @@ def _observe_world(worlds, b, setup, scratch):
     p, robots, rays, starts = params[0], worlds.robots[b], equipment.rays, equipment.starts
     near = starts.neighbours
     buckets.sort(robots, p, kinds, begins, order, bodies)
-    _plan(worlds, b, equipment.table, (params, kinds), setup.floor, scratch.sights)
+    _plan(worlds, b, equipment.passages, (params, kinds), setup.floor, scratch.sights)
     for n in range(robots.shape[0]):
         i = order[n]
         r, own, row = robots[i], kind_of(i, p, kinds), worlds.observation[b, i]

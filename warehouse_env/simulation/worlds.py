@@ -20,6 +20,7 @@ from warehouse_env.simulation.physics import buckets, contact, deviation
 from warehouse_env.simulation.physics.floor import Floor
 from warehouse_env.simulation.physics.zones import Zones
 from warehouse_env.simulation.senses import plans
+from warehouse_env.simulation.senses.passages import Passages
 from warehouse_env.simulation.traffic import reservations, shield, waits
 
 Floats = NDArray[np.float32]
@@ -74,13 +75,14 @@ class Vehicles(NamedTuple):
 
 
 class Equipment(NamedTuple):
-    """Sensors, rewards and zones."""
+    """Sensors, rewards, passages and zones."""
 
     starts: Starts  # of the slices of an observation
     rays: Floats  # [2, R], unit vectors in the robot's frame
     table: Floats | None  # [K, A, 2], the commands of each kind of robots, for predictions
     weights: Floats  # [T], of the reward's terms
     zones: Zones | None
+    passages: Passages | None  # for predictions
 
 
 class Setup(NamedTuple):
@@ -110,8 +112,9 @@ class Scratch(NamedTuple):
 def make_scratch(setup: Setup, count: int, decides: bool) -> Scratch:
     """Return scratch for worlds of `count` robots; decides: whether there is right of way."""
     p, motions = setup.bodies.shared[0], contact.scratch(count, setup.planned.shared[0])
-    table = setup.equipment.table
-    sights = plans.make_sights(count, p["rays"], p["neighbours"], 0 if table is None else table.shape[1])
+    table, passages = setup.equipment.table, setup.equipment.passages
+    commands, aisles = (0, 0) if table is None or passages is None else (table.shape[1], len(passages.blind))
+    sights = plans.make_sights(count, p["rays"], p["neighbours"], commands, aisles)
     return Scratch(
         buckets.scratch(count, p), motions, np.empty(1, np.int64), shield.scratch(count, setup.planned.shared[0]),
         np.empty_like(motions[1]) if setup.features.erring else motions[1], sights, np.empty(count, np.int32),

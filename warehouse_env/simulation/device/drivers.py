@@ -92,6 +92,7 @@ def scratch_of(sets, t):
         Sights(
             sights.turned[t], sights.plans[t], sights.who[t], sights.gaps[t], sights.sides[t], sights.asked[t],
             sights.path[t], sights.probe[t], sights.lanes[t], sights.lane_of[t],
+            sights.coming[t], sights.free_ways[t],
         ),
         sets.order[t], sets.found[t],
         (sets.meetings[0][t], sets.meetings[1][t], sets.meetings[2][t], sets.meetings[3][t]),

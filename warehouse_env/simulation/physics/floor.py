@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.config import SensorSpec
-from warehouse_env.kernel import kernel
+from warehouse_env.kernel import inline, kernel
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.simulation.physics.discs import LISTED, Discs, discs_near, lower_clearance
 from warehouse_env.simulation.physics.edges import Edges, edges_of
@@ -27,6 +27,16 @@ class Floor(NamedTuple):
     cell: np.float32  # [m]
     edges: Edges  # what the lidar sees of all obstacles
     discs: Discs | None  # obstacles that are discs, by the cells that they touch
+
+
+@inline
+def padded_cell(x, y, cell, cells):
+    """Return (row, column) of the padded floor's cell that holds a point [m], or is nearest to it.
+
+    cells: an array over the padded floor.
+    """
+    row, column = int(y / cell) + 1, int(x / cell) + 1
+    return min(max(row, 0), cells.shape[0] - 1), min(max(column, 0), cells.shape[1] - 1)
 
 
 @kernel

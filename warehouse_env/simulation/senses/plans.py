@@ -46,10 +46,12 @@ class Sights(NamedTuple):
     probe: Any  # ROBOT[1] or a copy of the robot; or under several at a time, along the route, in
     lanes: NDArray[np.float32]  # the lanes of on_routes,
     lane_of: NDArray[np.int32]  # [LANES] which commands these are, or which robots
+    coming: NDArray[np.int32]  # see passages.Passages, [P, 2] robots that drive through each, by their direction
+    free_ways: NDArray[np.float32]  # [N] [m] that each robot may drive before a passage that another comes along
 
 
-def make_sights(robots: int, rays: int, neighbours: int, commands: int) -> Sights:
-    """Return the scratch of sensing and predictions; commands: 0 if there are none."""
+def make_sights(robots: int, rays: int, neighbours: int, commands: int, passages: int) -> Sights:
+    """Return the scratch of sensing and predictions; commands, passages: 0 if there are no predictions."""
     return Sights(
         np.empty((TURNED, rays), np.float32),
         np.empty((robots if commands else 0, SAMPLES, POSE), np.float32),
@@ -61,6 +63,8 @@ def make_sights(robots: int, rays: int, neighbours: int, commands: int) -> Sight
         np.empty(1, ROBOT),
         np.zeros(on_routes.ROWS * LANES, np.float32),
         np.empty(LANES, np.int32),
+        np.empty((passages, 2), np.int32),
+        np.empty(robots if commands else 0, np.float32),
     )
 
 

@@ -1,7 +1,8 @@
 """Predictions: for every (speed level, lateral offset), the time until the body would touch a neighbour.
 
 An optional slice of the observation. The own body moves as the path follower would drive the command, and neighbours,
-those of the slice `neighbours`, as they plan (plans.py); they are as large as the largest robot of the fleet.
+those of the slice `neighbours`, as they plan (plans.py); they are as large as the largest robot of the fleet. A command
+that leads towards another in aisles of one cell (passages.py) also leads to a conflict, even if they would meet later.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from warehouse_env.simulation.physics.geometry import Rectangle, body_at, separa
 from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO
 from warehouse_env.simulation.senses import on_routes
 from warehouse_env.simulation.senses.on_routes import APART, LANES
+from warehouse_env.simulation.senses.passages import FAR
 from warehouse_env.simulation.senses.plans import (
     ALONG_LINE,
     DIAGONAL,
@@ -31,6 +33,7 @@ from warehouse_env.simulation.senses.plans import (
     what_forwards,
 )
 
+TOWARDS = 4  # first sample in which a way towards another counts as a conflict: a contact is worse
 LOST = np.float32(0.01)  # [m] of a small gap that may be lost, or that bodies in touch may move while they leave
 
 
@@ -104,6 +107,7 @@ def _twin(sides, k, on_line):
 def _try_lines(at, worlds, counts, sights, out, p):
     """Write the free shares of the commands in the lanes into `out`; counts: of these, and of robots to be met."""
     on_route, route, lanes, (count, others) = worlds.robots[at]["on_route"], worlds.routes[at], sights.lanes, counts
+    last = on_route["position"] + sights.free_ways[at[1]]
     for k in range(SAMPLES):
         for n in range(count):
             on_routes.aim(lanes, n, on_route, route, p)
@@ -113,7 +117,8 @@ def _try_lines(at, worlds, counts, sights, out, p):
             a = sights.lane_of[n]
             on_routes.settle(lanes, n, on_route, route)
             if out[a] == ONE:
-                if touches(k, body_in(lanes, n, p), (others, sights), p):
+                barred = lanes[on_routes.ALONG * LANES + n] > last
+                if (k >= TOWARDS and barred) or touches(k, body_in(lanes, n, p), (others, sights), p):
                     out[a] = np.float32(k) / np.float32(SAMPLES)
                 else:
                     free += 1
@@ -132,7 +137,7 @@ def write_predictions(worlds, at, row, starts, table, sights, p, floor):
     forwards, others = what_forwards(r, route, p), _keep_near(r["motion"], row[starts.neighbours :], sights, p)
     for a in range(table.shape[0]):
         out[a] = ONE
-    if others == 0:
+    if others == 0 and sights.free_ways[at[1]] == FAR:
         return
     ahead, count, asked = point_ahead(r, route, p), 0, 0
     offsets = _write_sides(r, ahead, table, sights, p, floor)

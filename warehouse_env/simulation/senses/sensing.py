@@ -22,6 +22,7 @@ from warehouse_env.simulation.physics.buckets import (
     bucket_at,
 )
 from warehouse_env.simulation.physics.discs import scan_discs
+from warehouse_env.simulation.physics.floor import padded_cell
 from warehouse_env.simulation.physics.geometry import ray_to_rectangle
 from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.physics.trigonometry import ONE, PI, ZERO
@@ -37,13 +38,6 @@ def unit_vectors(rays: int) -> NDArray[np.float32]:
     """Return float32[2, rays]: the directions of rays, evenly all round, in the robot's frame."""
     angles = 2 * np.pi * np.arange(rays) / rays
     return np.stack([np.cos(angles), np.sin(angles)]).astype(np.float32)
-
-
-@inline
-def _padded_cell(x, y, cell, first):
-    """Return (row, column) of the padded floor's cell that holds a point [m], or is nearest to it."""
-    row, column = int(y / cell) + 1, int(x / cell) + 1
-    return min(max(row, 0), first.shape[0] - 1), min(max(column, 0), first.shape[1] - 1)
 
 
 @inline
@@ -65,7 +59,7 @@ def scan_shelves(eye, p, edges, rays, turned, out):
         turned[PER_X, k] = ONE / ux
         turned[PER_Y, k] = ONE / uy
         out[k] = p["lidar_range"]
-    row, column = _padded_cell(cx, cy, cell, first)
+    row, column = padded_cell(cx, cy, cell, first)
     seam = _SEAM * p["lidar_range"]
     for n in range(first[row, column, 0], first[row, column, 1]):
         e = seen[n]
