@@ -5,14 +5,29 @@ from __future__ import annotations
 import importlib.util
 import runpy
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+import torch
 
+import warehouse_env
 from train.cli import main
+from warehouse_env import observation_layout
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+def loaded(name: str, monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Import an example."""
+    spec = importlib.util.spec_from_file_location(name, EXAMPLES / f"{name}.py")
+    assert spec is not None
+    assert spec.loader is not None
+    example = importlib.util.module_from_spec(spec)
+    monkeypatch.setitem(sys.modules, name, example)
+    spec.loader.exec_module(example)
+    return example
 
 
 @pytest.mark.parametrize(
@@ -22,6 +37,7 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
         ("cleanrl_ppo", {"steps": 1200}, "1,152 agent-steps"),
         ("mappo", {"steps": 1200}, "1,152 agent-steps"),
         ("recurrent_ppo", {"steps": 600}, "512 agent-steps"),
+        ("attention", {"steps": 1200}, "1,152 agent-steps"),
     ],
 )
 def test_it_trains_and_saves_a_policy(
@@ -29,18 +45,34 @@ def test_it_trains_and_saves_a_policy(
     monkeypatch: pytest.MonkeyPatch, registries: None,
 ) -> None:  # fmt: skip
     monkeypatch.chdir(tmp_path)
-    spec = importlib.util.spec_from_file_location(name, EXAMPLES / f"{name}.py")
-    assert spec is not None
-    assert spec.loader is not None
-    example = importlib.util.module_from_spec(spec)
-    monkeypatch.setitem(sys.modules, name, example)
-    spec.loader.exec_module(example)
+    example = loaded(name, monkeypatch)
     example.main(example.Options(worlds=2, robots=4, **options))
     assert said in capsys.readouterr().out
     assert len((EXAMPLES / f"{name}.py").read_text().splitlines()) < 150
-    policy = f"{EXAMPLES / name}.py:Remembering" if name == "recurrent_ppo" else f"runs/{name}"
+    made = {"recurrent_ppo": "Remembering", "attention": "Attending"}.get(name)
+    policy = f"{EXAMPLES / name}.py:{made}" if made else f"runs/{name}"
     short = "--layout open --robots 2 --episodes 2 --seconds 2 --planner astar --traffic own:routes=false --no-pictures"
     assert main(["evaluate", "--policy", policy, *short.split()]) == 0
+
+
+def test_attention_reads_a_set_of_any_size(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Weights for three neighbours read seven: whoever is not there, and their order, make no difference."""
+    example, learning = loaded("attention", monkeypatch), warehouse_env.LEARNING
+    few, many = (learning.replace(sensor=replace(learning.sensor, neighbours=count)) for count in (3, 7))
+    agent, other = example.Agent(few), example.Agent(many)
+    other.load_state_dict(agent.state_dict())
+    seen = torch.rand(5, observation_layout(few).size)
+    part = observation_layout(few).slices["neighbours"]
+    near = seen[:, part].view(5, 3, -1)
+    near[:, :, -1] = 1.0
+    spread = torch.cat((near.flip(1), torch.zeros(5, 4, near.shape[-1])), 1).flatten(1)
+    more = torch.cat((seen[:, : part.start], spread, seen[:, part.stop :]), 1)
+    for ours, theirs in zip(agent(seen), other(more), strict=True):
+        assert torch.allclose(ours, theirs, atol=1e-6)
+    near[0, 0, 0] += 1.0
+    assert not torch.allclose(agent(seen)[1], other(more)[1], atol=1e-6)
+    near[:, :, -1] = 0.0  # nobody is there
+    assert agent(seen)[0].isfinite().all()
 
 
 WRONG = {
