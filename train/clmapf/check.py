@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from train.clmapf.contact import NEVER, Shape, body_and_disc, two_bodies
+from train.clmapf.contact import ALONE, NEVER, Shape, follow
 from train.clmapf.instance import BODY, DISC_RADIUS, Instance
 from train.clmapf.motions import BEGIN, END, LENGTH, Fault, Motions, body_beyond, motions_of
 from train.clmapf.solution import States
@@ -67,8 +67,8 @@ def _bodies(instance: Instance, motions: Motions, shape: Shape) -> tuple[list[Fa
     faults, least, first, arcs = [], _HORIZON, motions.first.tolist(), motions.arcs
     for i, j in itertools.combinations(range(len(instance.names)), 2):
         end = max(arcs[first[i + 1] - 1, BEGIN], arcs[first[j + 1] - 1, BEGIN])
-        pair = first[i], first[i + 1] - 1, first[j], first[j + 1] - 1
-        since, depth, least = two_bodies(arcs, *pair, end, least, shape)
+        pair = (first[i], first[i + 1] - 1), (first[j], first[j + 1] - 1)
+        since, depth, least = follow(arcs, *pair, (0.0, 0.0), end, least, shape)
         if since != NEVER:
             faults.append(Fault("overlaps", instance.names[i], instance.names[j], since, depth))
     return faults, least
@@ -76,11 +76,11 @@ def _bodies(instance: Instance, motions: Motions, shape: Shape) -> tuple[list[Fa
 
 def _discs(instance: Instance, motions: Motions, shape: Shape) -> tuple[list[Fault], float]:
     """Return which robots overlap discs, and the least gap."""
-    faults, least, first = [], _HORIZON, motions.first.tolist()
+    faults, least, first, arcs = [], _HORIZON, motions.first.tolist(), motions.arcs
     for i, name in enumerate(instance.names):
+        own = first[i], first[i + 1] - 1
         for k, (x, y) in enumerate(instance.discs.tolist()):
-            own = first[i], first[i + 1] - 1
-            since, depth, least = body_and_disc(motions.arcs, *own, x, y, least, shape)
+            since, depth, least = follow(arcs, own, (ALONE, ALONE), (x, y), arcs[own[1], END], least, shape)
             if since != NEVER:
                 faults.append(Fault("overlaps obstacle", name, str(k), since, depth))
     return faults, least

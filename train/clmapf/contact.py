@@ -11,9 +11,10 @@ from typing import NamedTuple
 
 from train.clmapf.motions import BEGIN, BEND, END, HEADING, LENGTH, X, Y
 from train.evaluation.audit.bodies import gap, outline_of, point_gap
-from warehouse_env.kernel import inline, kernel, part
+from warehouse_env.kernel import inline, kernel
 
 NEVER = -1.0
+ALONE = -1  # no arc
 _FINE = 1e-3  # to which least gaps are found
 
 
@@ -63,28 +64,6 @@ def _arc_at(arcs, n, last, t):
     return n
 
 
-@kernel
-def two_bodies(arcs, first, last, other, other_last, end, least, shape):
-    """Follow two robots until `end` [s]; return (when they first overlap or NEVER, the depth, the least gap).
-
-    first, last: a robot's arcs, both included; least: the least gap of interest.
-    """
-    t, since, deepest = 0.0, NEVER, 0.0
-    while True:
-        first, other = _arc_at(arcs, first, last, t), _arc_at(arcs, other, other_last, t)
-        own = outline_of(_place(arcs, first, t, shape), shape)
-        found = gap(own, outline_of(_place(arcs, other, t, shape), shape))
-        least = min(least, found)
-        if found < -shape.slack:
-            since = t if since == NEVER else since
-            deepest = max(deepest, -found)
-        if t >= end:
-            return since, deepest, least
-        one, until = _speed(arcs, first, t, shape)
-        two, their_until = _speed(arcs, other, t, shape)
-        t = min(min(until, their_until), min(end, _next_look(t, found, least, one + two, shape)))
-
-
 @inline
 def _next_look(t, found, least, speed, shape):
     """Return until when [s] a gap can become neither an overlap nor the least by more than _FINE."""
@@ -94,21 +73,27 @@ def _next_look(t, found, least, speed, shape):
     return t + sure / speed if speed > 0.0 else math.inf
 
 
-@part
-def _disc_gap(arcs, n, t, disc_x, disc_y, shape):
-    """Return the gap of a body on an arc to a disc, negative where they overlap."""
-    x, y, c, s = _place(arcs, n, t, shape)
-    dx, dy = disc_x - x, disc_y - y
-    return point_gap(dx * c + dy * s, dy * c - dx * s, shape.half_length, shape.half_width) - shape.disc_radius
-
-
 @kernel
-def body_and_disc(arcs, first, last, disc_x, disc_y, least, shape):
-    """Follow a robot past a disc; return as `two_bodies` does."""
-    t, since, deepest, end = 0.0, NEVER, 0.0, arcs[last, END]
+def follow(arcs, own, other, disc, end, least, shape):
+    """Follow a robot past another or past a disc until `end` [s].
+
+    own, other: the first and last of a robot's arcs, both included; other: (ALONE, ALONE) for the disc at `disc`;
+    least: the least gap of interest. Returns (when they first overlap or NEVER, the depth, the least gap).
+    """
+    first, last = own
+    second, second_last = other
+    t, since, deepest, their, their_until = 0.0, NEVER, 0.0, 0.0, math.inf
     while True:
         first = _arc_at(arcs, first, last, t)
-        found = _disc_gap(arcs, first, t, disc_x, disc_y, shape)
+        x, y, c, s = _place(arcs, first, t, shape)
+        if second == ALONE:
+            dx, dy = disc[0] - x, disc[1] - y
+            ahead, left = dx * c + dy * s, dy * c - dx * s
+            found = point_gap(ahead, left, shape.half_length, shape.half_width) - shape.disc_radius
+        else:
+            second = _arc_at(arcs, second, second_last, t)
+            found = gap(outline_of((x, y, c, s), shape), outline_of(_place(arcs, second, t, shape), shape))
+            their, their_until = _speed(arcs, second, t, shape)
         least = min(least, found)
         if found < -shape.slack:
             since = t if since == NEVER else since
@@ -116,4 +101,4 @@ def body_and_disc(arcs, first, last, disc_x, disc_y, least, shape):
         if t >= end:
             return since, deepest, least
         speed, until = _speed(arcs, first, t, shape)
-        t = min(min(until, end), _next_look(t, found, least, speed, shape))
+        t = min(min(until, their_until), min(end, _next_look(t, found, least, speed + their, shape)))
