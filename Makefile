@@ -19,8 +19,9 @@ MINUTES ?= 4
 RUN := $(VENV)/bin
 STAMP := $(VENV)/.set-up
 PIP := $(RUN)/python -m pip --disable-pip-version-check
-# Byte code of all packages takes longer than all else of the installing: imports make what is used, if they may.
-INSTALL := $(PIP) install --quiet --constraint $(CONSTRAINTS) $(if $(PYTHONDONTWRITEBYTECODE),,--no-compile)
+# Byte code of all packages takes longer than all else of the installing: imports make what is used, if they may. -qq:
+# pip warns for each package of an index that lacks it.
+INSTALL := $(PIP) install -qq --constraint $(CONSTRAINTS) $(if $(PYTHONDONTWRITEBYTECODE),,--no-compile)
 # What compiling kernels needs: it goes on while pip installs all else, torch above all.
 COMPILING := setuptools numba gymnasium pettingzoo pyyaml safetensors platformdirs tyro rich filelock scipy
 
