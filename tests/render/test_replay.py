@@ -21,8 +21,7 @@ from warehouse_env.render.lines import simplified
 from warehouse_env.render.page_text import PAGE, SHARED
 from warehouse_env.render.replay import FLAGS, REWARD_TERMS, Replay, replay_of
 from warehouse_env.render.replay_codec import packed, position_unit
-from warehouse_env.render.replay_page import write_replay_page
-from warehouse_env.render.thinning import thinned
+from warehouse_env.render.replay_page import thinned, write_replay_page
 from warehouse_env.simulation.senses import rewards
 
 

@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 
 from warehouse_env.errors import counted
 from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.render.chart_style import INK, empty_figure, hexed, save, style
+from warehouse_env.render.chart_style import INK, draw_arrows, empty_figure, hexed, save, set_metres, style
 from warehouse_env.render.colours import SKY, name_colours
 from warehouse_env.render.floor import floor_image, scale_for
-from warehouse_env.render.floor_axes import draw_arrows, set_metres
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

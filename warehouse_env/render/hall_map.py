@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 from warehouse_env.maps.endpoints import largest_region
 from warehouse_env.maps.halls.hall import Hall
 from warehouse_env.maps.halls.map_server import UNKNOWN
-from warehouse_env.render.chart_style import FAINT, empty_figure, hexed, style, svg
+from warehouse_env.render.chart_style import FAINT, draw_arrows, empty_figure, hexed, set_metres, style, svg
 from warehouse_env.render.colours import BLUE, CONTACT, GREEN, INDIGO, ORANGE, PURPLE, RGB, VERMILION
 from warehouse_env.render.extras import load
-from warehouse_env.render.floor_axes import draw_arrows, set_metres
 
 _WIDE = 8.5  # [inches] of a picture, or as high
 _MOST_PIXELS = 1200  # of the map's longer side in it

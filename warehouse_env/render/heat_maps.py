@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.render.chart_style import FAINT, draw_discs, empty_figure, hexed, style, svg
+from warehouse_env.render.chart_style import FAINT, draw_arrows, draw_discs, empty_figure, hexed, set_metres, style, svg
 from warehouse_env.render.colours import BLUE, CONTACT, GREEN, RGB
 from warehouse_env.render.extras import load
-from warehouse_env.render.floor_axes import draw_arrows, set_metres
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
