@@ -65,7 +65,7 @@ def test_ants_that_die_may_find_nothing_and_say_so() -> None:
     assert all(search("aco", grid, (0, 0), (0, 8), seed, **ants).found for seed in range(30))
 
 
-START, NORTH = 0, 2
+START = 0
 
 
 def test_heuristic_eq_16_on_an_open_floor() -> None:
@@ -100,9 +100,6 @@ def test_update_eqs_15_and_17_by_hand() -> None:
     assert pheromone[1, EAST] == pytest.approx(0.6 + b - 1 * (a - b))
     assert pheromone[0, EAST] == pytest.approx(0.6 + 2 * a + b + 2 * (a - b) - (a - b))
     assert pheromone[4, WEST] == pytest.approx(0.6)
-
-
-START = 0
 
 
 @pytest.mark.parametrize(("iteration", "fr"), [(0, 1.0), (25, 0.75), (99, 0.01)])

@@ -1,4 +1,4 @@
-"""The accounts of one world's shift: orders drawn, open, assigned and done; time in service and in queues; empty driving."""
+"""The accounts of one world's shift: orders drawn, open, assigned, done; time in service, in queues; empty driving."""
 
 from __future__ import annotations
 
