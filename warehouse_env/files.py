@@ -212,11 +212,11 @@ def _identity(path: Path) -> tuple[int, int] | None:
     return about.st_dev, about.st_ino
 
 
-def part_file(path: Path, rows: bool = False) -> Path:
-    """Create an empty file with the suffix of `path`, to be written and then handed to `put_in_place`.
+def _part_file(path: Path, rows: bool) -> Path:
+    """Create an empty file with the suffix of `path` beside the output, in folders made if missing.
 
-    It is created beside the output, in folders made if missing. Leftovers of killed processes are removed. Raises
-    WarehouseError if `path` cannot be written. rows: see `check_writable`.
+    Leftovers of killed processes are removed. Raises WarehouseError if `path` cannot be written. rows: see
+    `check_writable`.
     """
     target = check_writable(path, rows)
     try:
@@ -232,18 +232,6 @@ def part_file(path: Path, rows: bool = False) -> Path:
     os.fchmod(handle, 0o666 & ~mask)
     os.close(handle)
     return Path(name)
-
-
-def put_in_place(part: Path, path: Path) -> None:
-    """Turn a finished part into the output: bytes into a device or pipe, or a file with the old one's permissions."""
-    target = _followed(path)
-    if is_special(target):
-        with part.open("rb") as source, target.open("wb") as sink:
-            shutil.copyfileobj(source, sink)
-        return
-    if target.exists():
-        os.chmod(part, stat.S_IMODE(target.stat().st_mode))
-    os.replace(part, target)
 
 
 def _followed(path: Path) -> Path:
@@ -278,13 +266,21 @@ def _lives(process: int) -> bool:
 def complete_file(given: object, rows: bool = False) -> Iterator[Path]:
     """Yield a part of an output to write; it becomes the output at the end, or is removed on an error.
 
-    Raises WarehouseError if the output cannot be written, for example on a full disk.
+    A device or pipe gets its bytes, a file keeps its permissions. Raises WarehouseError if the output cannot be
+    written, for example on a full disk.
     """
     path = path_of(given)
-    part = part_file(path, rows)
+    part = _part_file(path, rows)
     try:
         yield part
-        put_in_place(part, path)
+        target = _followed(path)
+        if is_special(target):
+            with part.open("rb") as source, target.open("wb") as sink:
+                shutil.copyfileobj(source, sink)
+            return
+        if target.exists():
+            os.chmod(part, stat.S_IMODE(target.stat().st_mode))
+        os.replace(part, target)
     except OSError as error:
         if error.filename not in (None, str(part), str(_followed(path))):  # about another file
             raise

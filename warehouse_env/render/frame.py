@@ -18,7 +18,7 @@ from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.render.colours import CONTACT, DEADLOCK, RGB, WAITING, mix, robot_colour
 from warehouse_env.render.extras import load
 from warehouse_env.render.floor import FLOOR, floor_image
-from warehouse_env.render.replay import goal_poses, places
+from warehouse_env.render.replay import goal_poses, places, totals_of
 from warehouse_env.render.sprites import (
     Tile,
     body_centre,
@@ -69,10 +69,9 @@ def scene_of(simulator: Any, world: int = 0) -> Scene:
         for i, count in enumerate(counts)
     ]
     jams, shifts = simulator.jams(), simulator.dispatcher.shifts
-    totals = simulator.episode_metrics(world)
-    collisions = totals["collisions_robot"] + totals["collisions_shelf"] + totals["collisions_person"]
-    parts = [simulator.grid.name, counted(len(counts), "robot")]
-    parts += [counted(round(totals["goals"]), "goal"), counted(round(collisions), "collision")]
+    goals, collisions, _ = totals_of(simulator.robots[world])
+    parts = [simulator.grid.name, counted(len(counts), "robot"), counted(goals, "goal")]
+    parts.append(counted(collisions, "collision"))
     return Scene(
         grid=simulator.grid,
         bodies=simulator.config.robots,

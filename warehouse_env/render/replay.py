@@ -135,7 +135,7 @@ def moment_of(simulator: Any, world: int, stations: NDArray[np.bool_]) -> dict[s
         "waits_for": jams.waits_for[world], "yields_to": robots["traffic"]["yields_to"].copy(),
         "held_by": robots["shield"]["vetoed_by"].copy(), "rewards": simulator.reward_terms[world].copy(),
         "along": state.route_position[world].copy(), "people": places(simulator.people.persons[world]),
-        "totals": _totals(robots),
+        "totals": totals_of(robots),
     }  # fmt: skip
 
 
@@ -152,16 +152,11 @@ def places(persons: NDArray[np.void]) -> NDArray[np.float32]:
     return np.stack([persons["x"], persons["y"], np.arctan2(persons["sin"], persons["cos"])], axis=-1)
 
 
-def _totals(robots: NDArray[Any]) -> NDArray[np.int32]:
+def totals_of(robots: NDArray[np.void]) -> NDArray[np.int32]:
     """Return int32[3], the goals, collisions and near misses of an episode so far, as its metrics count them."""
-    hits = (
-        int(robots["totals"]["hits_robot"].sum()) // 2
-        + int(robots["totals"]["hits_shelf"].sum())
-        + int(robots["totals"]["hits_person"].sum())
-    )
-    return np.array(
-        [robots["totals"]["goals"].sum(), hits, int(robots["totals"]["near_misses"].sum()) // 2], dtype=np.int32
-    )
+    names = ("goals", "hits_robot", "hits_shelf", "hits_person", "near_misses")
+    goals, robot, shelf, person, near = (int(robots["totals"][name].sum()) for name in names)
+    return np.array([goals, robot // 2 + shelf + person, near // 2], dtype=np.int32)
 
 
 class Lines:

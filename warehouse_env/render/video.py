@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import os
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.errors import ConfigError, WarehouseError
-from warehouse_env.files import part_file, put_in_place
+from warehouse_env.files import complete_file
 from warehouse_env.render.colours import CONTACT, DEADLOCK, WAITING, mix, robot_colour
 from warehouse_env.render.extras import load
 from warehouse_env.render.floor import FLOOR
@@ -31,7 +31,7 @@ _GIF = [
 ]
 
 
-class VideoWriter:
+class VideoWriter(contextlib.ExitStack):
     """Write frames to an .mp4 or .gif file, which appears complete at `close`, or not at all.
 
     As a context manager it closes at the end, and discards the file on an error. A .gif has 256 colours: those of
@@ -44,17 +44,18 @@ class VideoWriter:
         Raises ConfigError for another suffix or a bad fps, WarehouseError if the packages are missing or the file
         cannot be written.
         """
+        super().__init__()
         self.path = Path(path)
         if self.path.suffix.lower() not in (".mp4", ".gif"):
             raise ConfigError(f"video file {self.path} must end in .mp4 or .gif")
         if not (math.isfinite(fps) and fps > 0):
             raise ConfigError(f"fps={fps!r} must be a finite number above 0")
-        self.fps = float(fps)
-        self.frames = 0
+        self.fps, self.frames = float(fps), 0
         self._ffmpeg = load("imageio_ffmpeg")
         self._stream: Any = None
         self._shape: tuple[int, ...] | None = None
-        self._part: Path | None = part_file(self.path)
+        self._part: Path | None = self.enter_context(complete_file(self.path))
+        self.push(self._end)
 
     def add(self, frame: NDArray[np.uint8]) -> None:
         """Append a frame uint8[H, W, 3]; all frames have the first one's size. Raises WarehouseError."""
@@ -70,42 +71,16 @@ class VideoWriter:
         try:
             self._stream.send(np.ascontiguousarray(_even(frame)))
         except OSError as error:
-            self.discard()
             raise WarehouseError(f"cannot write {self.path}: the video encoder failed; is the disk full?") from error
         self.frames += 1
 
-    def close(self) -> None:
-        """Finish the file and give it its name; without frames there is no file. May be called twice."""
-        self._end(keep=True)
-
-    def discard(self) -> None:
-        """Stop and leave no file."""
-        self._end(keep=False)
-
-    def _end(self, keep: bool) -> None:
+    def _end(self, kind: type[BaseException] | None, *_: object) -> None:
+        """End the encoder; WarehouseError if it did not finish, or had no frame."""
         part, self._part = self._part, None
-        if part is None:
-            return
-        try:
-            if self._stream is not None:
-                self._stream.close()
-                if keep and not _complete(part):
-                    raise WarehouseError(f"cannot write {self.path}: the video encoder failed; is the disk full?")
-                if keep:
-                    put_in_place(part, self.path)
-        finally:
-            part.unlink(missing_ok=True)
-
-    def __enter__(self) -> VideoWriter:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        if kind is None:
-            self.close()
-        else:
-            self.discard()
+        if self._stream is not None:
+            self._stream.close()
+        if kind is None and (part is None or not self.frames or not _complete(part)):
+            raise WarehouseError(f"cannot write {self.path}: it has no frame, or the encoder failed; is the disk full?")
 
     def _open(self, frame: NDArray[np.uint8]) -> Any:
         height, width, _ = _even(frame).shape
@@ -126,7 +101,6 @@ class VideoWriter:
             if gif:
                 stream.send(_swatches(_even(frame)))
         except (RuntimeError, OSError) as error:
-            self.discard()
             raise WarehouseError(f'cannot write {self.path}: no ffmpeg; pip install "warehouse-env[render]"') from error
         return stream
 
