@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from warehouse_env import vec_env
 from warehouse_env.errors import ConfigError, WarehouseError
 from warehouse_env.render.colours import robot_colour
 from warehouse_env.render.video import VideoWriter
@@ -97,6 +98,19 @@ def test_the_window_shows_pictures_of_any_size(monkeypatch: pytest.MonkeyPatch) 
         window = pygame.display.get_surface()
         assert window.get_size() == (83, height)
         assert window.get_at((20, 20))[:3] == robot_colour(2)
+    pygame.display.quit()
+
+
+def test_all_worlds_are_shown_in_one_window(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    sizes = {}
+    for mode in ("rgb_array", "human"):
+        env = vec_env(2, layout="open", num_agents=2, planner="astar", render_mode=mode)
+        env.seed(1)
+        env.reset()
+        shown = env.render()
+        sizes[mode] = pygame.display.get_surface().get_size() if shown is None else shown.shape[1::-1]
+    assert sizes["human"] == sizes["rgb_array"]
     pygame.display.quit()
 
 

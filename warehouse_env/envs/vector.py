@@ -11,10 +11,10 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 from stable_baselines3.common.monitor import Monitor
-from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices
+from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices, tile_images
 
 from warehouse_env.config import EnvConfig
-from warehouse_env.envs.camera import checked_mode, picture
+from warehouse_env.envs.camera import checked_mode, picture, render_fps
 from warehouse_env.envs.infos import EPISODE_METRICS, final_metrics, finished_task, known
 from warehouse_env.envs.options import WorldOptions, assignments_of, begin, build, share_routes
 from warehouse_env.envs.rows import write_rows
@@ -253,6 +253,15 @@ class WarehouseVecEnv(VecEnv):
     def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
         """Return one picture for each world (not row), or None without a render mode."""
         return [picture(simulator, world) if self._mode else None for simulator, world in self._worlds]
+
+    def render(self, mode: str | None = None) -> NDArray[np.uint8] | None:
+        """Return the pictures of all worlds as one uint8[H, W, 3] ("rgb_array"), or show it ("human")."""
+        if self._mode != "human":
+            return super().render(mode)
+        from warehouse_env.render.window import show
+
+        show(tile_images([picture(*one) for one in self._worlds]), render_fps(self._worlds[0][0].config))
+        return None
 
     def close(self) -> None:
         """Do nothing: there is nothing to close."""

@@ -45,7 +45,7 @@ def passages_of(floor: Floor) -> Passages:
     numbers, count = label(narrow & (doors <= 2))
     along, blind = np.zeros((*free.shape, 2), np.float32), np.zeros(count, np.bool_)
     for number in range(count):
-        chain = _in_order(list(map(tuple, np.argwhere(numbers == number + 1).tolist())))
+        chain = _in_order([(row, column) for row, column in np.argwhere(numbers == number + 1).tolist()])
         blind[number] = any(doors[cell] < 2 for cell in chain)
         for before, cell, after in zip([chain[0], *chain], chain, [*chain[1:], chain[-1]], strict=False):
             along[cell] = after[1] - before[1], after[0] - before[0]
