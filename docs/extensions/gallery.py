@@ -20,7 +20,7 @@ DOCS = Path(__file__).parents[1]
 PICTURES = DOCS / "gallery"
 SIZE = {"width": 900, "height": 600}  # [px] of the filmed window
 FRAMES, EVERY, FPS = 18, 3, 6.0  # env steps between two
-BEGIN, ROBOT, KEYS = 20.0, 17, "++"  # [s]; the followed robot; the keys pressed first
+BEGIN, ROBOT, KEYS = 20.0, 18, "++"  # [s]; the followed robot; the keys pressed first
 
 
 def blocks(language: str) -> list[str]:
