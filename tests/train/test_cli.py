@@ -151,7 +151,7 @@ def test_the_last_line_says_what_was_written_and_where(
         ("tables papers --seed -1", ["seed=-1"]),
         ("tables papers --processes 0", ["processes=0"]),
         ("tables papers --papers 999", ["999"]),
-        ("tables papers --tables 000_table_9", ["000_table_9"]),
+        ("tables papers --papers 009", ["unknown paper '009'"]),
         ("benchmark --policy nobody", ["unknown policy 'nobody'"]),
         ("clmapf none", ["none is no folder"]),
         ("compile --processes 0", ["processes=0"]),

@@ -171,21 +171,6 @@ def _towards(flow: NDArray[np.float64], way: int) -> float:
     return float(sum(flow[:, (middle + turn) % 8].sum() for turn in (-1, 0, 1)))
 
 
-def alternating(grid: GridMap) -> list[Candidate]:
-    """Return the floors with all aisles along rows, or along columns, one way in alternating directions."""
-    found = []
-    for along_row, name in ((True, "west-east"), (False, "north-south")):
-        label = aisle_cells(grid, along_row)
-        lines = np.asarray((label > 0).any(axis=1 if along_row else 0))
-        begins = lines & ~np.concatenate([[False], lines[:-1]])
-        if begins.sum() < 2:
-            continue
-        ways = np.where(np.cumsum(begins) % 2, *((EAST, WEST) if along_row else (NORTH, SOUTH)))
-        ways = np.broadcast_to(ways[:, None] if along_row else ways[None, :], grid.shape)
-        found.append(_directed(grid, label > 0, ways, f"all {begins.sum()} lines of {name} aisles one way in turn"))
-    return [one for one in found if cut_off(one.grid) is None]
-
-
 def cut_off(grid: GridMap) -> Cell | None:
     """Return an endpoint without a way to and from the first one, None if all are connected."""
     first, *others = grid.endpoints[2]

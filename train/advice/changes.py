@@ -48,7 +48,6 @@ def options(
     cells = [place.cell for place in worst[:CHOSEN_AT]]
     opened = [one for cell in cells for one in candidates.aisles(plan.grid, cell)]
     directed = [one for cell in cells for one in candidates.one_ways(plan.grid, cell, moves)]
-    directed += candidates.alternating(plan.grid) if cells else []
     return [one for kind in (opened, directed) for one in candidates.choose(kind, trips, robots, most)]
 
 

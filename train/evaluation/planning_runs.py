@@ -21,7 +21,6 @@ from warehouse_env.planning.plan import validate_line
 
 OPTIMAL = 1e-9  # relative excess of a length that counts as rounding
 _FAR = 5.0  # [cells], largest clearance that is measured
-_BEND = math.radians(1.0)  # smaller changes of direction along a line are no turns
 
 
 class PlanningTask(NamedTuple):
@@ -97,11 +96,10 @@ def plan_once(
 def _of_line(grid: GridMap, plan: Plan) -> Row:
     """Return the part of a run's row about the line that is driven; None where there is no plan."""
     if not plan.found:
-        return dict.fromkeys(("line_length", "line_turns", "turn_angle", "clearance"))
+        return dict.fromkeys(("line_length", "turn_angle", "clearance"))
     line = driven(plan)
     return {
         "line_length": plan.line_length,
-        "line_turns": line_turns(line),
         "turn_angle": turn_angle(line),
         "clearance": least_gap(grid, line),
     }
@@ -122,11 +120,6 @@ def driven(plan: Plan) -> NDArray[np.float64]:
     points = plan.cells.astype(np.float64) if plan.line is None else plan.line
     inner = [k for k, bend in enumerate(_bends(points), start=1) if bend > 0.0]
     return points[[0, *inner, len(points) - 1]] if len(points) > 1 else points
-
-
-def line_turns(line: NDArray[np.float64]) -> int:
-    """Return the number of changes of direction by more than a degree of a polyline float64[K, 2]."""
-    return sum(bend > _BEND for bend in _bends(line))
 
 
 def turn_angle(line: NDArray[np.float64]) -> float:

@@ -39,8 +39,6 @@ EXPERIMENTS: dict[str, Experiment] = {
     "coordinator": partial(six_agvs.on_grid, aside=True, new_route=True),
     "no step aside": partial(six_agvs.on_grid, aside=False, new_route=True),
     "no new route": partial(six_agvs.on_grid, aside=True, new_route=False),
-    "bodies": six_agvs.by_bodies,
-    "bodies, each alone": partial(six_agvs.by_bodies, alone=True),
     **{name: partial(avoidance.avoid, answer=answer) for name, answer in avoidance.ANSWERS.items()},
 }
 

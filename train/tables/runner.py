@@ -23,12 +23,13 @@ from train.reporting.rows import Row
 from train.tables.catalogue import EXPERIMENTS, PAPERS, settings_of, studies_of
 from train.tables.measures import MEASURES, TableFigures
 from train.tables.options import TableOptions
+from train.tables.published import against_published
 from train.tables.study import ClaimVerdict, PrintedLine, TableStudy, TableSystem, TableTask
 from train.tables.verdicts import RULE, judge, verdict_counts
 from warehouse_env.errors import unknown_name
 
 PLANNING = ("warehouse_env/maps", "warehouse_env/planning")  # the code that makes a plan
-DRIVING = ("warehouse_env", "agents", "train/evaluation", "train/tables")  # the code that makes an experiment's row
+EXPERIMENT = (*PLANNING, "train/tables")  # the code that makes an experiment's row
 INTERVALS = (
     "Means with 95% intervals: Student's t over runs where a setting is one map, over maps where it has several; "
     "Wilson's score for shares on one map. n: runs of each system, times maps. Lengths in cells; times are medians of "
@@ -73,7 +74,7 @@ class PlanBlock(Job):
             "runs": self.runs, "seed": self.seed, "map": task.grid.key, "start": list(task.start),
             "goal": list(task.goal), "others": [[list(start), list(goal)] for start, goal in task.others],
             "parameters": system.make().key, "experiment": system.experiment, "version": warehouse_env.__version__,
-            "code": code_of(*(DRIVING if system.experiment else PLANNING)),
+            "code": code_of(*(EXPERIMENT if system.experiment else PLANNING)),
         }  # fmt: skip
 
     def left(self, rows: Sequence[Row]) -> tuple[Sequence[Row], PlanBlock | None]:
@@ -119,6 +120,10 @@ class Studies(TableOptions):
 
     def run(self) -> None:
         """Run what is missing, then write the page."""
+        self.made()
+
+    def made(self) -> list[Row]:
+        """Run what is missing and write the page; return the rows."""
         chosen = self.chosen()
         rows = self.rows_of([block for file, study in chosen for block in self.blocks(file, study)])
         text, tables, verdicts = f"{INTERVALS}\n\n", list[Table](), list[ClaimVerdict]()
@@ -134,35 +139,39 @@ class Studies(TableOptions):
             print(verdict_counts(verdicts))
             text += f"{verdict_counts(verdicts)}\n\n{RULE}\n\n"
         self.write(self.title, tables, text)
+        return rows
 
 
 @dataclass(frozen=True)
 class PapersTable(Studies):
     """Make the tables of the papers: our figures beside theirs, and a verdict on every claim.
 
-    The page shows the tables that are asked for; the rows of others stay in the file.
+    The page shows the papers that are asked for; the rows of others stay in the file.
     """
 
     title: ClassVar[str] = "The papers' tables, made again"
 
     papers: tuple[str, ...] = ()
-    """Papers by number, as 000 (all if neither papers nor tables are named)."""
-    tables: tuple[str, ...] = ()
-    """Single tables by name, as 000_table_1."""
+    """Papers by number, as 000 (all if left out)."""
+    check: bool = False
+    """Compare each line with the published one; exit code 1 if a figure lies outside its interval. With --resume it
+    takes finished rows."""
+
+    def run(self) -> None:
+        """Run what is missing, write the page, and compare it with the published rows if asked to."""
+        rows = self.made()
+        if self.check:
+            compared, outside = against_published([study for _, study in self.chosen()], rows)
+            compared.print()
+            if outside:
+                raise SystemExit(1)
 
     def chosen(self) -> list[tuple[str, TableStudy]]:
-        """Return the named papers and tables; WarehouseError for a wrong name."""
-        every = {name: file for file in PAPERS for name in studies_of(file)}
-        for what, names, known in (("paper", self.papers, PAPERS), ("table", self.tables, every)):
-            for name in names:
-                if name not in known:
-                    raise unknown_name(what, name, known)
-        all_of_them = not self.papers and not self.tables
-        return [
-            (file, studies_of(file)[name])
-            for name, file in every.items()
-            if all_of_them or file in self.papers or name in self.tables
-        ]
+        """Return the tables of the named papers; WarehouseError for a wrong name."""
+        for name in self.papers:
+            if name not in PAPERS:
+                raise unknown_name("paper", name, PAPERS)
+        return [(file, study) for file in dict.fromkeys(self.papers or PAPERS) for study in studies_of(file).values()]
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from tests.train.advice.floors import RACKS, floor_of
 from train.advice import changes
 from train.advice.advice_page import FOLDER, advice_page, recommended, write_floor
 from train.advice.answer import answer
-from train.advice.candidates import EAST, WEST, Candidate, aisles, alternating, choose, cut_off, one_ways
+from train.advice.candidates import EAST, WEST, Candidate, aisles, choose, cut_off, one_ways
 from train.advice.capacity import Capacity, RobotsNeeded
 from train.advice.changes import Effect
 from train.advice.course import Advice
@@ -80,12 +80,6 @@ def test_a_one_way_that_cuts_endpoints_off_is_none() -> None:
     assert one_ways(dead_end, (1, 2), np.zeros((3, 6, 8))) == []
 
 
-def test_aisles_in_turn() -> None:
-    (both,) = alternating(RACKS)
-    assert both.text == "all 3 lines of west-east aisles one way in turn"
-    assert [row[2] for row in both.grid.one_way.tolist()] == [EAST, 0, 0, WEST, 0, 0, EAST]
-
-
 def test_changes_are_chosen_by_what_trips_should_cost() -> None:
     trips = [((0, 2), (6, 2)), ((6, 3), (0, 3))]
     # Straight down is 6 cells of driving where a new aisle is; around the racks it is longer.
@@ -116,7 +110,7 @@ CAPACITY = Capacity(
 def advice(asked: RobotsNeeded | None = None, **changes: Any) -> Advice:
     """Sixteen robots make the most, 32 jam; an aisle gains, a rule may not."""
     base = interval(1000.0, 100.0)
-    (gap, *_), (rule,) = aisles(RACKS, (3, 2)), alternating(RACKS)
+    (gap, *_), (rule,) = aisles(RACKS, (3, 2)), one_ways(RACKS, (3, 3), np.zeros((7, 6, 8)))
     effects = [Effect(gap, 4, base, interval(50.0, 10.0)), Effect(rule, 1, base, interval(5.0, 35.0))]
     plan = AdvicePlan(RACKS, ("greedy", "shielded"), "astar_turns", 300.0, 0, None, 64)
     floor = FloorNotes(np.ones((7, 6)), np.empty((0, 2)), 1.0)
@@ -235,7 +229,8 @@ def test_what_is_doubtful_is_said_with_what_settles_it(tmp_path: Path) -> None:
 def changed(grid: GridMap, *gains: float) -> Any:
     """Return an advice on a floor of which its one-way rules, if there are any, and another change bring so much."""
     nothing = np.zeros(grid.shape, dtype=np.bool_)
-    found = [*alternating(grid)[:1], Candidate("aisle", "nothing", grid, nothing)]
+    streets = one_ways(grid, (3, 3), np.zeros((*grid.shape, 8)))
+    found = [*streets[:1], Candidate("aisle", "nothing", grid, nothing)]
     effects = [
         Effect(candidate, 1, interval(1.0), interval(gain, 5.0)) for candidate, gain in zip(found, gains, strict=False)
     ]

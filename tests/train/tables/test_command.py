@@ -10,10 +10,12 @@ import pytest
 
 from train.cli import main
 from train.evaluation.jobs import Result, Tick
-from train.reporting.rows import Row, read_rows
-from train.tables import catalogue, floors, planners
+from train.reporting.rows import Row, read_rows, write_rows
+from train.tables import catalogue, floors, planners, published, runner
 from train.tables.floors import DRAWN, LARGE, FloorsTable, floors_table
+from train.tables.measures import MEASURES
 from train.tables.planners import movingai_warehouse
+from train.tables.published import publish
 from train.tables.runner import PlanBlock
 from warehouse_env.maps.movingai import read_map
 from warehouse_env.planning import PLANNERS
@@ -99,12 +101,63 @@ def test_rows_of_other_code_maps_parameters_or_seeds_are_not_reused(tmp_path: Pa
     assert len(counted) == 3 + 6
 
 
-def test_tables_that_are_not_asked_for_keep_their_rows(tmp_path: Path, toy: Path) -> None:
-    text = toy.read_text()
-    other = text[text.index("[[studies]]") :].replace('"toy"\ntitle = "A', '"toy_2"\ntitle = "Another')
-    toy.write_text(text + other)
+def test_check_tells_each_line_from_the_published_one(
+    toy: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lines = tmp_path / "published.jsonl"
+    monkeypatch.setattr(published, "PUBLISHED", lines)
+    monkeypatch.setattr(published, "FOLDER", toy.parent)
+    assert tables(tmp_path) == 0
+    publish([tmp_path / "rows.jsonl"])
+    known = read_rows(lines)
+    assert [(one["setting"], one["system"], one["maps"], one["runs"]) for one in known] == [
+        ("open", "ants", 1, 3), ("open", "dijkstra", 1, 3), ("shelves", "ants", 2, 3), ("shelves", "dijkstra", 2, 3),
+    ]  # fmt: skip
+    capsys.readouterr()
+
+    def told(changed: dict[str, Any], *options: str) -> tuple[int, list[str]]:
+        write_rows(lines, [{**known[0], "figures": {**known[0]["figures"], **changed}}, *known[1:]])
+        code = tables(tmp_path, "--check", *options)
+        shown = capsys.readouterr().out
+        return code, [line for line in shown.splitlines() if "│ toy" in line]
+
+    code, shown = told({}, "--resume")
+    assert (code, len(shown)) == (0, 4)
+    assert all("same" in line for line in shown)
+    length = known[0]["figures"]["mean"][0]
+    code, shown = told({"mean": [length + 0.1, length, length + 0.2]}, "--resume")
+    assert code == 0
+    assert "mean length 5.657 against 5.757 [5.657, 5.857]: within" in shown[0]
+    code, shown = told({"mean": [length + 0.3, length + 0.2, length + 0.4]}, "--resume")
+    assert code == 1
+    assert "outside" in shown[0]
+    code, shown = told({"best": [1.0, None, None]}, "--resume")
+    assert code == 0
+    assert "best length 5.657 against 1: no interval" in shown[0]
+    code, shown = told({"turns": [None, None, None]}, "--runs", "2", "--overwrite")
+    assert code == 1
+    assert "against -: outside" in shown[0]
+
+
+def test_published_lines_are_those_of_todays_tables() -> None:
+    known = {(line["study"], line["setting"], line["system"]): line for line in read_rows(published.PUBLISHED)}
+    wanted: dict[tuple[str, ...], tuple[set[str], int]] = {}
+    for file in catalogue.PAPERS:
+        for study in catalogue.studies_of(file).values():
+            names = {name for name in study.measures if not MEASURES[name].clock}
+            for setting in catalogue.settings_of(file, study.name):
+                wanted |= {(study.name, setting, one.label): (names, study.runs) for one in study.systems}
+    assert {place: (set(line["figures"]), line["runs"]) for place, line in known.items()} == wanted
+
+
+def test_papers_that_are_not_asked_for_keep_their_rows(
+    tmp_path: Path, toy: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    other = toy.read_text().replace('"toy"\ntitle = "A', '"toy_2"\ntitle = "Another')
+    toy.with_stem("toy_2").write_text(other)
+    monkeypatch.setattr(runner, "PAPERS", ("toy", "toy_2"))
     for name in ("toy", "toy_2"):
-        assert tables(tmp_path, "--tables", name, "--runs", "1", "--resume") == 0
+        assert tables(tmp_path, "--papers", name, "--runs", "1", "--resume") == 0
     page = (tmp_path / "README.md").read_text()
     assert "Another toy" in page
     assert "A toy table" not in page

@@ -27,7 +27,7 @@ from train.tables.papers.avoidance import (
 )
 from train.tables.papers.coordinator import Coordinator, Path, duration, meet, nearest, path_of
 from train.tables.papers.settings import drawn_map
-from train.tables.papers.six_agvs import by_bodies, printed_task
+from train.tables.papers.six_agvs import printed_task
 from train.tables.study import TableTask
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.planning import make_planner, validate
@@ -128,17 +128,7 @@ def test_the_printed_experiment() -> None:
     assert left == pytest.approx([12.4142, 3.4142, 11.8284, 17.8284], abs=5e-5)
 
 
-def test_bodies_drive_given_tasks_together_and_each_alone() -> None:
-    task = TableTask(open_floor(5, 8), (1, 1), (1, 6), (((3, 6), (3, 1)),))
-    for alone in (False, True):
-        driven = by_bodies(task, make_planner("astar_turns"), np.random.default_rng(0), alone=alone)
-        assert driven["success"]
-        assert driven["contacts"] == 0
-        assert 8.0 < driven["length"] < 13.0
-        assert 3.0 < driven["last"] < 20.0
-
-
-def test_tasks_are_drawn_with_room_for_bodies() -> None:
+def test_drawn_tasks_begin_two_cells_apart() -> None:
     for name, setting in settings_of("001", "001_six_agvs").items():
         for task in setting.tasks if name != "as printed" else ():
             starts = np.array([start for start, _ in task.ends])

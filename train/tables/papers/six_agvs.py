@@ -1,30 +1,19 @@
-"""Section 3.3 of paper 001: six AGVs, what its rules for conflicts cost, and the same tasks driven by real bodies."""
+"""Section 3.3 of paper 001: six AGVs, and what its rules for conflicts cost."""
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
 
 import numpy as np
 
-from train.evaluation.rollout import make_experiment, play_out
 from train.reporting.rows import Row
 from train.tables.papers.coordinator import Coordinator, duration, meet, path_of
 from train.tables.study import TableSetting, TableTask, driven_row
-from warehouse_env.config import EnvConfig
-from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.maps.layouts import make_layout
 from warehouse_env.planning import Planner
-from warehouse_env.simulation.physics.floor import floor_of
-from warehouse_env.simulation.simulator import Simulator
-from warehouse_env.simulation.state import ROBOT, parameters_of
-from warehouse_env.simulation.tasks.assignment import Assignment
-from warehouse_env.simulation.tasks.placement import place
 
 ROBOTS, DRAWS = 6, 24
-SECONDS = 300.0  # after which bodies that have not arrived are given up
-
 SIDE = 22  # columns, since cells 279, 301 and 323 of the paper are one below the other
 _AISLES = (0, 1, 4, 7, 10, 13, 16, 19)  # rows
 _CROSS_AISLES = (4, 5, 9, 10, 11, 16, 17)  # columns
@@ -42,7 +31,7 @@ def printed_task() -> TableTask:
 
 
 def _drawn(name: str, grid: GridMap, robots: int = ROBOTS) -> TableSetting:
-    """Return draws of tasks between distinct endpoints; starts are two cells apart, so that bodies fit."""
+    """Return draws of tasks between distinct endpoints; starts are two cells apart."""
     tasks = []
     for draw in range(DRAWS):
         order = np.random.default_rng([robots, draw]).permutation(len(grid.endpoints[2]))
@@ -72,30 +61,3 @@ def on_grid(task: TableTask, planner: Planner, rng: np.random.Generator, **rules
     times = [duration(path) for path in paths]
     contacts = sum(meet(*pair) for pair in itertools.combinations(paths, 2)) if all(paths) else 0
     return driven_row(task.grid, task.ends, arrived, sum(times), max(times)) | {"contacts": contacts}
-
-
-def by_bodies(task: TableTask, planner: Planner, _rng: np.random.Generator, *, alone: bool = False) -> Row:
-    """Drive the tasks in the simulator with the policy `rules`, in one world or each robot in a world of its own."""
-    worlds = [(one,) for one in task.ends] if alone else [task.ends]
-    env = EnvConfig(num_agents=len(worlds[0]), tasks="one_shot")
-    experiment = make_experiment("rules", env, len(worlds), SECONDS, 0)
-    simulator = Simulator(experiment.config, len(worlds), grid=task.grid, planner=planner)
-    simulator.reset_to([_assignment(ends, simulator) for ends in worlds], experiment.seeds)
-    played, _ = play_out(experiment, simulator)
-    arrived, last = all(one["success_rate"] == 1.0 for one in played), max(one["makespan_s"] for one in played)
-    driven = sum(one["path_length_m"] * one["goals"] for one in played if one["goals"])
-    contacts = sum(one["collisions_robot"] + one["collisions_shelf"] for one in played)
-    return driven_row(task.grid, task.ends, arrived, driven, last) | {"contacts": contacts}
-
-
-def _assignment(ends: Sequence[tuple[Cell, Cell]], simulator: Simulator) -> Assignment:
-    """Return robots at their starts; each faces along its route as nearly as it fits there."""
-    grid = simulator.grid
-    robots, limits = np.zeros(len(ends), ROBOT), (parameters_of(simulator.config, grid.cell_size), None)
-    for robot, (start, goal) in enumerate(ends):
-        line = simulator.route_book.route(start, goal).line
-        direction = line[min(2, len(line) - 1)] - line[0]
-        if not place(robots, robot, grid.centre(start), direction, limits, floor_of(grid)):
-            raise ConfigError(f"robot {robot} touches something at {start}; choose another start")
-    pose = np.stack([robots["motion"][name].astype(np.float64) for name in ("x", "y", "heading")], axis=1)
-    return Assignment(pose, np.array([goal for _, goal in ends]))
