@@ -6,11 +6,12 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from train.cli import main
 from train.evaluation.jobs import Result, Tick
-from train.reporting.rows import Row, read_rows, write_rows
+from train.reporting.rows import Interval, Row, read_rows, write_rows
 from train.tables import catalogue, floors, planners, published, runner
 from train.tables.floors import DRAWN, LARGE, FloorsTable, floors_table
 from train.tables.measures import MEASURES
@@ -127,8 +128,8 @@ def test_check_tells_each_line_from_the_published_one(
     length = known[0]["figures"]["mean"][0]
     code, shown = told({"mean": [length + 0.1, length, length + 0.2]}, "--resume")
     assert code == 0
-    assert "mean length 5.657 against 5.757 [5.657, 5.857]: within" in shown[0]
-    code, shown = told({"mean": [length + 0.3, length + 0.2, length + 0.4]}, "--resume")
+    assert "mean length 5.657 against 5.757 [5.657, 5.857]: no interval" in shown[0]  # three equal runs
+    code, shown = told({"mean": [length + 0.3] * 3}, "--resume")
     assert code == 1
     assert "outside" in shown[0]
     code, shown = told({"best": [1.0, None, None]}, "--resume")
@@ -137,6 +138,12 @@ def test_check_tells_each_line_from_the_published_one(
     code, shown = told({"turns": [None, None, None]}, "--runs", "2", "--overwrite")
     assert code == 1
     assert "against -: outside" in shown[0]
+
+
+@pytest.mark.parametrize(("mean", "word"), [(10.3, "within"), (10.5, "outside"), (9.5, "outside"), (np.nan, "outside")])
+def test_a_figure_is_within_twice_the_interval_of_the_difference(mean: float, word: str) -> None:
+    """Half widths of 0.12 and 0.16 make 0.2 together."""
+    assert published._word(Interval(mean, mean - 0.12, mean + 0.12, 5), Interval(10.0, 9.84, 10.16, 9)) == word
 
 
 def test_published_lines_are_those_of_todays_tables() -> None:
