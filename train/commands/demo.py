@@ -22,7 +22,7 @@ _SIDE = 560  # [px], longest side of one of the two floors in the video
 class Demo(Checked):
     """Compare the shipped policies with three rules on one floor: path following, stopping for others, right of way."""
 
-    policy: tuple[str, ...] = ("follow", "brake", "greedy", "reinforce", "ppo", "shielded")
+    policy: tuple[str, ...] = ("follow", "brake", "greedy", "reinforce", "ppo", "careful", "shielded")
     """Policies to compare, named as for `warehouse evaluate`; the video shows the first one and the best of the others
     (most goals)."""
     layout: str = "paper46"
