@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from warehouse_env import vec_env
+from warehouse_env import parallel_env, vec_env
 from warehouse_env.errors import ConfigError, WarehouseError
 from warehouse_env.render.colours import robot_colour
 from warehouse_env.render.video import VideoWriter
@@ -111,7 +111,27 @@ def test_all_worlds_are_shown_in_one_window(monkeypatch: pytest.MonkeyPatch) -> 
         shown = env.render()
         sizes[mode] = pygame.display.get_surface().get_size() if shown is None else shown.shape[1::-1]
     assert sizes["human"] == sizes["rgb_array"]
-    pygame.display.quit()
+    env.close()
+    assert pygame.display.get_surface() is None
+
+
+@pytest.mark.parametrize("shut", [(pygame.QUIT, {}), (pygame.KEYDOWN, {"key": pygame.K_q})])
+def test_a_window_that_the_user_shuts_stays_shut_until_its_environment_is_closed(
+    shut: tuple[int, dict[str, int]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    env = parallel_env(layout="open", num_agents=2, planner="astar", render_mode="human")
+    env.reset(seed=1)
+    assert pygame.display.get_surface() is not None
+    pygame.event.post(pygame.event.Event(*shut))
+    for _ in range(2):
+        env.render()
+        assert pygame.display.get_surface() is None
+    env.close()
+    env.render()
+    assert pygame.display.get_surface() is not None
+    env.close()
+    assert pygame.display.get_surface() is None
 
 
 def test_no_display_gives_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:

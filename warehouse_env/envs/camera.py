@@ -41,6 +41,14 @@ def picture(simulator: Simulator, world: int = 0) -> NDArray[np.uint8]:
     return draw(scene_of(simulator, world))
 
 
+def close_window(mode: str | None) -> None:
+    """Close the window that the render mode "human" shows pictures in."""
+    if mode == "human":
+        from warehouse_env.render.window import close
+
+        close()
+
+
 class FilmedWorld(Portable):
     """Base of the environments of one world: its simulator, and how it is shown."""
 
@@ -60,3 +68,7 @@ class FilmedWorld(Portable):
 
         show(frame, self.metadata["render_fps"])
         return None
+
+    def close(self) -> None:
+        """Close the window, if pictures are shown in one."""
+        close_window(self.render_mode)

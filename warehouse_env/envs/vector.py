@@ -14,7 +14,7 @@ from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices, tile_images
 
 from warehouse_env.config import EnvConfig
-from warehouse_env.envs.camera import checked_mode, picture, render_fps
+from warehouse_env.envs.camera import checked_mode, close_window, picture, render_fps
 from warehouse_env.envs.infos import EPISODE_METRICS, final_metrics, finished_task, known
 from warehouse_env.envs.options import WorldOptions, assignments_of, begin, build, share_routes
 from warehouse_env.envs.rows import write_rows
@@ -264,7 +264,8 @@ class WarehouseVecEnv(VecEnv):
         return None
 
     def close(self) -> None:
-        """Do nothing: there is nothing to close."""
+        """Close the window, if pictures are shown in one."""
+        close_window(self._mode)
 
 
 def _takes_world(method: Callable[..., Any], *arguments: Any, **options: Any) -> bool:
