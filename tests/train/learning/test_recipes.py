@@ -7,11 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from agents import POLICIES, make_policy, policy_config, weights_folder
+from agents import POLICIES, make_policy, policy_config, policy_tensors, weights_folder
 from agents.weights_folder import read_record
 from train.cli import COMMANDS, main
 from train.commands.training import Train
+from train.learning.config import ThreadedConfig
 from train.learning.recipes import RECIPES, by_recipe
+from train.learning.trainer import first_net
 from warehouse_env.config import EnvConfig
 from warehouse_env.old_names import POLICIES as OLD
 
@@ -49,6 +51,17 @@ def test_caution_is_for_driving_not_for_training() -> None:
     careful = by_recipe("careful")
     trained = careful.env("open", 2)
     assert (trained.sensor.caution, careful.driven(trained).sensor.caution) == (1.0, 5 / 3)
+
+
+@pytest.mark.parametrize("name", [name for name, (kind, _) in RECIPES.items() if issubclass(kind, ThreadedConfig)])
+def test_a_recipe_can_begin(name: str) -> None:
+    """What it begins with fits, though it may have been driven with other caution."""
+    config = by_recipe(name, **{"device": "cpu"} if name == "gpu" else {})  # refused for what a device has not
+    env = config.env("open", config.robots[0])
+    net = first_net(config, env)
+    if config.start is not None:
+        first = policy_tensors(config.start, policy_config(config.start, env))["actor.0.weight"]
+        assert np.array_equal(net.state_dict()["actor.0.weight"].numpy(), first)
 
 
 @pytest.mark.parametrize("name", [name for name in RECIPES if name.startswith("fixed_routes")])
