@@ -134,6 +134,10 @@ class RewardWeights(CheckedPart):
         self._between(-1e12, 1e12, *(f.name for f in dataclasses.fields(self)))
 
 
+# searches for thousands of worlds on a GPU, which all wait for the longest
+QUICK_SEARCHES: dict[str, Any] = {"search_nodes": 300, "search_period": 5}
+
+
 @dataclass(frozen=True)
 class EnvConfig(Checked):
     """One warehouse with its robots: all that defines an episode, except the seed."""
@@ -156,6 +160,9 @@ class EnvConfig(Checked):
     pose_radius: float = 0.05  # [m], front axle to the goal's point, of "pose"
     pose_angle: float = math.radians(5.0)  # [rad], heading to the goal's, of "pose"
     near_miss_gap: float = 0.1  # [m]
+    # searches of manoeuvres: poses that each try may look at, and env steps from one round of searches to the next
+    search_nodes: int = 6000
+    search_period: int = 1
     stuck_after: float = 60.0  # [s] without a metre of progress on the route
     terminate_on_collision: bool = False  # end a robot's episode at its first contact
     speed_levels: tuple[float, ...] = (-0.4, 0.0, 0.5, 1.5)  # [m/s], of discrete actions
@@ -179,7 +186,8 @@ class EnvConfig(Checked):
         super().__post_init__()
         self._between(1, 100_000, "num_agents")
         self._between(1, 2**63 - 1, "max_steps")
-        self._between(1, 1000, "substeps", "action_repeat")
+        self._between(1, 1000, "substeps", "action_repeat", "search_period")
+        self._between(10, 6000, "search_nodes")
         self._between(_LEAST, 10.0, "time_step")
         self._between(_LEAST, _MOST, "arrival_radius", "pose_radius", "near_miss_gap")
         self._between(_LEAST, math.pi, "pose_angle")

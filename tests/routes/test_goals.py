@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -102,6 +104,41 @@ def test_it_holds_the_routes_of_the_cache_while_it_grows(robot: RobotSpec | None
         ends = () if robot is None else book.ends(divmod(goal, 9), robot)
         wanted = book.route(divmod(start, 9), divmod(goal, 9), None, ends).line
         np.testing.assert_array_equal(table.lines.points[first : first + count], wanted)
+    assert table.longest == max(table.lines.counts)
+
+
+def test_many_routes_are_made_in_parts_as_each_alone(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("WAREHOUSE_CACHE_DIR", str(tmp_path))
+    shelf = np.zeros((6, 9), dtype=bool)
+    shelf[2:4, 2:7] = True
+    book = RouteBook(GridMap(shelf, name="block"), make_planner("astar_turns"))
+    book.plan_all()
+    table, told = book.table(None), list[int]()
+
+    def track(keys: Sequence[int]) -> Iterator[int]:
+        for key in keys:
+            told.append(key)
+            yield key
+
+    places = [row * 9 + column for row, column in book.grid.endpoints[2]]
+    keys = np.array([entry(start, goal, 0, 54, table.lines)[0] for start in places for goal in places if start != goal])
+    turned, unplanned = keys[:3] + 2, [entry(start, 53, 0, 54, table.lines)[0] for start in range(9, 11)]
+    wanted = np.unique(np.concatenate([keys, turned, unplanned]))
+    lines = dict[int, bytes]()
+    for many in (len(wanted) + 1, 10):
+        monkeypatch.setattr(route_table, "MANY", many)
+        table._clear()
+        table.fill(keys[:1])  # so that the arrays are replaced
+        table.fill(wanted, track)
+        at = table.lines.begins, table.lines.counts
+        made = {
+            int(table.lines.keys[slot]): table.lines.points[at[0][slot] : at[0][slot] + at[1][slot]].tobytes()
+            for slot in table.slots[: table.count]
+        }
+        assert sorted(made) == wanted.tolist()
+        assert lines in ({}, made)
+        lines = made
+    assert sorted(told) == sorted(wanted[wanted != keys[0]].tolist() * 2)
     assert table.longest == max(table.lines.counts)
 
 

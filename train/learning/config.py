@@ -18,7 +18,7 @@ from agents.weights_folder import Mode
 from train.kinds import Kinds
 from train.learning.floors import check_fixed
 from warehouse_env.checked import Checked
-from warehouse_env.config import ActionType, EnvConfig, RewardWeights, SensorSpec
+from warehouse_env.config import QUICK_SEARCHES, ActionType, EnvConfig, RewardWeights, SensorSpec
 from warehouse_env.traffic_spec import TrafficSpec, read_traffic, written_traffic
 
 HELD_OUT_SEED = 1_000_000
@@ -196,7 +196,8 @@ class TrainingConfig(Checked):
         decides at every physics step, which brought 1 to 6% more goals on trial seeds, or half of the contacts.
         """
         steps, sensor = env.max_steps * env.action_repeat, dataclasses.replace(env.sensor, caution=self.caution)
-        return env.replace(action_repeat=1, max_steps=steps, traffic=self.traffic_spec, sensor=sensor)
+        searches = {name: getattr(EnvConfig, name) for name in QUICK_SEARCHES}
+        return env.replace(action_repeat=1, max_steps=steps, traffic=self.traffic_spec, sensor=sensor, **searches)
 
     @property
     def mode(self) -> Mode:
@@ -252,6 +253,13 @@ class ThreadedConfig(TrainingConfig):
     """Policy to begin with instead of an untrained one: a name or a run's folder."""
     device: str | None = None
     """Keep worlds, rollouts and updates on a device: cuda, cuda:1, or cpu, which needs no GPU (docs/how_to/gpu.md)."""
+
+    def env(self, layout: str, robots: int) -> EnvConfig:
+        """Return the environment of one layout or map file and robot count."""
+        env = super().env(layout, robots)
+        if self.device is None:
+            return env
+        return env.replace(traffic=dataclasses.replace(env.traffic_spec, routes=False), **QUICK_SEARCHES)
 
     def __post_init__(self) -> None:
         super().__post_init__()

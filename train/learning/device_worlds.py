@@ -1,11 +1,15 @@
 """The worlds of a training on a device, where the rows of TrainingWorlds are tensors.
 
-Nothing waits for the device but the simulators themselves.
+Nothing waits for the device but the simulators themselves. They step side by side, each in a thread and a stream of its
+own, since the small kernels of one leave most of a GPU idle.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -21,9 +25,11 @@ from warehouse_env.simulation.device.memory import field_on_device
 from warehouse_env.simulation.device.simulator import DeviceSimulator
 from warehouse_env.simulation.state import OWNER
 
+ROUND = 20  # env steps between those after which worlds end, since a reset takes as long as a step
+
 
 class TrainingDevice(DeviceSimulator):
-    """TrainingSimulator's twin on a device; a jammed world ends one step later.
+    """TrainingSimulator's twin on a device; its worlds end only every ROUND steps, and a jammed one a step later.
 
     Attributes:
         fields: the robots' fields on the device, by record and name.
@@ -48,6 +54,7 @@ class TrainingDevice(DeviceSimulator):
         """Start all worlds, and spread the ends of their first episodes evenly."""
         observation = super().reset(seed)
         spread_ends(self.steps, self.config.max_steps)
+        self.steps -= self.steps % ROUND
         self._tensors["steps"].copy_(torch.from_numpy(self.steps))
         return observation
 
@@ -60,7 +67,7 @@ class TrainingDevice(DeviceSimulator):
         if self._late:
             price_late_braking(self.reward, observation, self.fields, self.config, self._late)
         self.stuck = (self.fields["clocks"]["stalled_time"] > self.config.stuck_after).sum()
-        jammed = self._jammed.numpy()
+        jammed = self._jammed.numpy() & (self.steps % ROUND == 0)
         np.logical_or(self.truncated, jammed, out=self.truncated)
         self.ends = jammed[self.truncated].tolist()
         return observation
@@ -75,8 +82,40 @@ class DeviceWorlds(TrainingWorlds):
 
     replays = False
 
+    def __init__(self, make: Callable[..., Any], mixes: Sequence[tuple[EnvConfig, int]], seed: list[int], device: str):
+        """Make and reset all worlds; device: of all, by torch's name of it (see TrainingWorlds)."""
+        self._device, self._streams = torch.device(device), dict[int, torch.cuda.Stream]()
+        self._pool = ThreadPoolExecutor(len(mixes) if self._device.type == "cuda" else 1)
+        super().__init__(partial(make, device=device), mixes, seed)
+
+    def _simulator(self, number: int) -> Any:
+        with self._stream(number):
+            return super()._simulator(number)
+
+    @contextmanager
+    def _stream(self, number: int) -> Iterator[None]:
+        """Work with a simulator: after what was asked of the device before, and before what is asked of it then."""
+        if self._device.type != "cuda":
+            yield
+            return
+        now = torch.cuda.current_stream(self._device)
+        own = self._streams.setdefault(number, torch.cuda.Stream(self._device))  # type: ignore[no-untyped-call]
+        own.wait_stream(now)
+        with torch.cuda.stream(own):
+            yield
+        now.wait_stream(own)
+
+    def _step_simulators(self, actions: Tensor) -> None:
+        def step(number: int) -> None:
+            simulator, block = self.simulators[number], self._blocks[number]
+            with self._stream(number):
+                simulator.step(actions[block].reshape(simulator.num_worlds, simulator.num_agents, *actions.shape[1:]))
+
+        list(self._pool.map(step, range(len(self.simulators))))
+
     def _restart(self, number: int, worlds: NDArray[np.int64]) -> None:
-        self.simulators[number].reset_worlds(worlds.tolist())
+        with self._stream(number):
+            self.simulators[number].reset_worlds(worlds.tolist())
 
     def history(self) -> dict[str, NDArray[Any]]:
         """Return the state of all worlds, for `replay`."""

@@ -30,7 +30,7 @@ _CAREFUL = _UNSHIELDED | {
 # The same in thousands of worlds on a GPU, which has no live routes and draws no floors.
 _GPU = _CAREFUL | {
     "steps": 1_000_000_000, "layouts": ("paper46", "narrow", "single_lane", *DRAWN[:4]), "rows": 262_144,
-    "minibatch": 131_072, "learning_rate": 1e-3, "traffic": "none",
+    "minibatch": 131_072, "learning_rate": 1e-3,
 }  # fmt: skip
 
 RECIPES: dict[str, tuple[type[TrainingConfig], dict[str, Any]]] = {

@@ -173,8 +173,7 @@ def _worlds(config: ThreadedConfig) -> Iterator[TrainingWorlds]:
         from train.learning.device_worlds import DeviceWorlds, TrainingDevice
 
         mixes = config.worlds(config.rows)
-        there = partial(TrainingDevice, device=config.device, **shaping)
-        yield DeviceWorlds(there, mixes, [config.seed, 0])
+        yield DeviceWorlds(partial(TrainingDevice, **shaping), mixes, [config.seed, 0], config.device)
         return
     here = partial(TrainingSimulator, **shaping)
     for number, mixes in enumerate(shares(config)):

@@ -20,11 +20,12 @@ from numpy.typing import NDArray
 from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.errors import MapError, PlanError
 from warehouse_env.maps.fitting import opened
-from warehouse_env.maps.grid_map import Cell, GridMap
+from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
 from warehouse_env.planning.plan import Plan, Planner
 from warehouse_env.portable import Portable
 from warehouse_env.routes.goals import Pose, face, facing
 from warehouse_env.routes.lanes import drivable_line
+from warehouse_env.routes.lines_of_plans import Plans, drivable_lines
 from warehouse_env.routes.plan_table import read_table, write_table
 from warehouse_env.routes.route_table import BEHIND, Route, RouteTable, behind_of
 from warehouse_env.threads import get_num_threads
@@ -135,6 +136,20 @@ class RouteBook(Portable):
             cells = self.cells(start, goal)  # a dead end: it must back out
         return self.along(cells.astype(np.int32), ends=ends)
 
+    def _make_many(self, keys: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
+        """Make the routes of some keys by the plan table (see RouteTable)."""
+        table = self._table
+        if table is None:
+            return np.zeros(len(keys), np.int64), np.empty((0, 2), np.float32)
+        numbers = np.full(self.grid.shape, -1, np.int64)
+        numbers[tuple(np.array(list(table.number)).T)] = list(table.number.values())
+        plans = Plans(numbers, table.begins, table.moves, MOVES)
+        made: tuple[NDArray[np.int64], NDArray[np.float32]]
+        made = drivable_lines(
+            keys, plans, self._solid, self._one_way, self.grid.cell_size, self._keep_right, self._wider
+        )
+        return made
+
     def ends(self, goal: Cell, robot: RobotSpec) -> tuple[Pose, ...]:
         """Return the poses at which a robot serves an endpoint (goals.face)."""
         if (goal, robot) not in self._faces:
@@ -151,6 +166,7 @@ class RouteBook(Portable):
                         start, goal, behind, () if robot is None else me.ends(goal, robot)
                     ),
                     self.grid.shape,
+                    None if robot is not None else (lambda keys: me._make_many(keys)),
                 )
             return self._tables[robot]
 

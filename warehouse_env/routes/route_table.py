@@ -6,10 +6,10 @@ A route depends on its start, its goal, and the cell behind a robot in a single 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from threading import Lock
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,9 @@ from warehouse_env.maps.grid_map import Cell
 from warehouse_env.routes.goals import Pose
 from warehouse_env.threads import get_num_threads
 
-MOST = 500_000  # routes that `trim` leaves, 300 MB on a floor like paper46
+MOST = 1_000_000  # routes that `trim` leaves, 600 MB on a floor like paper46
+MANY = 1000  # routes from which on threads make them in parts of
+_PART = 200
 _SLOTS, _POINTS = 2**12, 2**16  # of an empty table
 # (row, column) from a robot to the cell behind it: 0: unknown, or of no matter; else by its heading
 BEHIND = ((0, 0), (0, -1), (1, 0), (0, 1), (-1, 0))
@@ -106,6 +108,17 @@ def _enter(lines, key, begin, points, end, either):
 
 
 @kernel
+def _enter_many(lines, keys, counts, points, begin, slots):
+    """Write routes whose way-points `points` follow each other into the table from `begin` on, and their slots."""
+    first, end = 0, np.full(3, np.nan, np.float32)
+    for k in range(len(keys)):
+        line = points[first : first + counts[k]]
+        slots[k] = _enter(lines, keys[k], begin + first, line, end, False)
+        lines.keys[slots[k]] = keys[k]
+        first += counts[k]
+
+
+@kernel
 def _move(slots, old, new):
     """Put the entries in some slots into larger arrays, and write their new slots."""
     for k in range(len(slots)):
@@ -123,9 +136,16 @@ class RouteTable:
     `used`: way-points; `longest`: way-points of the longest route.
     """
 
-    def __init__(self, make: Callable[[Cell, Cell, Cell | None], Route], shape: tuple[int, int]) -> None:
-        """make: makes a route from its start, its goal and the cell behind; shape: of the map."""
-        self._make, self._shape, self._lock = make, shape, Lock()
+    def __init__(
+        self, make: Callable[[Cell, Cell, Cell | None], Route], shape: tuple[int, int],
+        make_many: Callable[[NDArray[np.int64]], tuple[NDArray[np.int64], NDArray[np.float32]]] | None = None,
+    ) -> None:  # fmt: skip
+        """make: makes a route from its start, its goal and the cell behind; shape: of the map.
+
+        make_many: makes the routes of some keys, as the number of way-points of each, 0 where it can make none, and all
+        way-points one after another.
+        """
+        self._make, self._make_many, self._shape, self._lock = make, make_many, shape, Lock()
         self._clear()
 
     def _clear(self) -> None:
@@ -152,12 +172,43 @@ class RouteTable:
             wanted = np.unique(np.abs(keys[keys != 0]))
             unknown = np.empty(len(wanted), np.bool_)
             _note_unknown(wanted, self.lines.keys, unknown)
-            new = wanted[unknown].tolist()
-            if not new:
+            new = wanted[unknown]
+            if not len(new):
                 return
+            told = iter(track(new.tolist()))
             with ThreadPoolExecutor(min(get_num_threads(), len(new))) as pool:
-                for key, route in zip(track(new), pool.map(self._route, new), strict=True):
+                if self._make_many is not None and len(new) >= MANY:
+                    new = self._fill_in_parts(new, self._make_many, pool, told)
+                for key, route in zip(new.tolist(), pool.map(self._route, new.tolist()), strict=True):
+                    next(told)
                     self._put(key, route)
+                next(told, None)  # so that a progress bar ends
+
+    def _fill_in_parts(
+        self, keys: NDArray[np.int64], make: Callable[..., Any], pool: ThreadPoolExecutor, told: Iterator[int]
+    ) -> NDArray[np.int64]:
+        """Make routes in parts; return the keys of those that cannot be made so."""
+        made, parts = [], np.array_split(keys, -(-len(keys) // _PART))
+        for routes in pool.map(make, parts):
+            made.append(routes)
+            for _ in range(np.count_nonzero(routes[0])):
+                next(told)
+        counts, points = (np.concatenate(arrays) for arrays in zip(*made, strict=True))
+        more = int(np.count_nonzero(counts))
+        many, (lines, slots) = slice(self.count, self.count + more), self._larger(more, len(points))
+        _enter_many(lines, keys[counts > 0], counts[counts > 0], points, self.used, slots[many])
+        self.lines, self.slots, self.count, self.used = lines, slots, many.stop, self.used + len(points)
+        self.longest = max(self.longest, int(counts.max()))
+        return np.extract(counts == 0, keys)
+
+    def _larger(self, routes: int, points: int) -> tuple[Lines, NDArray[np.int64]]:
+        """Return copies of the arrays and slots, at least twice as large, with room for further routes and points."""
+        size = max(2 * len(self.lines.keys), 1 << (2 * (self.count + routes)).bit_length())
+        lines = _empty(size, max(2 * len(self.lines.points), self.used + points))
+        slots = np.empty(size // 2, np.int64)
+        slots[: self.count] = self.slots[: self.count]
+        _move(slots[: self.count], self.lines, lines)
+        return lines, slots
 
     def _route(self, key: int) -> Route:
         """Make the route of a key (key_of)."""
@@ -167,11 +218,9 @@ class RouteTable:
         return self._make(start, goal, back)
 
     def _put(self, key: int, route: Route) -> None:
-        count, points = len(route.line), len(self.lines.points)
-        if self.count == len(self.slots) or self.used + count > points:
-            larger = _empty(2 * len(self.lines.keys), max(2 * points, self.used + count))
-            _move(self.slots[: self.count], self.lines, larger)
-            self.lines, self.slots = larger, np.append(self.slots, np.empty_like(self.slots))
+        count = len(route.line)
+        if self.count == len(self.slots) or self.used + count > len(self.lines.points):
+            self.lines, self.slots = self._larger(1, count)
         end = np.full(3, np.nan, np.float32) if route.end is None else np.array(route.end, np.float32)
         self.slots[self.count] = slot = _enter(self.lines, key, self.used, route.line, end, route.either)
         self.lines.keys[slot] = key  # in a call of its own, for other threads look routes up meanwhile

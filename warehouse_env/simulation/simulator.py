@@ -190,7 +190,7 @@ class Simulator(Portable):
         me = weakref.proxy(self)
         self._scratch = ThreadScratch(
             lambda: make_scratch(me.setup, me.num_agents, me._decides),
-            lambda: make_search_scratch(me.num_agents, me.config.people, POSES),
+            lambda: make_search_scratch(me.num_agents, me.config.people, POSES, me.config.search_nodes),
         )
         self._collect()
 
@@ -407,7 +407,8 @@ class Simulator(Portable):
     @property
     def search_setup(self) -> recovery.SearchSetup:
         """What the searches of manoeuvres are given."""
-        return recovery.SearchSetup(*self._limits, turning_metrics(self._every_kind), self._floor)
+        metrics, config = turning_metrics(self._every_kind), self.config
+        return recovery.SearchSetup(*self._limits, metrics, self._floor, config.search_nodes, config.search_period)
 
     def _many(self) -> bool:
         return self.num_worlds > 1 and self.num_worlds * self.num_agents >= PARALLEL_FROM and get_num_threads() > 1

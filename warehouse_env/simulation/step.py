@@ -253,7 +253,7 @@ def _rank(robots, guarded, order):
 
 
 @inline
-def _advance(begin, end, worlds, setup, scratch):
+def advance(begin, end, worlds, setup, scratch):
     """Move worlds on by one env step; return (arrivals, robots that seek a manoeuvre)."""
     p, guarded = setup.planned.shared[0], setup.features.guarded
     arrivals, seeking, count = 0, 0, worlds.robots.shape[1]
@@ -280,36 +280,63 @@ def _predict(worlds, at, row, starts, table, sights, p, floor):
 
 
 @inline
-def _plan(worlds, b, ways, vehicles, floor, sights):
-    """Write what the robots plan, and how far their ways are free, if predictions need it."""
+def _count_passing(worlds, b, ways, p, sights):
+    """Count the robots in passages if predictions need it."""
     if ways is not None:
-        plans.write_plans(worlds, b, vehicles, floor, sights)
-        passages.write_free_ways(worlds, b, vehicles, ways, sights)
+        passages.count_passing(worlds.robots[b], worlds.routes[b], ways, p, sights.coming)
+
+
+@inline
+def _plan(worlds, b, some, ways, vehicles, floor, sights):
+    """Write what some robots plan, and how far their ways are free, if predictions need it."""
+    if ways is not None:
+        plans.write_plans(worlds, b, some, vehicles, floor, sights)
+        passages.write_free_ways(worlds, b, some, vehicles, ways, sights)
+
+
+@inline
+def survey_world(worlds, b, setup, scratch):
+    """Write what all robots of world b need to plan and observe: who is where."""
+    (params, kinds), (order, begins, bodies) = setup.bodies, scratch.places
+    buckets.sort(worlds.robots[b], params[0], kinds, begins, order, bodies)
+    _count_passing(worlds, b, setup.equipment.passages, params[0], scratch.sights)
+
+
+@inline
+def plan_robots(worlds, b, some, setup, scratch):
+    """Write what the robots of world b from some[0] to before some[1] plan."""
+    vehicles = setup.bodies.shared, setup.bodies.kinds
+    _plan(worlds, b, some, setup.equipment.passages, vehicles, setup.floor, scratch.sights)
+
+
+@inline
+def observe_robot(worlds, b, n, setup, scratch):
+    """Write the observation, reward terms and reward of the n-th robot of world b in the order of the buckets."""
+    (params, kinds), equipment, (order, _, bodies) = setup.bodies, setup.equipment, scratch.places
+    p, rays, starts, i = params[0], equipment.rays, equipment.starts, order[n]
+    near, row = starts.neighbours, worlds.observation[b, i]
+    r, own = worlds.robots[b, i], kind_of(i, p, kinds)
+    pose = bodies[buckets.CENTRE_X, n], bodies[buckets.CENTRE_Y, n], r["motion"]["cos"], r["motion"]["sin"]
+    sensing.scan_shelves(pose, own, setup.floor.edges, rays, scratch.sights.turned, row)
+    sensing.look_around(n, scratch.places, own, kinds, rays, row, near)
+    people.scan_people(worlds.persons[b], pose, setup.features.walking, rays, row)
+    sensing.write_neighbours(n, bodies, own, row, near, order, scratch.sights.who)
+    for k in range(p["rays"]):
+        row[k] = ONE / (ONE + row[k])
+    sensing.write_ego_and_route(r, worlds.routes[b, i], own, row, starts.ego, starts.route)
+    _predict(worlds, (b, i), row, starts, equipment.table, scratch.sights, own, setup.floor)
+    shield.observe(r, own, row, starts.field)
+    arrival.observe(r, own, row, starts.goal)
+    worlds.reward[b, i] = write_terms(r, own, equipment.weights, worlds.terms[b, i])
 
 
 @inline
 def _observe_world(worlds, b, setup, scratch):
     """Write observations, reward terms and rewards of world b."""
-    (params, kinds), equipment, (order, begins, bodies) = setup.bodies, setup.equipment, scratch.places
-    p, robots, rays, starts = params[0], worlds.robots[b], equipment.rays, equipment.starts
-    near = starts.neighbours
-    buckets.sort(robots, p, kinds, begins, order, bodies)
-    _plan(worlds, b, equipment.passages, (params, kinds), setup.floor, scratch.sights)
-    for n in range(robots.shape[0]):
-        i = order[n]
-        r, own, row = robots[i], kind_of(i, p, kinds), worlds.observation[b, i]
-        pose = bodies[buckets.CENTRE_X, n], bodies[buckets.CENTRE_Y, n], r["motion"]["cos"], r["motion"]["sin"]
-        sensing.scan_shelves(pose, own, setup.floor.edges, rays, scratch.sights.turned, row)
-        sensing.look_around(n, scratch.places, own, kinds, rays, row, near)
-        people.scan_people(worlds.persons[b], pose, setup.features.walking, rays, row)
-        sensing.write_neighbours(n, bodies, own, row, near, order, scratch.sights.who)
-        for k in range(p["rays"]):
-            row[k] = ONE / (ONE + row[k])
-        sensing.write_ego_and_route(r, worlds.routes[b, i], own, row, starts.ego, starts.route)
-        _predict(worlds, (b, i), row, starts, equipment.table, scratch.sights, own, setup.floor)
-        shield.observe(r, own, row, starts.field)
-        arrival.observe(r, own, row, starts.goal)
-        worlds.reward[b, i] = write_terms(r, own, equipment.weights, worlds.terms[b, i])
+    survey_world(worlds, b, setup, scratch)
+    plan_robots(worlds, b, (0, worlds.robots.shape[1]), setup, scratch)
+    for n in range(worlds.robots.shape[1]):
+        observe_robot(worlds, b, n, setup, scratch)
 
 
 @kernel
@@ -322,7 +349,7 @@ def run(begin, end, what, worlds, setup, scratch):
     """
     arrivals, seeking = 0, 0
     if what & ADVANCE:
-        arrivals, seeking = _advance(begin, end, worlds, setup, scratch)
+        arrivals, seeking = advance(begin, end, worlds, setup, scratch)
     if what & (OBSERVE | OBSERVE_WAITING) and seeking == 0:
         for b in range(begin, end):
             if (worlds.waiting[b] != 0) == (what == OBSERVE_WAITING):

@@ -339,3 +339,17 @@ def test_nobody_searches_for_who_is_parked_or_gets_another_route(field: str) -> 
         recovery.seek(0, 1, simulator.worlds, simulator.search_setup, scratch, None)
         assert bool(simulator.robots["manoeuvre"]["arcs"][0, 0] > 0) == found
         assert simulator.robots["manoeuvre"]["seeks"][0, 0] == 0
+
+
+def test_searches_come_in_rounds_and_end_after_the_nodes_that_a_config_allows() -> None:
+    """Where it must turn round; on a GPU all worlds wait for the longest search."""
+    grid = drawn(["#" * 24, "." * 24, "." * 24, "#" * 24])
+    for nodes, found in ((6000, True), (10, False)):
+        simulator = on_route(grid, (12.0, 2.0, math.pi), (12.0, 2.0), (22.0, 2.0))
+        setup = simulator.search_setup._replace(nodes=nodes, period=5)
+        for steps in (4, 5):
+            simulator.robots["manoeuvre"]["seeks"] = ALONE
+            simulator.worlds.steps[0] = steps
+            recovery.seek(0, 1, simulator.worlds, setup, simulator._scratch.search, None)
+            manoeuvre = simulator.robots["manoeuvre"][0, 0]
+            assert (manoeuvre["seeks"] == 0, manoeuvre["arcs"] > 0) == (steps == 5, steps == 5 and found)

@@ -16,7 +16,7 @@ from agents.weights_folder import read_record
 from tests.train.trainings import SMALL
 from train.held_out import held_out
 from train.learning.config import ReinforceConfig, ThreadedConfig, ThreadedPPOConfig
-from train.learning.device_worlds import DeviceWorlds, TrainingDevice
+from train.learning.device_worlds import ROUND, DeviceWorlds, TrainingDevice
 from train.learning.tally import figures_of
 from train.learning.threaded import ThreadedTrainer, shares
 from train.learning.worlds import TrainingSimulator, TrainingWorlds
@@ -72,10 +72,10 @@ def test_whole_mixes_are_dealt_out_where_they_go_round() -> None:
 
 
 def test_a_device_trains_in_the_worlds_of_the_cpu() -> None:
-    """The same observations, rewards and counts until a world ends; a jam ends it one step later."""
+    """The same observations, rewards and counts until a world ends; a jam ends it at the end of its round."""
     env = ReinforceConfig(planner="astar_turns", traffic="none:shield=true", episode_seconds=60.0).env("narrow", 8)
     here = TrainingWorlds(partial(TrainingSimulator, jam_seconds=8.0, shared=0.3), [(env, 3)], [5])
-    there = DeviceWorlds(partial(TrainingDevice, jam_seconds=8.0, shared=0.3, device="cpu"), [(env, 3)], [5])
+    there = DeviceWorlds(partial(TrainingDevice, jam_seconds=8.0, shared=0.3), [(env, 3)], [5], "cpu")
     actions = torch.full((24,), int(here.simulators[0].cruise_action))
     mine: object = None
     actions[8:] = 5  # two worlds stand
@@ -89,10 +89,15 @@ def test_a_device_trains_in_the_worlds_of_the_cpu() -> None:
     assert here.simulators[0].ends == [True, True]
     counted, its = (figures_of([worlds.tally], 0.2) for worlds in (here, there))
     assert its == pytest.approx(counted | {"worlds_ended": 0.0, "worlds_jammed": 0.0}, rel=1e-5)
-    [(rows, final)] = there.step(actions)
+    ended: list[tuple[torch.Tensor, torch.Tensor]] = []
+    while not ended:
+        ended = there.step(actions)
+    [(rows, final)] = ended
     assert there.simulators[0].ends == [True, True]
     assert rows.tolist() == list(range(8, 24))
-    assert there.simulators[0].steps.tolist() == [here.simulators[0].steps[0] + 1, 0, 0]
+    first, *others = there.simulators[0].steps.tolist()
+    assert first == -(-(here.simulators[0].steps[0] + 1) // ROUND) * ROUND
+    assert others == [0, 0]
     assert not torch.equal(there.observation[rows], final)
 
 

@@ -1,4 +1,4 @@
-"""The device's kernels: each runs functions of the CPU's step for the worlds of one thread.
+"""The device's kernels: each runs functions of the CPU's step for the worlds or robots of one thread.
 
 A driver takes (thread, threads, batch). On the CPU it is called for each thread in turn, on a GPU by every
 thread of a kernel (memory.py). No function of the step is written twice.
@@ -22,15 +22,17 @@ from warehouse_env.simulation.traffic import deadlock_recovery, decision, recove
 from warehouse_env.simulation.traffic.recovery import SearchSetup
 from warehouse_env.simulation.worlds import Scratch, Setup, Vehicles, Worlds
 
+TOGETHER = 4  # robots whose plans a thread writes
 NOTHING, ALL, WANTED = range(3)  # what a step does; WANTED: only give routes that robots still want
 
 
 class Batch(NamedTuple):
-    """Everything that the drivers read and write. Arrays of scratch have a leading axis: the threads."""
+    """Everything that the drivers read and write. Arrays of scratch have a leading axis: worlds or threads."""
 
     worlds: Worlds
     setup: Setup
-    scratch: Scratch  # [T, ...], a set for each thread of `advance` and `observe`
+    scratch: Scratch  # [B, ...]
+    sights: Sights  # [T, ...], a set for each thread of `plan` and `observe`
     search: SearchSetup
     searches: SearchScratch  # [T', ...], a set for each thread of `search`
     go: Any  # int64[1]: NOTHING if the actions are invalid, ALL, or WANTED
@@ -82,20 +84,26 @@ def part_of(thread, threads, count):
 @register_jitable
 def scratch_of(sets, t):
     """Return set t of scratch."""
+    return seen_by(sets, t, sets.sights, t)
+
+
+@register_jitable
+def seen_by(sets, b, seen, t):
+    """Return the scratch of world b with what a thread t of its own needs to plan and observe robots."""
     places, motions, guards, sights = sets.places, sets.motions, sets.guards, sets.sights
     return Scratch(
-        (places[0][t], places[1][t], places[2][t]),
-        (motions[0][t], motions[1][t], motions[2][t], motions[3][t]),
-        sets.near[t],
-        (guards[0][t], guards[1][t], guards[2][t], guards[3][t]),
-        sets.own[t],
+        (places[0][b], places[1][b], places[2][b]),
+        (motions[0][b], motions[1][b], motions[2][b], motions[3][b]),
+        sets.near[b],
+        (guards[0][b], guards[1][b], guards[2][b], guards[3][b]),
+        sets.own[b],
         Sights(
-            sights.turned[t], sights.plans[t], sights.who[t], sights.gaps[t], sights.sides[t], sights.asked[t],
-            sights.path[t], sights.probe[t], sights.lanes[t], sights.lane_of[t],
-            sights.coming[t], sights.free_ways[t],
+            seen.turned[t], sights.plans[b], seen.who[t], seen.gaps[t], seen.sides[t], seen.asked[t],
+            seen.path[t], seen.probe[t], seen.lanes[t], seen.lane_of[t],
+            sights.coming[b], sights.free_ways[b],
         ),
-        sets.order[t], sets.found[t],
-        (sets.meetings[0][t], sets.meetings[1][t], sets.meetings[2][t], sets.meetings[3][t]),
+        sets.order[b], sets.found[b],
+        (sets.meetings[0][b], sets.meetings[1][b], sets.meetings[2][b], sets.meetings[3][b]),
     )  # fmt: skip
 
 
@@ -147,15 +155,16 @@ def resolve(thread, threads, batch):
 def advance(thread, threads, batch):
     """Move the worlds on by one env step."""
     begin, end = part_of(thread, threads, batch.worlds.steps.shape[0] * batch.go[0])
-    step.run(begin, end, step.ADVANCE, batch.worlds, batch.setup, scratch_of(batch.scratch, thread))
+    step.advance(begin, end, batch.worlds, batch.setup, scratch_of(batch.scratch, thread))
 
 
 @register_jitable
 def search(thread, threads, batch):
     """Search manoeuvres for the robots that seek one."""
-    begin, end = part_of(thread, threads, batch.worlds.steps.shape[0] * batch.go[0])
     scratch, stopping = search_scratch_of(batch.searches, thread), batch.setup.features.stopping
-    recovery.seek(begin, end, batch.worlds, batch.search, scratch, stopping)
+    worlds, robots = batch.worlds.robots.shape
+    for k in range(thread, worlds * robots * batch.go[0], threads):
+        recovery.seek_one(k // robots, k % robots, batch.worlds, batch.search, scratch, stopping)
 
 
 @register_jitable
@@ -183,7 +192,31 @@ def begin_errors(thread, threads, noise):
 
 
 @register_jitable
-def observe(thread, threads, batch):
-    """Write observations and rewards of the worlds that wait for it."""
+def survey(thread, threads, batch):
+    """Write who is where in the worlds that wait to be observed."""
     begin, end = part_of(thread, threads, batch.worlds.steps.shape[0])
-    step.run(begin, end, step.OBSERVE_WAITING, batch.worlds, batch.setup, scratch_of(batch.scratch, thread))
+    for b in range(begin, end):
+        if batch.worlds.waiting[b] != 0:
+            step.survey_world(batch.worlds, b, batch.setup, scratch_of(batch.scratch, b))
+
+
+@register_jitable
+def plan(thread, threads, batch):
+    """Write what the robots of these worlds plan."""
+    worlds, robots = batch.worlds.robots.shape
+    groups = (robots + TOGETHER - 1) // TOGETHER
+    for k in range(thread, worlds * groups, threads):
+        b, begin = k // groups, k % groups * TOGETHER
+        if batch.worlds.waiting[b] != 0:
+            scratch = seen_by(batch.scratch, b, batch.sights, thread)
+            step.plan_robots(batch.worlds, b, (begin, min(begin + TOGETHER, robots)), batch.setup, scratch)
+
+
+@register_jitable
+def observe(thread, threads, batch):
+    """Write observations and rewards of the robots of these worlds."""
+    worlds, robots = batch.worlds.robots.shape
+    for k in range(thread, worlds * robots, threads):
+        if batch.worlds.waiting[k // robots] != 0:
+            scratch = seen_by(batch.scratch, k // robots, batch.sights, thread)
+            step.observe_robot(batch.worlds, k // robots, k % robots, batch.setup, scratch)

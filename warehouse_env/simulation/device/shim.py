@@ -26,7 +26,8 @@ from warehouse_env.errors import ConfigError, shown
 
 Capability = tuple[int, int]  # compute capability: (9, 0) of the H100 and H200
 Driver = Callable[[Any, Any, Any], None]
-_BLOCK = 128  # threads of a block
+_BLOCK = 128  # threads of a block at most;
+_SPREAD = 132 * 4  # blocks before that, so that few threads, too, use all of a GPU
 
 
 @functools.cache
@@ -144,7 +145,8 @@ def launcher(driver: Driver, capability: Capability, threads: int, batch: Any) -
 
     note = f"Compiling the kernel `{driver.__name__}` for this GPU, once: "
     kernel = _loaded(driver.__name__, machine_code(driver, capability, threads, batch, note=note))
-    config = LaunchConfig(grid=-(-threads // _BLOCK), block=_BLOCK)
+    block = min(_BLOCK, max(32, threads // _SPREAD // 32 * 32))
+    config = LaunchConfig(grid=-(-threads // block), block=block)
     parameters = tuple(parameters_of((threads, batch)))
     return lambda stream: launch(Stream.from_handle(stream), config, kernel, *parameters)
 

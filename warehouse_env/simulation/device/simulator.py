@@ -36,7 +36,7 @@ from warehouse_env.simulation.tasks.tasks import Arrival
 from warehouse_env.simulation.traffic.path_ahead import POSES
 from warehouse_env.simulation.worlds import Setup, Worlds, make_scratch
 
-SEARCHES = 4096  # threads that search manoeuvres at once: each has 1 MB of scratch
+SEARCHING, SEEING = 2**12, 2**16  # threads at most that search manoeuvres, and that plan and observe
 
 # What a config may not have on a device, and how an error names it
 _ABSENT: tuple[tuple[str, Callable[[EnvConfig], bool]], ...] = (
@@ -134,16 +134,20 @@ class DeviceSimulator:
         self.reward_weights, self._fresh = host.reward_weights, tensor_of(state.fresh_robot()).to(self.device)
         setup = mapped(host.setup, memory.constant)
         setup = setup._replace(equipment=setup.equipment._replace(weights=weights))
-        self._threads, self._few = memory.threads(count), memory.threads(min(count, SEARCHES))
+        robots = count * self.num_agents
+        self._threads, self._few = memory.threads(count), memory.threads(min(count, SEARCHING))
+        self._searching, self._seeing = memory.threads(min(robots, SEARCHING)), memory.threads(min(robots, SEEING))
         self._decides, self._loses = self.config.traffic_spec.right_of_way, host.messages.loses
         self._errs = setup.features.erring is not None
         scratch = make_scratch(host.setup, self.num_agents, self._decides)
-        searches = make_search_scratch(self.num_agents, poses=POSES if self._decides else 1)
+        nodes = self.config.search_nodes
+        searches = make_search_scratch(self.num_agents, poses=POSES if self._decides else 1, nodes=nodes)
         self._batch = drivers.Batch(
             Worlds(**{name: self._views[name] for name in Worlds._fields}), setup,
-            mapped(scratch, lambda array: memory.scratch(self._threads, array)),
+            mapped(scratch, lambda array: memory.scratch(count, array)),
+            mapped(make_scratch(host.setup, 0, False).sights, lambda array: memory.scratch(self._seeing, array)),
             mapped(host.search_setup, memory.constant),
-            mapped(searches, lambda array: memory.scratch(self._few, array)), self._views["go"],
+            mapped(searches, lambda array: memory.scratch(self._searching, array)), self._views["go"],
         )  # fmt: skip
         self._noise, self._work = self._make_noise(), self._make_work(setup)
         self.observation, self.reward = self._tensors["observation"], self._tensors["reward"]
@@ -212,7 +216,15 @@ class DeviceSimulator:
         tensors["waiting"][rows] = 1
         if self._errs:
             self._memory.launch(drivers.begin_errors, self._threads, self._noise)
-        self._memory.launch(drivers.observe, self._threads, self._batch)
+        self._observe()
+
+    def _observe(self) -> None:
+        """Observe the worlds that wait for it."""
+        self._memory.launch(drivers.survey, self._threads, self._batch)
+        if self.config.sensor.predictions:
+            self._memory.launch(drivers.plan, self._seeing, self._batch)
+        self._memory.launch(drivers.observe, self._seeing, self._batch)
+        self._tensors["waiting"].zero_()
 
     def _place(self, rows: torch.Tensor) -> None:
         """Place the robots of worlds by the kernel, which the host supplies with routes."""
@@ -279,7 +291,7 @@ class DeviceSimulator:
             self._memory.launch(drivers.decide, self._threads, self._batch)
             self._memory.launch(drivers.resolve, self._few, self._batch)
         self._memory.launch(drivers.advance, self._threads, self._batch)
-        self._memory.launch(drivers.search, self._few, self._batch)
+        self._memory.launch(drivers.search, self._searching, self._batch)
         self._memory.launch(drivers.give, self._threads, self._work)
         # here the host waits for the device, once in a step in which it makes no route
         valid, wanted = torch.stack((self._go[0], self._tensors["wanted"].count_nonzero())).tolist()
@@ -293,7 +305,7 @@ class DeviceSimulator:
         self.steps += 1
         self.truncated[:] = self.steps >= self.config.max_steps
         self._tensors["waiting"].fill_(1)
-        self._memory.launch(drivers.observe, self._threads, self._batch)
+        self._observe()
         return self.observation
 
     def put(self, pose: ArrayLike, speed: ArrayLike) -> NDArray[np.bool_]:
@@ -312,7 +324,7 @@ class DeviceSimulator:
                 place_bodies(body, placed_robots)
             tensors["actual"].copy_(tensor_of(bodies))
         tensors["waiting"].fill_(1)
-        self._memory.launch(drivers.observe, self._threads, self._batch)
+        self._observe()
         return free
 
     @property

@@ -1,7 +1,7 @@
 """Scratch arrays of the manoeuvre search: allocated once and lent to one kernel call after another.
 
-A search reads nothing that an earlier one left. A set takes 1.0 MB plus 1 kB per robot of a world; there are as many
-sets as concurrent kernel calls.
+A search reads nothing that an earlier one left. A set for 6000 nodes takes 1.0 MB plus 1 kB per robot of a world; there
+are as many sets as concurrent kernel calls.
 """
 
 from __future__ import annotations
@@ -20,35 +20,34 @@ X, Y, HEADING, COSINE, SINE, COST, MARGIN = range(
 )  # [m], [rad]; [s] so far, or from a goal on; of arcs from there [m]
 MOST = 6000  # nodes of a search
 WAITING = 8  # times as many moves that may wait in its queue
-SLOTS = 1 << 14  # of the table of cells, more than twice MOST
 POINTS = 81  # of the field of how far room is, each way (room_field.py)
 NEAR_GOALS, FAR_GOALS = 11, 23  # at most (traffic/recovery.py, docking.py)
 SHOT = 5  # arcs of a shot at most (shots.py)
 
 
 class Nodes(NamedTuple):
-    """Poses that the search has reached."""
+    """The poses that the search has reached, `nodes` at most."""
 
-    poses: NDArray[np.float32]  # [MOST, NODE]
-    parents: NDArray[np.int32]  # [MOST], -1: the start
-    by: NDArray[np.int8]  # [MOST], the move that leads there from its parent
+    poses: NDArray[np.float32]  # [nodes, NODE]
+    parents: NDArray[np.int32]  # [nodes], -1: the start
+    by: NDArray[np.int8]  # [nodes], the move that leads there from its parent
 
 
 class Cells(NamedTuple):
     """Hash table of visited cells of (x, y, heading)."""
 
-    keys: NDArray[np.int32]  # [SLOTS], 0: free
-    seconds: NDArray[np.float32]  # [SLOTS], least cost of the cell
+    keys: NDArray[np.int32]  # [S], 0: free; S: a power of 2, more than twice the nodes
+    seconds: NDArray[np.float32]  # [S], least cost of the cell
 
 
 class Queue(NamedTuple):
     """Queued moves, and the heap that orders them."""
 
-    keys: NDArray[np.float32]  # [WAITING * MOST] of the heap
-    items: NDArray[np.int32]  # [WAITING * MOST] of the heap: numbers of moves
-    origins: NDArray[np.int32]  # [WAITING * MOST], the node at which a move begins
-    moves: NDArray[np.int8]  # [WAITING * MOST], which of MOVES it is
-    ends: NDArray[np.bool_]  # [WAITING * MOST], whether it ends the search
+    keys: NDArray[np.float32]  # [WAITING * nodes] of the heap
+    items: NDArray[np.int32]  # [WAITING * nodes] of the heap: numbers of moves
+    origins: NDArray[np.int32]  # [WAITING * nodes], the node at which a move begins
+    moves: NDArray[np.int8]  # [WAITING * nodes], which of MOVES it is
+    ends: NDArray[np.bool_]  # [WAITING * nodes], whether it ends the search
 
 
 class SearchScratch(NamedTuple):
@@ -69,12 +68,13 @@ class SearchScratch(NamedTuple):
     poses: NDArray[np.int32]  # [robots], poses of each path (traffic/deadlock_recovery.py)
 
 
-def make_search_scratch(robots: int, people: int = 0, poses: int = 1) -> SearchScratch:
+def make_search_scratch(robots: int, people: int = 0, poses: int = 1, nodes: int = MOST) -> SearchScratch:
     """Return scratch for worlds of so many robots and people; poses: the most that a path has."""
-    many, bodies, floats, ints, bytes_ = WAITING * MOST, robots + people, np.float32, np.int32, np.int8
+    many, slots = WAITING * nodes, 1 << (2 * nodes).bit_length()
+    bodies, floats, ints, bytes_ = robots + people, np.float32, np.int32, np.int8
     return SearchScratch(
-        Nodes(np.empty((MOST, NODE), floats), np.empty(MOST, ints), np.empty(MOST, bytes_)),
-        Cells(np.empty(SLOTS, ints), np.empty(SLOTS, floats)),
+        Nodes(np.empty((nodes, NODE), floats), np.empty(nodes, ints), np.empty(nodes, bytes_)),
+        Cells(np.empty(slots, ints), np.empty(slots, floats)),
         Queue(
             np.empty(many, floats), np.empty(many, ints), np.empty(many, ints), np.empty(many, bytes_),
             np.empty(many, np.bool_),

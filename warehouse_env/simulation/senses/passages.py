@@ -89,7 +89,7 @@ def _passage_at(r, route, ahead, passages, p):
 
 
 @inline
-def _count(robots, routes, passages, p, coming):
+def count_passing(robots, routes, passages, p, coming):
     """Count the robots that drive through each passage, by their direction, or in a blind one in both.
 
     coming: int32[P, 2]. Nobody hears of a silent robot.
@@ -124,11 +124,13 @@ def _free_way(r, route, passages, p, coming):
 
 
 @part
-def write_free_ways(worlds, b, vehicles, passages, sights):
-    """Write how far each robot of world b may drive on its route before aisles in which it would meet another."""
+def write_free_ways(worlds, b, some, vehicles, passages, sights):
+    """Write how far some robots of world b may drive on their routes before aisles in which they would meet another.
+
+    some: (first, after the last); `sights.coming`: see count_passing.
+    """
     (params, kinds), robots, routes = vehicles, worlds.robots[b], worlds.routes[b]
-    _count(robots, routes, passages, params[0], sights.coming)
-    for i in range(robots.shape[0]):
+    for i in range(some[0], some[1]):
         sights.free_ways[i] = FAR
         if robots[i]["on_route"]["points"] >= 2:
             own = kind_of(i, params[0], kinds)

@@ -242,12 +242,12 @@ def _plan(worlds, b, i, lane, p, floor, sights):
 
 
 @part
-def write_plans(worlds, b, vehicles, floor, sights):
-    """Write the plans of the robots of world b."""
-    (params, kinds), begin, robots = vehicles, 0, worlds.robots.shape[1]
-    while begin < robots:
+def write_plans(worlds, b, some, vehicles, floor, sights):
+    """Write the plans of some robots of world b; some: (first, after the last)."""
+    (params, kinds), (begin, last) = vehicles, some
+    while begin < last:
         p, count = kind_of(begin, params[0], kinds), 0
-        end = begin + many_alike(begin, robots, kinds, LANES)
+        end = begin + many_alike(begin, last, kinds, LANES)
         for i in range(begin, end):
             count += _plan(worlds, b, i, count, p, floor, sights)
         _plan_lines(worlds, b, count, p, sights)

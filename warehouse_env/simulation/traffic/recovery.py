@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from warehouse_env.kernel import inline, kernel, part
+from warehouse_env.kernel import inline, kernel, part, whole
 from warehouse_env.simulation.driver import docking
 from warehouse_env.simulation.driver.arrival import docks_from
 from warehouse_env.simulation.driver.bodies import SearchArea, write_body, write_robot
@@ -104,6 +104,8 @@ class SearchSetup(NamedTuple):
     kinds: Any  # PARAMETERS[N], None if all robots are alike (kinds.py)
     metrics: Any  # float32[K, HEADINGS, SIDE, SIDE] [s], the turning metric of each kind (turning.py)
     floor: Any
+    nodes: Any  # of each try at most
+    period: Any  # env steps from one round of searches to the next
 
 
 @inline
@@ -209,7 +211,8 @@ def recover(i, case, world, setup, avoid, scratch, stopping):
         )
         query = Query(
             pose_at(motion["x"], motion["y"], motion["heading"]), motion["steer"],
-            stage.goals, scratch.near[:near], scratch.far[:far], around, stage.tries, stage.nodes, scratch,
+            stage.goals, scratch.near[:near], scratch.far[:far], around,
+            stage.tries, min(whole(stage.nodes), setup.nodes), scratch,
         )  # fmt: skip
         found, margin, searches = NONE, ZERO, True
         if stopping is not None and stage.goals == EXACTLY:
@@ -223,29 +226,34 @@ def recover(i, case, world, setup, avoid, scratch, stopping):
     return result
 
 
+@inline
+def seek_one(b, i, worlds, setup, scratch, stopping):
+    """Search for robot i of world b if its follower seeks a manoeuvre, and the world's round of searches is due."""
+    r, case = worlds.robots[b, i], LINE
+    manoeuvre = r["manoeuvre"]
+    seeks = manoeuvre["seeks"]
+    if seeks == 0 or worlds.steps[b] % setup.period != 0:
+        return
+    manoeuvre["seeks"] = 0
+    if r["task"]["alive"] == 0 or r["events"]["arrived"] != 0:  # an arrived robot gets another route
+        return
+    world = SearchWorld(worlds.robots[b], worlds.routes[b], worlds.persons[b], worlds.arcs[b])
+    if stopping is not None and docks_from(r):
+        manoeuvre["docks"], case = 0, DOCKS
+    if seeks == AROUND_OTHERS:
+        if write_near(i, world, CLOSE, ZERO, setup, scratch.bodies) > 0:
+            case <<= 1
+        else:
+            manoeuvre["search_wait"] = AGAIN
+    found = recover(i, case, world, setup, scratch.avoid[:0], scratch, stopping)
+    if stopping is not None and found == 0 and manoeuvre["docks"] == 0 and r["motion"]["speed"] == ZERO:
+        # a search gets it no nearer to the end of its route
+        manoeuvre["docks"], manoeuvre["search_wait"] = 1, ZERO
+
+
 @kernel
 def seek(begin, end, worlds, setup, scratch, stopping):
     """Search for all robots whose follower seeks a manoeuvre, in the Worlds from `begin` to before `end`."""
     for b in range(begin, end):
-        world = SearchWorld(worlds.robots[b], worlds.routes[b], worlds.persons[b], worlds.arcs[b])
-        for i in range(world.robots.shape[0]):
-            r, case = world.robots[i], LINE
-            manoeuvre = r["manoeuvre"]
-            seeks, manoeuvre["seeks"] = manoeuvre["seeks"], 0
-            if (
-                seeks == 0 or r["task"]["alive"] == 0 or r["events"]["arrived"] != 0
-            ):  # an arrived robot gets another route
-                continue
-            if stopping is not None and docks_from(r):
-                manoeuvre["docks"], case = 0, DOCKS
-            if seeks == AROUND_OTHERS:
-                if write_near(i, world, CLOSE, ZERO, setup, scratch.bodies) > 0:
-                    case <<= 1
-                else:
-                    manoeuvre["search_wait"] = AGAIN
-            found = recover(i, case, world, setup, scratch.avoid[:0], scratch, stopping)
-            if stopping is not None and found == 0 and manoeuvre["docks"] == 0 and r["motion"]["speed"] == ZERO:
-                manoeuvre["docks"], manoeuvre["search_wait"] = (
-                    1,
-                    ZERO,
-                )  # a search gets it no nearer to the end of its route
+        for i in range(worlds.robots.shape[1]):
+            seek_one(b, i, worlds, setup, scratch, stopping)
