@@ -30,7 +30,7 @@ from warehouse_env.simulation.device.simulator import DeviceSimulator
 
 ALL = SETS["errors and losses"] | SETS["predictions"] | {"traffic": RULES}
 NOISE, TASKS = ("rank", "draw", "begin_errors"), ("place", "give")
-DRIVERS = ("decide", "resolve", "advance", "search", "observe", *NOISE, *TASKS)
+DRIVERS = ("decide", "resolve", "advance", "search", "survey", "plan", "observe", *NOISE, *TASKS)
 HAS_NUMBA_CUDA = importlib.util.find_spec("numba_cuda") is not None
 
 
