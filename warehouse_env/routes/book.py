@@ -27,7 +27,7 @@ from warehouse_env.routes.goals import Pose, face, facing
 from warehouse_env.routes.lanes import drivable_line
 from warehouse_env.routes.lines_of_plans import Plans, drivable_lines
 from warehouse_env.routes.plan_table import read_table, write_table
-from warehouse_env.routes.route_table import BEHIND, Route, RouteTable, behind_of
+from warehouse_env.routes.route_table import BEHIND, Route, RouteTable, behind_of, key_of
 from warehouse_env.threads import get_num_threads
 
 MEMORY = 200_000  # routes kept in memory
@@ -135,6 +135,15 @@ class RouteBook(Portable):
                 raise
             cells = self.cells(start, goal)  # a dead end: it must back out
         return self.along(cells.astype(np.int32), ends=ends)
+
+    def make_all(self, track: Callable[[Sequence[int]], Iterable[int]] = iter) -> None:
+        """Make the routes between all endpoints' centres, if there is a plan table; track: see RouteTable.fill."""
+        if self.has_table:
+            (_, columns), cells = self.grid.shape, self.grid.occupied.size
+            places = np.array([row * columns + column for row, column in self.grid.endpoints[2]])
+            starts, goals = np.meshgrid(places, places)
+            keys = key_of(starts, goals, 0, cells)
+            self.table(None).fill(keys[~np.eye(len(places), dtype=np.bool_)], track)
 
     def _make_many(self, keys: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
         """Make the routes of some keys by the plan table (see RouteTable)."""

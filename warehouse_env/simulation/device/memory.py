@@ -37,6 +37,13 @@ def mapped(bundle: Bundle, change: Callable[[NDArray[Any]], Any]) -> Bundle:
     return made
 
 
+def bytes_of(bundle: Any) -> int:
+    """Return the bytes of all arrays in nested tuples."""
+    sizes: list[int] = []
+    mapped(bundle, lambda array: sizes.append(array.nbytes))
+    return sum(sizes)
+
+
 class Memory:
     """Memory of the CPU. Drivers run one after another; everything but the hardware is as on a GPU."""
 

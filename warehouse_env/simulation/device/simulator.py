@@ -19,7 +19,7 @@ from warehouse_env.simulation import state
 from warehouse_env.simulation.device import drivers
 from warehouse_env.simulation.device.actions import TensorDecoder
 from warehouse_env.simulation.device.lines import LinesOnDevice, shown
-from warehouse_env.simulation.device.memory import field_on_device, mapped, memory_of, tensor_of
+from warehouse_env.simulation.device.memory import bytes_of, field_on_device, mapped, memory_of, tensor_of
 from warehouse_env.simulation.draws import Draws
 from warehouse_env.simulation.driver.scratch import make_search_scratch
 from warehouse_env.simulation.given import check_count, seeds_of
@@ -36,7 +36,8 @@ from warehouse_env.simulation.tasks.tasks import Arrival
 from warehouse_env.simulation.traffic.path_ahead import POSES
 from warehouse_env.simulation.worlds import Setup, Worlds, make_scratch
 
-SEARCHING, SEEING = 2**12, 2**16  # threads at most that search manoeuvres, and that plan and observe
+MANY = 10_000  # robots that are placed at once, who will soon need all routes
+SEARCHING, SEEING = 2**32, 2**16  # bytes of scratch for searches at most, and threads that plan and observe
 
 # What a config may not have on a device, and how an error names it
 _ABSENT: tuple[tuple[str, Callable[[EnvConfig], bool]], ...] = (
@@ -135,13 +136,14 @@ class DeviceSimulator:
         setup = mapped(host.setup, memory.constant)
         setup = setup._replace(equipment=setup.equipment._replace(weights=weights))
         robots = count * self.num_agents
-        self._threads, self._few = memory.threads(count), memory.threads(min(count, SEARCHING))
-        self._searching, self._seeing = memory.threads(min(robots, SEARCHING)), memory.threads(min(robots, SEEING))
+        self._threads, self._seeing = memory.threads(count), memory.threads(min(robots, SEEING))
         self._decides, self._loses = self.config.traffic_spec.right_of_way, host.messages.loses
         self._errs = setup.features.erring is not None
         scratch = make_scratch(host.setup, self.num_agents, self._decides)
         nodes = self.config.search_nodes
         searches = make_search_scratch(self.num_agents, poses=POSES if self._decides else 1, nodes=nodes)
+        most = SEARCHING // bytes_of(searches)
+        self._few, self._searching = memory.threads(min(count, most)), memory.threads(min(robots, most))
         self._batch = drivers.Batch(
             Worlds(**{name: self._views[name] for name in Worlds._fields}), setup,
             mapped(scratch, lambda array: memory.scratch(count, array)),
@@ -230,6 +232,8 @@ class DeviceSimulator:
         """Place the robots of worlds by the kernel, which the host supplies with routes."""
         table = self.host.dispatcher.route_table
         table.trim()
+        if len(rows) * self.num_agents >= MANY and self.config.arrival != "pose":
+            self.host.dispatcher.book.make_all(shown)
         self._take_routes(table)
         self._status[rows] = giving.TO_PLACE
         wants = True
