@@ -135,7 +135,7 @@ class RewardWeights(CheckedPart):
 
 
 # searches for thousands of worlds on a GPU, which all wait for the longest
-QUICK_SEARCHES: dict[str, Any] = {"search_nodes": 300, "search_period": 5}
+QUICK_SEARCHES: dict[str, Any] = {"search_nodes": 200, "search_period": 10}
 
 
 @dataclass(frozen=True)

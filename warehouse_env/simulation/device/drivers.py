@@ -15,6 +15,7 @@ from warehouse_env.simulation.driver.scratch import Cells, Nodes, Queue, SearchS
 from warehouse_env.simulation.physics import deviation
 from warehouse_env.simulation.physics.floor import Floor
 from warehouse_env.simulation.senses import messages, preferences
+from warehouse_env.simulation.senses.on_routes import LANES
 from warehouse_env.simulation.senses.plans import Sights
 from warehouse_env.simulation.tasks import giving
 from warehouse_env.simulation.tasks.giving import TaskArrays
@@ -22,7 +23,7 @@ from warehouse_env.simulation.traffic import deadlock_recovery, decision, recove
 from warehouse_env.simulation.traffic.recovery import SearchSetup
 from warehouse_env.simulation.worlds import Scratch, Setup, Vehicles, Worlds
 
-TOGETHER = 4  # robots whose plans a thread writes
+TOGETHER = LANES  # robots whose plans a thread writes
 NOTHING, ALL, WANTED = range(3)  # what a step does; WANTED: only give routes that robots still want
 
 

@@ -99,10 +99,13 @@ class CardMemory(Memory):
         return view
 
     def scratch(self, threads: int, array: NDArray[Any]) -> Any:
-        """Neighbouring threads' elements lie side by side, so that a warp reads them at once."""
-        dtype, shape = array.dtype, (threads, *array.shape)
-        flat = torch.empty(max(math.prod(shape) * dtype.itemsize, 1), dtype=torch.uint8, device=self.device)
-        strides = (dtype.itemsize, *(threads * stride for stride in array.strides))
+        """Neighbouring threads' elements lie side by side, so that a warp reads them at once.
+
+        Elements of a thread are an odd number of warps apart: by a power of two, they would share few lines of a cache.
+        """
+        dtype, shape, apart = array.dtype, (threads, *array.shape), (-(-threads // 32) | 1) * 32
+        flat = torch.empty(max(apart * array.nbytes, 1), dtype=torch.uint8, device=self.device)
+        strides = (dtype.itemsize, *(apart * stride for stride in array.strides))
         return shim.DeviceArray(flat, shape, dtype, strides)
 
     def launch(self, driver: Driver, threads: int, batch: Any) -> None:
