@@ -96,17 +96,26 @@ def _search(legal, toll, start, goal, informed, turning):
     return before, -1
 
 
+@kernel
+def find_path(legal, toll, start, goal, informed, turning):
+    """Return the flat cells of a cheapest path, int64[L], empty where there is none; arguments: see `_search`."""
+    before, last = _search(legal, toll, start, goal, informed, turning)
+    count, state = 0, last
+    while state >= 0:
+        count, state = count + 1, before[state]
+    path, state = np.empty(count, np.int64), last
+    for k in range(count - 1, -1, -1):
+        path[k], state = state // (9 if turning else 1), before[state]
+    return path
+
+
 def cheapest(
     legal: NDArray[np.bool_], toll: NDArray[np.int64] | None, start: int, goal: int, *, informed: bool = True,
     turning: bool = True,
 ) -> list[int]:  # fmt: skip
     """Return the flat cells of a cheapest path, empty where there is none; arguments: see `_search`."""
-    before, state = _search(legal, toll, start, goal, informed, turning)
-    path = []
-    while state >= 0:
-        path.append(int(state) // (9 if turning else 1))
-        state = before[state]
-    return path[::-1]
+    path: list[int] = find_path(legal, toll, start, goal, informed, turning).tolist()
+    return path
 
 
 def unflatten(flat: list[int], columns: int) -> NDArray[np.int64]:

@@ -20,12 +20,13 @@ from numpy.typing import NDArray
 from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.errors import MapError, PlanError
 from warehouse_env.maps.fitting import opened
-from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
+from warehouse_env.maps.grid_map import Cell, GridMap
+from warehouse_env.planning.graph_search import AStarTurns
 from warehouse_env.planning.plan import Plan, Planner
 from warehouse_env.portable import Portable
 from warehouse_env.routes.goals import Pose, face, facing
 from warehouse_env.routes.lanes import drivable_line
-from warehouse_env.routes.lines_of_plans import Plans, drivable_lines
+from warehouse_env.routes.many import Plans, drivable_lines
 from warehouse_env.routes.plan_table import read_table, write_table
 from warehouse_env.routes.route_table import BEHIND, Route, RouteTable, behind_of, key_of
 from warehouse_env.threads import get_num_threads
@@ -36,7 +37,7 @@ MEMORY = 200_000  # routes kept in memory
 class RouteBook(Portable):
     """Cache of the routes on one map by one planner. A copy starts with the plan table alone."""
 
-    bound = ("_solid", "_one_way", "_routes", "_faces", "_tables", "_table", "_lock")
+    bound = ("_solid", "_one_way", "_routes", "_faces", "_tables", "_table", "_plans", "_lock")
 
     def __init__(
         self,
@@ -56,6 +57,7 @@ class RouteBook(Portable):
         self._one_way = np.pad(self.grid.one_way[::-1], 1)
         self._routes: dict[tuple[Cell, Cell, Cell | None, tuple[Pose, ...]], Route] = {}
         self._table = read_table(self.grid, self.planner)
+        self._plans = self._collect_plans()
         self._faces: dict[tuple[Cell, RobotSpec], tuple[Pose, ...]] = {}
         self._tables: dict[RobotSpec | None, RouteTable] = {}
         self._lock = Lock()  # threads of a training share a cache
@@ -100,6 +102,7 @@ class RouteBook(Portable):
             plans = (pool.map(self._for_table, places, itertools.repeat(goal)) for goal in track(places))
             write_table(self.grid, self.planner, itertools.chain.from_iterable(plans))
         self._table = read_table(self.grid, self.planner)
+        self._plans = self._collect_plans()
 
     def _for_table(self, start: Cell, goal: Cell) -> NDArray[np.int64]:
         known = None if self._table is None else self._table.cells(start, goal)
@@ -145,17 +148,21 @@ class RouteBook(Portable):
             keys = key_of(starts, goals, 0, cells)
             self.table(None).fill(keys[~np.eye(len(places), dtype=np.bool_)], track)
 
-    def _make_many(self, keys: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
-        """Make the routes of some keys by the plan table (see RouteTable)."""
-        table = self._table
+    def _collect_plans(self) -> Plans:
+        """Return the plans that kernels can use: those of the table, and those of `astar_turns`."""
+        grid, table, numbers = self.grid, self._table, np.full(self.grid.shape, -1, np.int64)
+        searches = self.planner == AStarTurns() and grid.tight is None and grid.surplus is None
+        plans = Plans(numbers, np.zeros(1, np.int64), np.empty(0, np.uint8), grid.legal_moves, searches)
         if table is None:
-            return np.zeros(len(keys), np.int64), np.empty((0, 2), np.float32)
-        numbers = np.full(self.grid.shape, -1, np.int64)
+            return plans
         numbers[tuple(np.array(list(table.number)).T)] = list(table.number.values())
-        plans = Plans(numbers, table.begins, table.moves, MOVES)
+        return plans._replace(begins=table.begins, moves=table.moves)
+
+    def _make_many(self, keys: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
+        """Make the routes of some keys, those that the plan table or `astar_turns` has plans for (see RouteTable)."""
         made: tuple[NDArray[np.int64], NDArray[np.float32]]
         made = drivable_lines(
-            keys, plans, self._solid, self._one_way, self.grid.cell_size, self._keep_right, self._wider
+            keys, self._plans, self._solid, self._one_way, self.grid.cell_size, self._keep_right, self._wider
         )
         return made
 

@@ -20,8 +20,7 @@ from warehouse_env.routes.goals import Pose
 from warehouse_env.threads import get_num_threads
 
 MOST = 1_000_000  # routes that `trim` leaves, 600 MB on a floor like paper46
-MANY = 1000  # routes from which on threads make them in parts of
-_PART = 200
+MANY, PART = 1000, 50  # routes at a time that get new arrays, and that a thread makes before it tells so
 _SLOTS, _POINTS = 2**12, 2**16  # of an empty table
 # (row, column) from a robot to the cell behind it: 0: unknown, or of no matter; else by its heading
 BEHIND = ((0, 0), (0, -1), (1, 0), (0, 1), (-1, 0))
@@ -177,7 +176,7 @@ class RouteTable:
                 return
             told = iter(track(new.tolist()))
             with ThreadPoolExecutor(min(get_num_threads(), len(new))) as pool:
-                if self._make_many is not None and len(new) >= MANY:
+                if self._make_many is not None:
                     new = self._fill_in_parts(new, self._make_many, pool, told)
                 for key, route in zip(new.tolist(), pool.map(self._route, new.tolist()), strict=True):
                     next(told)
@@ -188,12 +187,17 @@ class RouteTable:
         self, keys: NDArray[np.int64], make: Callable[..., Any], pool: ThreadPoolExecutor, told: Iterator[int]
     ) -> NDArray[np.int64]:
         """Make routes in parts; return the keys of those that cannot be made so."""
-        made, parts = [], np.array_split(keys, -(-len(keys) // _PART))
+        made, parts = [], np.array_split(keys, -(-len(keys) // PART))
         for routes in pool.map(make, parts):
             made.append(routes)
             for _ in range(np.count_nonzero(routes[0])):
                 next(told)
         counts, points = (np.concatenate(arrays) for arrays in zip(*made, strict=True))
+        if len(keys) < MANY:
+            for key, line in zip(keys.tolist(), np.split(points, np.cumsum(counts)[:-1]), strict=True):
+                if len(line):
+                    self._put(key, Route(np.empty((0, 2), np.int32), line))
+            return np.extract(counts == 0, keys)
         more = int(np.count_nonzero(counts))
         many, (lines, slots) = slice(self.count, self.count + more), self._larger(more, len(points))
         _enter_many(lines, keys[counts > 0], counts[counts > 0], points, self.used, slots[many])
