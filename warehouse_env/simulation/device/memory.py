@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import re
 from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
@@ -155,6 +156,7 @@ def capability_at_hand(card: torch.device | None = None) -> str:
 
 def find_card(number: str = "") -> torch.device:
     """Return a GPU by torch's number of it, "" for torch's current one; ConfigError says what is missing to use it."""
+    os.environ.setdefault("CUDA_DEVICE_MAX_CONNECTIONS", "32")  # streams that run side by side; read as CUDA starts
     shim.cuda()
     count, why = torch.cuda.device_count(), ""
     if torch.version.cuda is None:
