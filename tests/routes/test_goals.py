@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -19,7 +20,7 @@ from warehouse_env.planning import make_planner
 from warehouse_env.routes import route_table
 from warehouse_env.routes.book import RouteBook
 from warehouse_env.routes.goals import Goal, face, facing
-from warehouse_env.routes.route_table import key_of, slot_of
+from warehouse_env.routes.route_table import behind_of, key_of, slot_of
 from warehouse_env.simulation.physics.floor import floor_of
 from warehouse_env.simulation.physics.footprint import body_touches_shelf
 from warehouse_env.simulation.physics.geometry import body_of, grown
@@ -107,39 +108,66 @@ def test_it_holds_the_routes_of_the_cache_while_it_grows(robot: RobotSpec | None
     assert table.longest == max(table.lines.counts)
 
 
-def test_many_routes_are_made_in_parts_as_each_alone(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+@pytest.mark.parametrize("planner", ["astar_turns", "astar"])
+def test_many_routes_are_made_at_a_time_as_each_alone(
+    planner: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """From the plan table, off its endpoints, and in single lanes, one of them with a dead end."""
     monkeypatch.setenv("WAREHOUSE_CACHE_DIR", str(tmp_path))
-    shelf = np.zeros((6, 9), dtype=bool)
-    shelf[2:4, 2:7] = True
-    book = RouteBook(GridMap(shelf, name="block"), make_planner("astar_turns"))
+    monkeypatch.setattr(route_table, "PART", 7)
+    grid = drawn(["........", ".######.", ".#......", ".#.####.", "...#....", ".#.####.", "........"])
+    book = RouteBook(grid, make_planner(planner))
     book.plan_all()
-    table, told = book.table(None), list[int]()
+    table, told, (rows, columns) = book.table(None), list[int](), grid.shape
 
     def track(keys: Sequence[int]) -> Iterator[int]:
         for key in keys:
             told.append(key)
             yield key
 
-    places = [row * 9 + column for row, column in book.grid.endpoints[2]]
-    keys = np.array([entry(start, goal, 0, 54, table.lines)[0] for start in places for goal in places if start != goal])
-    turned, unplanned = keys[:3] + 2, [entry(start, 53, 0, 54, table.lines)[0] for start in range(9, 11)]
-    wanted = np.unique(np.concatenate([keys, turned, unplanned]))
-    lines = dict[int, bytes]()
-    for many in (len(wanted) + 1, 10):
+    free = [tuple(cell) for cell in grid.free_cells.tolist()]
+    wanted = set[int]()
+    for (row, column), goal in itertools.product(free, free[::3]):
+        for quarter in range(4):
+            behind = behind_of(grid.closed, row, column, *goal, quarter * math.pi / 2)
+            start, last = row * columns + column, goal[0] * columns + goal[1]
+            wanted.add(int(entry(start, last, behind, rows * columns, table.lines)[0]))
+    assert sum((key - 1) % 5 != 0 for key in wanted) > 100
+    keys, found = np.array(sorted(wanted)), list[dict[int, bytes]]()
+    for many, make_many in ((0, None), (len(keys) + 1, table._make_many), (1, table._make_many)):
         monkeypatch.setattr(route_table, "MANY", many)
+        monkeypatch.setattr(table, "_make_many", make_many)
         table._clear()
         table.fill(keys[:1])  # so that the arrays are replaced
-        table.fill(wanted, track)
-        at = table.lines.begins, table.lines.counts
-        made = {
-            int(table.lines.keys[slot]): table.lines.points[at[0][slot] : at[0][slot] + at[1][slot]].tobytes()
-            for slot in table.slots[: table.count]
-        }
-        assert sorted(made) == wanted.tolist()
-        assert lines in ({}, made)
-        lines = made
-    assert sorted(told) == sorted(wanted[wanted != keys[0]].tolist() * 2)
+        table.fill(keys, track)
+        found.append(laid(table))
+    assert sorted(found[0]) == keys.tolist()
+    assert found[0] == found[1] == found[2]
+    assert sorted(told) == sorted(keys[1:].tolist() * 3)
     assert table.longest == max(table.lines.counts)
+
+
+def laid(table: route_table.RouteTable) -> dict[int, bytes]:
+    """The way-points of each route, by its key."""
+    lines = table.lines
+    return {
+        int(lines.keys[slot]): lines.points[lines.begins[slot] : lines.begins[slot] + lines.counts[slot]].tobytes()
+        for slot in table.slots[: table.count]
+    }
+
+
+def test_all_routes_between_endpoints_are_made_from_a_plan_table(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("WAREHOUSE_CACHE_DIR", str(tmp_path))
+    book = RouteBook(FLOOR, make_planner("astar"))
+    book.make_all()
+    assert book.table(None).count == 0  # there is no table
+    book.plan_all()
+    book.make_all()
+    places = [row * 6 + column for row, column in FLOOR.endpoints[2]]
+    keys = [entry(*pair, 0, 30, book.table(None).lines)[0] for pair in itertools.permutations(places, 2)]
+    assert sorted(laid(book.table(None))) == sorted(keys)
 
 
 def test_one_that_is_too_full_begins_anew_but_only_when_told(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -135,6 +136,17 @@ def test_a_gpu_has_the_bits_of_the_simulator(changes: dict[str, Any], worlds: in
     grid, given = make_layout("blocks", rows=side, columns=side), config(**changes, num_agents=robots)
     there = DeviceSimulator(given, worlds, device="cuda", grid=grid)
     compare(Simulator(given, worlds, grid=grid), there, 1000, seconds=30.0)
+
+
+def test_all_routes_are_made_before_many_robots_begin(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("WAREHOUSE_CACHE_DIR", str(tmp_path))
+    ends = {"picks": np.array([(0, 0), (3, 9)]), "stations": np.array([(5, 0), (5, 9)])}
+    worlds = DeviceSimulator(config(num_agents=2), 2, device="cpu", grid=GridMap(np.zeros((6, 10), np.bool_), **ends))
+    worlds.host.route_book.plan_all()
+    for least, made in ((5, False), (4, True)):  # of 4 robots
+        monkeypatch.setattr("warehouse_env.simulation.device.simulator.MANY", least)
+        worlds.reset(0)
+        assert (worlds.host.dispatcher.route_table.count == 4 * 3) == made
 
 
 def test_a_reset_equals_the_simulators_on_a_floor_so_full_that_robots_begin_elsewhere() -> None:
