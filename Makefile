@@ -80,10 +80,10 @@ cuda: $(STAMP) ## compile the kernels for a GPU; on a machine with one, compare 
 
 gpu: cuda ## check, measure and train on a GPU, MINUTES minutes of it training, into results/gpu
 	$(RUN)/warehouse bench --only cuda --seconds 2 --json results/gpu/bench.jsonl
-	$(RUN)/warehouse train gpu --device cuda --minutes $(MINUTES) --checkpoint-seconds 120 \
+	$(RUN)/warehouse train patient --device cuda --minutes $(MINUTES) --checkpoint-seconds 120 \
 	  --out results/gpu --name policy
-	$(RUN)/warehouse evaluate --policy results/gpu/policy careful --traffic routes --planner astar_turns \
-	  --layout paper46 narrow aisles:seed=581 aisles:seed=582 --robots 32 64 --episodes 2 --out results/gpu
+	$(RUN)/warehouse evaluate --policy results/gpu/policy patient careful --traffic none --layout paper46 --robots 32 64 \
+	  --episodes 4 --out results/gpu
 
 lint: $(STAMP) ## run ruff and strict mypy
 	$(RUN)/ruff check

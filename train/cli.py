@@ -53,7 +53,9 @@ COMMANDS = {
     "train fixed_routes": Command("commands.training:Train", "train by our PPO, as in papers: fixed routes, no shield"),
     "train fixed_routes_reinforce": Command("commands.training:Train", "train so by our REINFORCE"),
     "train fixed_routes_ppo": Command("commands.training:Train", "train so by PPO of stable-baselines3"),
-    "train gpu": Command("commands.training:Train", "train by our PPO, in thousands of worlds on a GPU"),
+    "train patient": Command(
+        "commands.training:Train", "train careful on with fixed routes, in thousands of worlds on a GPU"
+    ),
     "evaluate": Command("commands.evaluate:Evaluate", "drive policies over held-out episodes and count collisions"),
     "compare": Command("commands.compare:Compare", "compare runs of evaluate by paired differences"),
     "benchmark": Command("commands.benchmark:Benchmark", "drive policies through the fixed benchmark set"),

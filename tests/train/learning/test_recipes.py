@@ -20,7 +20,18 @@ from warehouse_env.old_names import POLICIES as OLD
 WEIGHTS = Path(weights_folder.__file__).parent / "weights"
 SHIPPED = [path.parent.name for path in WEIGHTS.glob("*/config.json")]
 # What a user chooses anew: where it goes, for how long, on what machine, and what shows itself or is judged.
-FREE = {"out", "seed", "minutes", "threads", "progress", "resume", "evaluation_seconds", "floor_episodes", "recipe"}
+FREE = {
+    "out",
+    "seed",
+    "minutes",
+    "threads",
+    "device",
+    "progress",
+    "resume",
+    "evaluation_seconds",
+    "floor_episodes",
+    "recipe",
+}
 
 # options than some weights, which had them off
 NEWER = {
@@ -56,7 +67,7 @@ def test_caution_is_for_driving_not_for_training() -> None:
 @pytest.mark.parametrize("name", [name for name, (kind, _) in RECIPES.items() if issubclass(kind, ThreadedConfig)])
 def test_a_recipe_can_begin(name: str) -> None:
     """What it begins with fits, though it may have been driven with other caution."""
-    config = by_recipe(name, **{"device": "cpu"} if name == "gpu" else {})  # refused for what a device has not
+    config = by_recipe(name, **{"device": "cpu"} if name == "patient" else {})  # refused for what a device has not
     env = config.env("open", config.robots[0])
     net = first_net(config, env)
     if config.start is not None:
