@@ -257,9 +257,7 @@ class ThreadedConfig(TrainingConfig):
     def env(self, layout: str, robots: int) -> EnvConfig:
         """Return the environment of one layout or map file and robot count."""
         env = super().env(layout, robots)
-        if self.device is None:
-            return env
-        return env.replace(traffic=dataclasses.replace(env.traffic_spec, routes=False), **QUICK_SEARCHES)
+        return env if self.device is None else env.replace(**QUICK_SEARCHES)
 
     def __post_init__(self) -> None:
         super().__post_init__()

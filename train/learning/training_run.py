@@ -38,6 +38,7 @@ from warehouse_env.plugins import digests
 
 CHECKPOINT = "checkpoint"
 LOCK = ".lock"  # in a run's folder, while it is trained in
+_MANY_ROWS = 100_000  # of which a step takes half a second on a core
 _NAMED = 3  # floors that the first line names
 _FREE_ON_RESUME = ("resume", "progress")  # options that do not change the schedule
 
@@ -195,6 +196,8 @@ def _begin(config: TrainingConfig) -> tuple[TrainingConfig, checkpoint.Checkpoin
 
 def _check(config: TrainingConfig) -> None:
     """Raise what is wrong with floors, robots, planner and `start`, before anything is printed or compiled."""
+    if config.rows >= _MANY_ROWS and getattr(config, "device", None) is None:
+        raise ConfigError(f"{config.rows:,} rows are for a GPU: add --device cuda, or take fewer --rows")
     envs = dict.fromkeys(env.replace(layout=floor_of(env.layout, HELD_OUT_FLOORS)) for env, _ in config.worlds(1))
     for env in envs:
         simulator_of(env, 1)
