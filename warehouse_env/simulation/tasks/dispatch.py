@@ -24,7 +24,7 @@ from warehouse_env.simulation.tasks import giving
 from warehouse_env.simulation.tasks.assignment import Assignment
 from warehouse_env.simulation.tasks.goals import GoalState, endpoints_of
 from warehouse_env.simulation.tasks.orders import Order
-from warehouse_env.simulation.tasks.placement import Limits, place, stand
+from warehouse_env.simulation.tasks.placement import Limits, stand, stand_facing
 from warehouse_env.simulation.tasks.sampled import TASKS, SampledTasks
 from warehouse_env.simulation.tasks.shifts import Shifts, check_given
 from warehouse_env.simulation.tasks.tasks import (
@@ -197,9 +197,9 @@ class Dispatcher(Portable):
         tasks, key = self.tasks[world], self._draws.keys[world]
         while cells:
             cell = cells.pop(0)
-            goal, centre = cell if idle else tasks.next_goal(robot, cell, key), self.book.grid.centre(cell)
+            goal = cell if idle else tasks.next_goal(robot, cell, key)
             # asked before a route is planned, which takes far longer, for most of these cells are taken
-            fits = (place(self.robots[world], robot, centre, way, self._limits, floor) for way in _ALONG_AISLES)
+            fits = (self._stand(world, robot, cell, way, floor) for way in _ALONG_AISLES)
             if any(fits) and self._place(world, robot, cell, goal, floor):
                 return True
         return False
@@ -212,10 +212,15 @@ class Dispatcher(Portable):
         if direction is None:
             line = self.book.route(cell, goal, None, self._ends(world, robot, goal)).line
             direction = line[min(2, len(line) - 1)] - line[0]
-        if not place(self.robots[world], robot, self.book.grid.centre(cell), direction, self._limits, floor):
+        if not self._stand(world, robot, cell, direction, floor):
             return False
         self.give_task(world, robot, goal, self._first_route(world, robot, cell, goal))
         return True
+
+    def _stand(self, world: int, robot: int, cell: Cell, direction: NDArray[np.float32], floor: Floor) -> bool:
+        """Put a robot on a cell, facing `direction` as nearly as fits; False if nothing fits."""
+        (p, kinds), start = self._limits, (*self.book.grid.centre(cell).tolist(), *direction.tolist())
+        return bool(stand_facing(self.robots[world], robot, start, p[0], kinds, floor))
 
     def _first_route(self, world: int, robot: int, cell: Cell, goal: Cell, heading: float | None = None) -> Route:
         """Return the route that a robot which stands on a cell begins with."""

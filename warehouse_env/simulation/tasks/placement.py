@@ -120,22 +120,6 @@ def put_all(
     return free
 
 
-def place(
-    robots: NDArray[Any],
-    index: int,
-    point: NDArray[np.float64],
-    direction: NDArray[np.float32],
-    limits: Limits,
-    floor: Floor,
-) -> bool:
-    """Put robot `index` of ROBOT[N] at `point` [m], facing `direction` as nearly as fits; False if nothing fits.
-
-    Robots 0..index-1 stand already.
-    """
-    p, kinds = limits
-    return bool(stand_facing(robots, index, (*point.tolist(), *direction.tolist()), p[0], kinds, floor))
-
-
 def stand(robots: NDArray[Any], index: int, pose: NDArray[np.float64], limits: Limits, floor: Floor) -> None:
     """Stand robot `index` of ROBOT[N] at a pose (x [m], y [m], heading [rad]); ConfigError if it touches something."""
     x, y, heading = pose.astype(np.float32)
