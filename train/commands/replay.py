@@ -114,7 +114,7 @@ class ReplayCommand(OwnSensors):
                 except WarehouseError as error:
                     progress.console.print(f"without the policy's preferences: {error}", markup=False)
                     shares = None
-                replays.append(replay_of(episode, name, shares, world, lambda: progress.advance(bar)))
+                replays.append(replay_of(episode, name, shares, world, lambda _: progress.advance(bar)))
         write_replay_page(path, replays, " and ".join(names))
         print(f"wrote the replay to {path} ({path.stat().st_size / 1e6:.1f} MB); any browser opens it")
 

@@ -6,8 +6,7 @@ shows beforehand where that will be, so a base is never withdrawn.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from types import SimpleNamespace
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -39,15 +38,11 @@ def story_of(episode: Episode, moved: Callable[[], object] = lambda: None) -> St
     """Run the first world of an episode again; WarehouseError if its poses differ. moved: called after each moment."""
     work: list[tuple[Any, Any, Any]] = []
 
-    def replay() -> Iterator[Any]:
-        for simulator in episode.replay():
-            work.append(_work_of(simulator.dispatcher.shifts, episode.config.num_agents))
-            yield simulator
+    def watch(simulator: Any) -> None:
+        work.append(_work_of(simulator.dispatcher.shifts, episode.config.num_agents))
+        moved()
 
-    watched = SimpleNamespace(
-        config=episode.config, grid=episode.grid, seeds=episode.seeds, pose=episode.pose, replay=replay
-    )
-    shown = replay_of(watched, "fleet", moved=moved)
+    shown = replay_of(episode, "fleet", moved=watch)
     charge, charging, serving = (np.array(column) for column in zip(*work, strict=True))
     return Story(shown, charge.astype(np.float64), charging, serving)
 

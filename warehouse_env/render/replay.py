@@ -71,13 +71,14 @@ def replay_of(
     name: str,
     policy: Shares | None = None,
     world: int = 0,
-    moved: Callable[[], object] = lambda: None,
+    moved: Callable[[Any], object] = lambda _: None,
 ) -> Replay:
     """Run an episode again and keep what the page shows of one world.
 
     episode: an Episode of simulation/record/recording.py, or anything with its `config`, `grid`, `seeds`, `pose` and
-    `replay`. policy: asked at every moment for its preferences. moved: called after every step. Raises ConfigError for
-    a world that the episode does not have, WarehouseError where the run differs from the recorded poses.
+    `replay`. policy: asked at every moment for its preferences. moved: called at every moment with the simulator.
+    Raises ConfigError for a world that the episode does not have, WarehouseError where the run differs from the
+    recorded poses.
     """
     if not 0 <= world < len(episode.seeds):
         raise ConfigError(f"world={world} must be one of the episode's {len(episode.seeds)}, which count from 0")
@@ -91,7 +92,7 @@ def replay_of(
             moment["liked"] = np.asarray(policy(simulator.observation[world : world + 1])[0], dtype=np.float32)
         for what, values in moment.items():
             moments.setdefault(what, []).append(values)
-        moved()
+        moved(simulator)
     arrays: dict[str, Any] = {what: np.stack(values) for what, values in moments.items()}
     if not np.array_equal(arrays["pose"], episode.pose[:, world]):
         raise WarehouseError(
