@@ -14,16 +14,22 @@ from train.reporting.rows import RowFile
 from warehouse_env.checked import Checked
 from warehouse_env.errors import ConfigError
 
+GOES_ON = "the same command with --resume goes on"
+
 
 @dataclass(frozen=True)
-class WorkerOptions(Checked):
-    """Options that choose the workers: processes of this machine, or a cluster."""
+class RowOptions(Checked):
+    """Options of commands with many jobs, whose rows stay in a file, so that a stopped command goes on."""
 
     processes: int | None = None
     """Number of processes that do jobs side by side; rows do not depend on it, except for times (default: 1 for
     evaluate, robust and audit, else the number of cores)."""
     ray: str | None = None
     """Do the jobs on a Ray cluster: auto (the one that this machine belongs to) or HOST:PORT."""
+    resume: bool = False
+    """Keep the rows in the file, and do only what is missing."""
+    overwrite: bool = False
+    """Replace the rows in the file."""
 
     usual_processes: ClassVar[int] = 1
 
@@ -44,19 +50,6 @@ class WorkerOptions(Checked):
             return Cluster(self.ray, compile_missing)
         processes = self.processes or self.usual_processes
         return Here() if processes == 1 else Processes(processes)
-
-
-GOES_ON = "the same command with --resume goes on"
-
-
-@dataclass(frozen=True)
-class RowOptions(WorkerOptions):
-    """Options of commands whose rows stay in a file, so that a stopped command goes on."""
-
-    resume: bool = False
-    """Keep the rows in the file, and do only what is missing."""
-    overwrite: bool = False
-    """Replace the rows in the file."""
 
     def file_of(self, path: Path, resumes: bool = True) -> RowFile:
         """Return the file of the rows, a context that refuses to replace any; resumes: whether --resume helps."""
