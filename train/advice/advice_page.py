@@ -142,17 +142,10 @@ def places_table(advice: Advice) -> Table:
 
 
 def _of_changes(advice: Advice) -> PagePart:
-    """Return what changes gain, or why none was driven."""
-    why = "" if advice.effects else "None was driven: there was no time, or nothing can be changed."
-    tables = [changes_table(advice)] if advice.effects else []
-    return PagePart("What a change gains", why, _changes(advice), tables=tables)
-
-
-def _changes(advice: Advice) -> list[Shown]:
-    """Return where the measured changes lie, and what they gain."""
+    """Return where the measured changes lie and what they gain, or why none was driven."""
+    aim, title = advice.plan.aim, "What a change gains"
     if not advice.effects:
-        return []
-    aim = advice.plan.aim
+        return PagePart(title, "None was driven: there was no time, or nothing can be changed.")
     drawn_at = dict(zip("AB", advice.effects, strict=False))
     panels = [_panel(effect, letter, advice) for letter, effect in drawn_at.items()]
     label = "The changes that were measured"
@@ -165,7 +158,8 @@ def _changes(advice: Advice) -> list[Shown]:
     differences = f"{aim.noun.capitalize()} per hour of all robots, difference from the floor as it is"
     below = f"{differences}: paired, with intervals; blue and filled if the interval excludes 0."
     drawn = report_charts.differences(pairs, differences, f"{aim.noun} per hour")
-    return [Shown(heat_maps(panels, "standing [s per hour]", label), caption), Shown(drawn, below)]
+    shown = [Shown(heat_maps(panels, "standing [s per hour]", label), caption), Shown(drawn, below)]
+    return PagePart(title, pictures=shown, tables=[changes_table(advice)])
 
 
 def _panel(effect: Effect, letter: str, advice: Advice, heat: bool = True) -> Panel:
@@ -198,12 +192,8 @@ def changes_table(advice: Advice) -> Table:
 def _facts(advice: Advice) -> dict[str, str]:
     plan = advice.plan
     return made_by(**{
-        "Policies": ", ".join(f"`{policy}`: {_summary(policy)}" for policy in plan.policies),
+        "Policies": ", ".join(f"`{policy}`: {entry_of(policy).summary}" for policy in plan.policies),
         "Robots": robots_text(plan),
         "Episodes": f"of {plan.seconds:g} s, seeds from {plan.seed} on, {BLOCK} for each use",
         "Rows": "`rows.jsonl` beside this page holds every episode",
     })  # fmt: skip
-
-
-def _summary(policy: str) -> str:
-    return entry_of(policy).summary

@@ -14,7 +14,7 @@ import numpy as np
 from train.advice.aim import GOALS
 from train.advice.curve import LoadPoint, bracket, fewest_that, jams_from, knee, loads, peak, rungs, smallest
 from train.advice.study import Team, TrialRuns, best_of
-from train.advice.trials import AdvicePlan, Use
+from train.advice.trials import AdvicePlan, Drive, TimeBudget, Use
 from train.reporting.columns import MEASURES
 from train.reporting.driven import driven_with
 from train.reporting.rows import Interval, mean_interval
@@ -45,6 +45,17 @@ class Capacity(NamedTuple):
     jam: LoadPoint | None
     stopped: list[str]  # parts for which there was no time
     driven: str  # with what the policy drives, for notes
+
+
+def begun(plan: AdvicePlan, drive: Drive, clock: TimeBudget) -> TrialRuns:
+    """Drive robots alone and the first number of them, then start the clock."""
+    study = TrialRuns(plan, drive, clock)
+    first = [Team(policy, min(FIRST, plan.most)) for policy in plan.policies]
+    study.rows([Team(policy, 1) for policy in plan.policies], alone_seeds(plan))
+    study.rows(first, plan.seeds(Use.CHOOSE, plan.at_most(SCOUTS)))
+    study.restart()
+    study.rows(first, plan.seeds(Use.CHOOSE, SCOUTS, plan.at_most(SCOUTS)))
+    return study
 
 
 def capacity(study: TrialRuns) -> Capacity:

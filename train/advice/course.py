@@ -8,16 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from train.advice import changes
-from train.advice.capacity import (
-    FIRST,
-    SCOUTS,
-    Capacity,
-    RobotsNeeded,
-    alone_seeds,
-    capacity,
-    confirmed,
-    robots_needed,
-)
+from train.advice.capacity import Capacity, RobotsNeeded, begun, capacity, confirmed, robots_needed
 from train.advice.changes import Effect
 from train.advice.study import Team, TrialRuns
 from train.advice.trials import AdvicePlan, Drive, TimeBudget, Use
@@ -44,7 +35,7 @@ class Advice(NamedTuple):
 
 def advise(plan: AdvicePlan, drive: Drive, clock: TimeBudget) -> Advice:
     """Find everything in the time given, which begins after the first episodes, since these may compile kernels."""
-    study = _begun(plan, drive, clock)
+    study = begun(plan, drive, clock)
     trips = draw_trips(plan.grid, plan.seed)
     visits, moves, _ = traffic(plan_trips(plan.grid, trips), plan.grid.shape)
     found = capacity(study)
@@ -58,17 +49,6 @@ def advise(plan: AdvicePlan, drive: Drive, clock: TimeBudget) -> Advice:
         found = found._replace(goals=confirmed(study, found.team))
     effects = changes.effects(study, chosen, team)
     return Advice(plan, team, found, answered, *_places(study, team, visits), visits, effects, most > 0)
-
-
-def _begun(plan: AdvicePlan, drive: Drive, clock: TimeBudget) -> TrialRuns:
-    """Drive robots alone and the first number of them, then start the clock."""
-    study = TrialRuns(plan, drive, clock)
-    first = [Team(policy, min(FIRST, plan.most)) for policy in plan.policies]
-    study.rows([Team(policy, 1) for policy in plan.policies], alone_seeds(plan))
-    study.rows(first, plan.seeds(Use.CHOOSE, plan.at_most(SCOUTS)))
-    study.restart()
-    study.rows(first, plan.seeds(Use.CHOOSE, SCOUTS, plan.at_most(SCOUTS)))
-    return study
 
 
 def _places(study: TrialRuns, team: Team, visits: NDArray[np.float64]) -> tuple[FloorNotes, list[Bottleneck]]:
