@@ -39,16 +39,16 @@ class Panel(NamedTuple):
     one_way: NDArray[np.uint8] | None = None
 
 
-def heat_maps(panels: Sequence[Panel], unit: str, label: str, across: int = 3, shared: bool = True) -> str:
-    """Draw panels as SVG, `across` in a row, with one colour bar in `unit` if `shared`, else one each."""
+def heat_maps(panels: Sequence[Panel], unit: str, label: str, shared: bool = True) -> str:
+    """Draw panels as SVG, up to three in a row, with one colour bar in `unit` if `shared`, else one each."""
     with style():
-        across = 2 if len(panels) == 4 else min(across, len(panels))
+        across = 2 if len(panels) == 4 else min(3, len(panels))
         rows = -(-len(panels) // across)
         ratio = max(panel.grid.shape[0] / panel.grid.shape[1] for panel in panels)
         wide = _WIDE if across > 1 else 0.7 * _WIDE
         figure = empty_figure(wide, rows * (min(1.6, ratio) * wide / across * 0.93 + 0.4) + 0.1)
         axes = figure.subplots(rows, across, squeeze=False)
-        most = [_most(panel) for panel in panels]
+        most = [0.0 if panel.heat is None else float(panel.heat.max()) for panel in panels]
         drawn = []
         for ax, panel, own in zip(axes.flat, panels, most, strict=False):
             image = _draw(ax, panel, max(most) if shared else own)
@@ -62,10 +62,6 @@ def heat_maps(panels: Sequence[Panel], unit: str, label: str, across: int = 3, s
             bar.set_label(unit)
             bar.outline.set_visible(False)
         return svg(figure, label)
-
-
-def _most(panel: Panel) -> float:
-    return float(panel.heat.max()) if panel.heat is not None else 0.0
 
 
 def _draw(ax: Axes, panel: Panel, most: float) -> Any:

@@ -41,12 +41,13 @@ def write_replay_page(path: Path, replays: Sequence[Replay], title: str) -> None
         raise ConfigError(f"a page shows one replay, or two side by side, not {len(replays)}")
     replays = [thinned(replay) for replay in replays]
     columns, data = zip(*map(packed, replays), strict=True)
+    most = max(replay.pose.shape[1] for replay in replays)
     parts = {
         "title": html.escape(title),
         "policy": _POLICY,
         "near": f"{replays[0].config.near_miss_gap:g}",
         "style": style_of(),
-        "about": as_json(_about(replays, columns)),
+        "about": as_json(about_page(most) | {"replays": [*map(_about, replays, columns)]}),
         "data": "\n".join(
             f'<script type="text/plain" class="data">{base64.b64encode(one).decode()}</script>' for one in data
         ),
@@ -56,15 +57,8 @@ def write_replay_page(path: Path, replays: Sequence[Replay], title: str) -> None
     write_text(path, page)
 
 
-def _about(replays: Sequence[Replay], columns: Sequence[list[dict[str, Any]]]) -> dict[str, Any]:
-    """Return the page's data beside the packed arrays, in JSON types."""
-    most = max(replay.pose.shape[1] for replay in replays)
-    return about_page(most) | {
-        "replays": [_about_one(replay, packed) for replay, packed in zip(replays, columns, strict=True)],
-    }
-
-
-def _about_one(replay: Replay, columns: list[dict[str, Any]]) -> dict[str, Any]:
+def _about(replay: Replay, columns: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return what the page says of a replay beside the packed arrays, in JSON types."""
     return about_world(replay.name, replay.grid, replay.config, replay.seed) | {
         "frames": len(replay.pose),
         "seconds": replay.seconds,
