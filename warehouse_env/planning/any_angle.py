@@ -12,7 +12,7 @@ from warehouse_env.heap import pop, push
 from warehouse_env.kernel import kernel
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
 from warehouse_env.planning.base import BasePlanner
-from warehouse_env.planning.graph_search import cheapest, unflatten
+from warehouse_env.planning.graph_search import find_path, unflatten
 from warehouse_env.planning.plan import CostMap, Plan
 
 
@@ -138,10 +138,10 @@ class ThetaStar(BasePlanner):
         first, last = start[0] * cols + start[1], goal[0] * cols + goal[1]
         vertex = _search(grid.legal_moves, grid.closed, grid.one_way, first, last)
         if vertex[last] < 0:
-            return Plan(unflatten([], cols))
+            return Plan(np.empty((0, 2), np.int64))
         flat = [last]
         while flat[-1] != first:
             flat.append(int(vertex[flat[-1]]))
-        line = unflatten(flat[::-1], cols)
-        followed = cheapest(_band(grid.legal_moves, line), None, first, last)
+        line = unflatten(np.array(flat[::-1]), cols)
+        followed = find_path(_band(grid.legal_moves, line), None, first, last, True, True)
         return Plan(unflatten(followed, cols), line=line.astype(np.float64))

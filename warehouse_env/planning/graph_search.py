@@ -109,18 +109,9 @@ def find_path(legal, toll, start, goal, informed, turning):
     return path
 
 
-def cheapest(
-    legal: NDArray[np.bool_], toll: NDArray[np.int64] | None, start: int, goal: int, *, informed: bool = True,
-    turning: bool = True,
-) -> list[int]:  # fmt: skip
-    """Return the flat cells of a cheapest path, empty where there is none; arguments: see `_search`."""
-    path: list[int] = find_path(legal, toll, start, goal, informed, turning).tolist()
-    return path
-
-
-def unflatten(flat: list[int], columns: int) -> NDArray[np.int64]:
+def unflatten(flat: NDArray[np.int64], columns: int) -> NDArray[np.int64]:
     """Return flat cells as int64[L, 2] (row, col)."""
-    return np.stack(np.divmod(np.array(flat, dtype=np.int64), columns), axis=1)
+    return np.stack(np.divmod(flat, columns), axis=1)
 
 
 @dataclass(frozen=True)
@@ -138,7 +129,7 @@ class _GraphSearch(BasePlanner):
         columns = grid.shape[1]
         toll = tolls(grid, self.gentleness, cost)
         first, last = start[0] * columns + start[1], goal[0] * columns + goal[1]
-        flat = cheapest(grid.legal_moves, toll, first, last, informed=self.informed, turning=self.turning)
+        flat = find_path(grid.legal_moves, toll, first, last, self.informed, self.turning)
         return Plan(unflatten(flat, columns))
 
 
@@ -168,7 +159,8 @@ class AStarTurns(_GraphSearch):
 def min_turns(grid: GridMap, start: Cell, goal: Cell) -> int:
     """Fewest direction changes that a shortest path from start to goal can have; PlanError if there is no path."""
     start, goal = check_endpoints(grid, start, goal)
-    flat = cheapest(grid.legal_moves, None, start[0] * grid.shape[1] + start[1], goal[0] * grid.shape[1] + goal[1])
-    if not flat:
+    first, last = start[0] * grid.shape[1] + start[1], goal[0] * grid.shape[1] + goal[1]
+    flat = find_path(grid.legal_moves, None, first, last, True, True)
+    if not len(flat):
         raise PlanError(f"no path from {start} to {goal}")
     return turns(unflatten(flat, grid.shape[1]))

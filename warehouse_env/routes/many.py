@@ -27,26 +27,14 @@ class Plans(NamedTuple):
 
 
 @inline
-def _block(legal, row, column, kept):
-    """Close a cell to all moves; kept bool[8, 8]: what `_free` needs to open it again."""
+def _block(legal, row, column):
+    """Close a cell to all moves."""
     for m in range(8):
         y, x = row - MOVES[m, 0], column - MOVES[m, 1]
         if 0 <= y < legal.shape[0] and 0 <= x < legal.shape[1]:
-            for k in range(8):
-                kept[m, k] = legal[y, x, k]
             legal[y, x, m] = False
             if m % 2 == 0:  # diagonals past the cell
                 legal[y, x, m + 1] = legal[y, x, (m - 1) % 8] = False
-
-
-@inline
-def _free(legal, row, column, kept):
-    """Open a closed cell again."""
-    for m in range(8):
-        y, x = row - MOVES[m, 0], column - MOVES[m, 1]
-        if 0 <= y < legal.shape[0] and 0 <= x < legal.shape[1]:
-            for k in range(8):
-                legal[y, x, k] = kept[m, k]
 
 
 @kernel
@@ -66,21 +54,20 @@ def _planned(start, goal, plans):
 
 
 @kernel
-def _cells(start, goal, behind, plans, legal, kept):
-    """Return the cells of a route, int64[L], without any if none is found; behind: of BEHIND; legal: to be changed."""
+def _cells(start, goal, behind, plans):
+    """Return the cells of a route, int64[L], without any if none is found; behind: of BEHIND."""
     columns = plans.numbers.shape[1]
-    row, column = start // columns + BEHIND[behind][0], start % columns + BEHIND[behind][1]
     if behind != 0:
         if not plans.searches:
             return np.empty(0, np.int64)
-        _block(legal, row, column, kept)
+        legal = plans.legal.copy()
+        _block(legal, start // columns + BEHIND[behind][0], start % columns + BEHIND[behind][1])
         cells = find_path(legal, None, start, goal, True, True)
-        _free(legal, row, column, kept)
         if len(cells) > 0:
             return cells
     cells = _planned(start, goal, plans)  # behind: a dead end, out of which it must back
     if len(cells) == 0 and plans.searches:
-        cells = find_path(legal, None, start, goal, True, True)
+        cells = find_path(plans.legal.copy(), None, start, goal, True, True)  # of the type of `legal` above
     return cells
 
 
@@ -91,12 +78,12 @@ def drivable_lines(keys, plans, solid, one_way, cell, keep_right, wider):
     Returns the number of way-points of each, int64[K], 0 for one that is not planned, and all way-points one after
     another, float32[P, 2] [m].
     """
-    (rows, columns), legal, kept = plans.numbers.shape, plans.legal.copy(), np.empty((8, 8), np.bool_)
+    rows, columns = plans.numbers.shape
     counts, points, used = np.zeros(len(keys), np.int64), np.empty((_USUAL * len(keys), 2), np.float32), 0
     for k in range(len(keys)):
         path, behind = divmod(keys[k] - 1, len(BEHIND))
         start, goal = divmod(path, rows * columns)
-        cells = _cells(start, goal, behind, plans, legal, kept)
+        cells = _cells(start, goal, behind, plans)
         if len(cells) == 0:
             continue
         centres = np.empty((len(cells), 2))
