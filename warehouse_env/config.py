@@ -160,9 +160,8 @@ class EnvConfig(Checked):
     pose_radius: float = 0.05  # [m], front axle to the goal's point, of "pose"
     pose_angle: float = math.radians(5.0)  # [rad], heading to the goal's, of "pose"
     near_miss_gap: float = 0.1  # [m]
-    # searches of manoeuvres: poses that each try may look at, and env steps from one round of searches to the next
-    search_nodes: int = 6000
-    search_period: int = 1
+    search_nodes: int = 6000  # poses that each try of a search for a manoeuvre looks at, at most
+    search_period: int = 1  # env steps from one round of such searches to the next
     stuck_after: float = 60.0  # [s] without a metre of progress on the route
     terminate_on_collision: bool = False  # end a robot's episode at its first contact
     speed_levels: tuple[float, ...] = (-0.4, 0.0, 0.5, 1.5)  # [m/s], of discrete actions
