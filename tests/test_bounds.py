@@ -62,6 +62,8 @@ CHOICES: dict[str, Callable[[Random], Any]] = {  # each field of EnvConfig -> ho
     "pose_radius": _one(0.01, 0.05, 1.0),
     "pose_angle": _one(0.01, 0.1, math.pi),
     "near_miss_gap": _one(0.01, 0.1, 2.0),
+    "search_nodes": _one(10, 300, 6000),
+    "search_period": _one(1, 1, 7),
     "stuck_after": _one(1.0, 60.0),
     "terminate_on_collision": _one(False, True),
     "speed_levels": _one((-0.4, 0.0, 0.5, 1.5), (0.0, 1e4), (-1e4,)),

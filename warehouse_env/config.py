@@ -334,6 +334,8 @@ class EnvOptions(TypedDict, total=False):
     pose_radius: float
     pose_angle: float
     near_miss_gap: float
+    search_nodes: int
+    search_period: int
     stuck_after: float
     terminate_on_collision: bool
     speed_levels: tuple[float, ...]
