@@ -167,7 +167,15 @@ def test_all_routes_between_endpoints_are_made_from_a_plan_table(
     book.make_all()
     places = [row * 6 + column for row, column in FLOOR.endpoints[2]]
     keys = [entry(*pair, 0, 30, book.table(None).lines)[0] for pair in itertools.permutations(places, 2)]
-    assert sorted(laid(book.table(None))) == sorted(keys)
+    table = book.table(None)
+    assert sorted(laid(table)) == sorted(keys)
+    monkeypatch.setattr(route_table, "MANY", 1)
+    size = len(table.lines.keys), len(table.lines.points)
+    off = [entry(start, goal, 0, 30, table.lines)[0] for start in (20, 21) for goal in places]
+    for key in off:  # few at a time
+        table.fill(np.array([key]))
+    assert {*off} <= {*laid(table)}
+    assert (len(table.lines.keys), len(table.lines.points)) == size
 
 
 def test_one_that_is_too_full_begins_anew_but_only_when_told(monkeypatch: pytest.MonkeyPatch) -> None:

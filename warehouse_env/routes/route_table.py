@@ -199,16 +199,17 @@ class RouteTable:
                     self._put(key, Route(np.empty((0, 2), np.int32), line))
             return np.extract(counts == 0, keys)
         more = int(np.count_nonzero(counts))
-        many, (lines, slots) = slice(self.count, self.count + more), self._larger(more, len(points))
+        many, (lines, slots) = slice(self.count, self.count + more), self._copy(more, len(points))
         _enter_many(lines, keys[counts > 0], counts[counts > 0], points, self.used, slots[many])
         self.lines, self.slots, self.count, self.used = lines, slots, many.stop, self.used + len(points)
         self.longest = max(self.longest, int(counts.max()))
         return np.extract(counts == 0, keys)
 
-    def _larger(self, routes: int, points: int) -> tuple[Lines, NDArray[np.int64]]:
-        """Return copies of the arrays and slots, at least twice as large, with room for further routes and points."""
-        size = max(2 * len(self.lines.keys), 1 << (2 * (self.count + routes)).bit_length())
-        lines = _empty(size, max(2 * len(self.lines.points), self.used + points))
+    def _copy(self, routes: int, points: int) -> tuple[Lines, NDArray[np.int64]]:
+        """Return copies of the arrays and slots, twice as large or more if there is no room for so many further."""
+        size = max(len(self.lines.keys), 1 << (2 * (self.count + routes) - 1).bit_length())
+        room, needed = len(self.lines.points), self.used + points
+        lines = _empty(size, room if needed <= room else max(2 * room, needed))
         slots = np.empty(size // 2, np.int64)
         slots[: self.count] = self.slots[: self.count]
         _move(slots[: self.count], self.lines, lines)
@@ -224,7 +225,7 @@ class RouteTable:
     def _put(self, key: int, route: Route) -> None:
         count = len(route.line)
         if self.count == len(self.slots) or self.used + count > len(self.lines.points):
-            self.lines, self.slots = self._larger(1, count)
+            self.lines, self.slots = self._copy(1, count)
         end = np.full(3, np.nan, np.float32) if route.end is None else np.array(route.end, np.float32)
         self.slots[self.count] = slot = _enter(self.lines, key, self.used, route.line, end, route.either)
         self.lines.keys[slot] = key  # in a call of its own, for other threads look routes up meanwhile
