@@ -196,7 +196,7 @@ def _begin(config: TrainingConfig) -> tuple[TrainingConfig, checkpoint.Checkpoin
 
 def _check(config: TrainingConfig) -> None:
     """Raise what is wrong with floors, robots, planner and `start`, before anything is printed or compiled."""
-    if config.rows >= _MANY_ROWS and getattr(config, "device", None) is None:
+    if isinstance(config, ThreadedConfig) and config.device is None and config.rows >= _MANY_ROWS:
         raise ConfigError(f"{config.rows:,} rows are for a GPU: add --device cuda, or take fewer --rows")
     envs = dict.fromkeys(env.replace(layout=floor_of(env.layout, HELD_OUT_FLOORS)) for env, _ in config.worlds(1))
     for env in envs:
