@@ -21,17 +21,9 @@ WEIGHTS = Path(weights_folder.__file__).parent / "weights"
 SHIPPED = [path.parent.name for path in WEIGHTS.glob("*/config.json")]
 # What a user chooses anew: where it goes, for how long, on what machine, and what shows itself or is judged.
 FREE = {
-    "out",
-    "seed",
-    "minutes",
-    "threads",
-    "device",
-    "progress",
-    "resume",
-    "evaluation_seconds",
-    "floor_episodes",
+    "out", "seed", "minutes", "threads", "device", "progress", "resume", "evaluation_seconds", "floor_episodes",
     "recipe",
-}
+}  # fmt: skip
 
 # options than some weights, which had them off
 NEWER = {
