@@ -175,7 +175,7 @@ class Cart(Checked):
 
 def test_a_field_that_is_gone_is_passed_over_where_it_asks_for_nothing() -> None:
     """Files that were written when there was such a field stay readable."""
-    assert EnvConfig.from_dict({"smooth_routes": False}) == EnvConfig()
+    assert EnvConfig.from_dict({"smooth_routes": False, "search_nodes": 6000, "search_period": 1}) == EnvConfig()
     assert from_plain(Cart, {"wheel": {"size": 2, "spokes": 8}}) == Cart(Wheel(2.0))
     with pytest.raises(ConfigError, match="Wheel parameter 'spokes' is no option any more: it is 8 for all"):
         from_plain(Cart, {"wheel": {"spokes": 9}})

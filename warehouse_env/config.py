@@ -134,15 +134,11 @@ class RewardWeights(CheckedPart):
         self._between(-1e12, 1e12, *(f.name for f in dataclasses.fields(self)))
 
 
-# searches for thousands of worlds on a GPU, which all wait for the longest
-QUICK_SEARCHES: dict[str, Any] = {"search_nodes": 200, "search_period": 10}
-
-
 @dataclass(frozen=True)
 class EnvConfig(Checked):
     """One warehouse with its robots: all that defines an episode, except the seed."""
 
-    retired: ClassVar[dict[str, Any]] = {"smooth_routes": False}
+    retired: ClassVar[dict[str, Any]] = {"smooth_routes": False, "search_nodes": 6000, "search_period": 1}
     layout: str = "paper46"  # a name of LAYOUTS, as "aisles:seed=7", or a file, as "hall.map" or "hall.yaml:cell=0.75"
     num_agents: int = 8  # robots
     planner: str = "pf_aco"  # a name of PLANNERS
@@ -160,8 +156,7 @@ class EnvConfig(Checked):
     pose_radius: float = 0.05  # [m], front axle to the goal's point, of "pose"
     pose_angle: float = math.radians(5.0)  # [rad], heading to the goal's, of "pose"
     near_miss_gap: float = 0.1  # [m]
-    search_nodes: int = 6000  # poses that each try of a search for a manoeuvre looks at, at most
-    search_period: int = 1  # env steps from one round of such searches to the next
+    quick_searches: bool = False  # short searches of manoeuvres in every tenth step, for many worlds on a GPU
     stuck_after: float = 60.0  # [s] without a metre of progress on the route
     terminate_on_collision: bool = False  # end a robot's episode at its first contact
     speed_levels: tuple[float, ...] = (-0.4, 0.0, 0.5, 1.5)  # [m/s], of discrete actions
@@ -185,8 +180,7 @@ class EnvConfig(Checked):
         super().__post_init__()
         self._between(1, 100_000, "num_agents")
         self._between(1, 2**63 - 1, "max_steps")
-        self._between(1, 1000, "substeps", "action_repeat", "search_period")
-        self._between(10, 6000, "search_nodes")
+        self._between(1, 1000, "substeps", "action_repeat")
         self._between(_LEAST, 10.0, "time_step")
         self._between(_LEAST, _MOST, "arrival_radius", "pose_radius", "near_miss_gap")
         self._between(_LEAST, math.pi, "pose_angle")
@@ -334,8 +328,7 @@ class EnvOptions(TypedDict, total=False):
     pose_radius: float
     pose_angle: float
     near_miss_gap: float
-    search_nodes: int
-    search_period: int
+    quick_searches: bool
     stuck_after: float
     terminate_on_collision: bool
     speed_levels: tuple[float, ...]

@@ -135,7 +135,7 @@ def test_many_routes_are_made_at_a_time_as_each_alone(
     assert sum((key - 1) % 5 != 0 for key in wanted) > 100
     keys, found = np.array(sorted(wanted)), list[dict[int, bytes]]()
     for many, make_many in ((0, None), (len(keys) + 1, table._make_many), (1, table._make_many)):
-        monkeypatch.setattr(route_table, "MANY", many)
+        monkeypatch.setattr(route_table, "BULK", many)
         monkeypatch.setattr(table, "_make_many", make_many)
         table._clear()
         table.fill(keys[:1])  # so that the arrays are replaced
@@ -169,7 +169,7 @@ def test_all_routes_between_endpoints_are_made_from_a_plan_table(
     keys = [entry(*pair, 0, 30, book.table(None).lines)[0] for pair in itertools.permutations(places, 2)]
     table = book.table(None)
     assert sorted(laid(table)) == sorted(keys)
-    monkeypatch.setattr(route_table, "MANY", 1)
+    monkeypatch.setattr(route_table, "BULK", 1)
     size = len(table.lines.keys), len(table.lines.points)
     off = [entry(start, goal, 0, 30, table.lines)[0] for start in (20, 21) for goal in places]
     for key in off:  # few at a time

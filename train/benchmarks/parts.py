@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from train.benchmarks.timing import speeds
 from train.books import book_of
 from train.reporting.rows import Row
-from warehouse_env.config import QUICK_SEARCHES, EnvConfig
+from warehouse_env.config import EnvConfig
 from warehouse_env.threads import MOST_THREADS, get_num_threads, set_num_threads
 from warehouse_env.traffic_spec import read_traffic
 
@@ -109,7 +109,7 @@ def cuda(seconds: float) -> Iterator[Row]:
 
     rng = np.random.default_rng(_SEED)
     for worlds, robots, traffic in _ON_CARD:
-        config = EnvConfig(num_agents=robots, max_steps=sys.maxsize, traffic=read_traffic(traffic), **QUICK_SEARCHES)
+        config = EnvConfig(num_agents=robots, max_steps=sys.maxsize, traffic=read_traffic(traffic), quick_searches=True)
         sim = DeviceSimulator(config, worlds, device="cuda", routes=book_of(config))
         sim.reset(_SEED)
         commands = np.full((_POOL, worlds, robots), sim.host.cruise_action)

@@ -18,7 +18,7 @@ from agents.weights_folder import Mode
 from train.kinds import Kinds
 from train.learning.floors import check_fixed
 from warehouse_env.checked import Checked
-from warehouse_env.config import QUICK_SEARCHES, ActionType, EnvConfig, RewardWeights, SensorSpec
+from warehouse_env.config import ActionType, EnvConfig, RewardWeights, SensorSpec
 from warehouse_env.traffic_spec import TrafficSpec, read_traffic, written_traffic
 
 HELD_OUT_SEED = 1_000_000
@@ -196,8 +196,8 @@ class TrainingConfig(Checked):
         decides at every physics step, which brought 1 to 6% more goals on trial seeds, or half of the contacts.
         """
         steps, sensor = env.max_steps * env.action_repeat, dataclasses.replace(env.sensor, caution=self.caution)
-        searches = {name: getattr(EnvConfig, name) for name in QUICK_SEARCHES}
-        return env.replace(action_repeat=1, max_steps=steps, traffic=self.traffic_spec, sensor=sensor, **searches)
+        traffic = self.traffic_spec
+        return env.replace(action_repeat=1, max_steps=steps, traffic=traffic, sensor=sensor, quick_searches=False)
 
     @property
     def mode(self) -> Mode:
@@ -256,8 +256,7 @@ class ThreadedConfig(TrainingConfig):
 
     def env(self, layout: str, robots: int) -> EnvConfig:
         """Return the environment of one layout or map file and robot count."""
-        env = super().env(layout, robots)
-        return env if self.device is None else env.replace(**QUICK_SEARCHES)
+        return super().env(layout, robots).replace(quick_searches=self.device is not None)
 
     def __post_init__(self) -> None:
         super().__post_init__()

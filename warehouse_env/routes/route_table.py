@@ -20,7 +20,7 @@ from warehouse_env.routes.goals import Pose
 from warehouse_env.threads import get_num_threads
 
 MOST = 1_000_000  # routes that `trim` leaves, 600 MB on a floor like paper46
-MANY, PART = 1000, 50  # routes at a time that get new arrays, and that a thread makes before it tells so
+BULK, PART = 1000, 50  # routes at a time that get new arrays, and that a thread makes before it tells so
 _SLOTS, _POINTS = 2**12, 2**16  # of an empty table
 # (row, column) from a robot to the cell behind it: 0: unknown, or of no matter; else by its heading
 BEHIND = ((0, 0), (0, -1), (1, 0), (0, 1), (-1, 0))
@@ -193,7 +193,7 @@ class RouteTable:
             for _ in range(np.count_nonzero(routes[0])):
                 next(told)
         counts, points = (np.concatenate(arrays) for arrays in zip(*made, strict=True))
-        if len(keys) < MANY:
+        if len(keys) < BULK:
             for key, line in zip(keys.tolist(), np.split(points, np.cumsum(counts)[:-1]), strict=True):
                 if len(line):
                     self._put(key, Route(np.empty((0, 2), np.int32), line))

@@ -24,7 +24,7 @@ from warehouse_env.simulation import given, state, step
 from warehouse_env.simulation.actions import ActionDecoder
 from warehouse_env.simulation.draws import Draws
 from warehouse_env.simulation.driver.manoeuvre import ARCS
-from warehouse_env.simulation.driver.scratch import make_search_scratch
+from warehouse_env.simulation.driver.scratch import MOST, make_search_scratch
 from warehouse_env.simulation.driver.turning import turning_metrics
 from warehouse_env.simulation.physics.buckets import bucket_grid
 from warehouse_env.simulation.physics.deviation import Deviation, errs, planned_config
@@ -190,7 +190,7 @@ class Simulator(Portable):
         me = weakref.proxy(self)
         self._scratch = ThreadScratch(
             lambda: make_scratch(me.setup, me.num_agents, me._decides),
-            lambda: make_search_scratch(me.num_agents, me.config.people, POSES, me.config.search_nodes),
+            lambda: make_search_scratch(me.num_agents, me.config.people, POSES, me.search_setup.nodes),
         )
         self._collect()
 
@@ -407,8 +407,8 @@ class Simulator(Portable):
     @property
     def search_setup(self) -> recovery.SearchSetup:
         """What the searches of manoeuvres are given."""
-        metrics, config = turning_metrics(self._every_kind), self.config
-        return recovery.SearchSetup(*self._limits, metrics, self._floor, config.search_nodes, config.search_period)
+        metrics, budget = turning_metrics(self._every_kind), recovery.QUICK if self.config.quick_searches else (MOST, 1)
+        return recovery.SearchSetup(*self._limits, metrics, self._floor, *budget)
 
     def _many(self) -> bool:
         return self.num_worlds > 1 and self.num_worlds * self.num_agents >= PARALLEL_FROM and get_num_threads() > 1

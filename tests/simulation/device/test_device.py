@@ -54,7 +54,7 @@ SETS: dict[str, dict[str, Any]] = {
     "right of way": {"traffic": RULES, "layout": "narrow"},
     "poses": {"arrival": "pose", "layout": "open"},
     "single lanes": {"layout": "single_lane"},
-    "quick searches": {"search_nodes": 20, "search_period": 5, "layout": "narrow"},
+    "quick searches": {"quick_searches": True, "layout": "narrow"},
     "mixed fleet": {"traffic": RULES, "fleet": (SLOW,)},
     "mixed fleet, continuous": {"action_type": "continuous", "fleet": (SLOW,)},
 }

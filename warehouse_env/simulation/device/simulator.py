@@ -140,8 +140,8 @@ class DeviceSimulator:
         self._decides, self._loses = self.config.traffic_spec.right_of_way, host.messages.loses
         self._errs = setup.features.erring is not None
         scratch = make_scratch(host.setup, self.num_agents, self._decides)
-        nodes = self.config.search_nodes
-        searches = make_search_scratch(self.num_agents, poses=POSES if self._decides else 1, nodes=nodes)
+        nodes, poses = host.search_setup.nodes, POSES if self._decides else 1
+        searches = make_search_scratch(self.num_agents, poses=poses, nodes=nodes)
         most = SEARCHING // bytes_of(searches)
         self._few, self._searching = memory.threads(min(count, most)), memory.threads(min(robots, most))
         self._batch = drivers.Batch(

@@ -75,6 +75,8 @@ FEW = 2  # tries among robots that may still drive on
 ASIDE = 700  # nodes that reach a metre or two
 AMONG_OTHERS = 300  # nodes among robots that may still drive on
 
+QUICK = 200, 10  # `nodes` and `period` of a SearchSetup for quick_searches
+
 # To drop a remedy, delete its line.
 STAGES = (
     Stage(AWAY, OFF, NEAR, WALKING, TRIES, ASIDE),
