@@ -14,8 +14,7 @@ from safetensors.numpy import save
 
 from agents import WEIGHTS_FOLDER, Network
 from agents.weights_folder import CONFIG, read_record, read_tensors
-from train.clmapf.instance import read_instance
-from train.clmapf.solution import read_solution
+from train.clmapf.instance import read_instance, read_solution
 from train.fleet.check import check_log
 from train.fleet.driven import load_episode
 from train.fleet.factsheet import factsheet_of

@@ -326,9 +326,9 @@ def test_a_policy_trained_with_a_sensor_is_driven_recorded_and_exported_with_it(
     small = (Case("own", "my_layout.py:hall", 2, 1),)
     Path("none.jsonl").touch()
     monkeypatch.setattr("train.evaluation.fixed_set.SECONDS", 2.0)
-    monkeypatch.setattr("train.commands.benchmark.SHIPPED", Path("none.jsonl"))
-    monkeypatch.setattr("train.commands.benchmark.experiments", lambda policy: experiments(policy, small))
-    monkeypatch.setattr("train.commands.benchmark.benchmark_tables", lambda rows: benchmark_tables(rows, small))
+    monkeypatch.setattr("train.commands.evaluate.SHIPPED", Path("none.jsonl"))
+    monkeypatch.setattr("train.commands.evaluate.experiments", lambda policy: experiments(policy, small))
+    monkeypatch.setattr("train.commands.evaluate.benchmark_tables", lambda rows: benchmark_tables(rows, small))
     add_layout("my_layout.py:hall")
     assert main(["benchmark", "--policy", "run", "--out", "board", "--processes", "1", *own]) == 0
     assert {row["versions"]["my_sensor.py:Pace"] for row in read_rows(Path("board/rows.jsonl"))} == {digest}

@@ -95,7 +95,7 @@ MAY_READ = {
     "warehouse_env.simulation.record.recording": "members of what the door opened",
     "warehouse_env.maps.halls.map_server": "bytes that the door read",
     "train.evaluation.cluster": "sources of this package",
-    "warehouse_env.render.page_text": "ships with the package",
+    "warehouse_env.render.pages": "ships with the package",
     "train.reporting.page": "ships with the package",
     "train.fleet.check": "ships with the package",
     "train.tables.runner": "sources of this package",

@@ -42,9 +42,9 @@ COMMANDS = {
     "tables planners": Command("tables.runner:PlannersTable", "plan the same pairs of cells by every planner"),
     "tables floors": Command("tables.floors:FloorsTable", "drive policies and the rule on many floors"),
     "layouts": Command("commands.layouts:Layouts", "list, draw, check and convert maps"),
-    "places": Command("commands.places:PlacesCommand", "propose pick faces and stations of a hall, and draw them"),
-    "policies": Command("commands.parts:Policies", "list the policies"),
-    "planners": Command("commands.parts:Planners", "list the planners"),
+    "places": Command("commands.layouts:PlacesCommand", "propose pick faces and stations of a hall, and draw them"),
+    "policies": Command("commands.layouts:Policies", "list the policies"),
+    "planners": Command("commands.layouts:Planners", "list the planners"),
     "train reinforce": Command("commands.training:Train", "train by our REINFORCE, with live routes"),
     "train ppo": Command("commands.training:Train", "train by PPO of stable-baselines3, with live routes"),
     "train shielded": Command("commands.training:Train", "train by our PPO, under the shield, with live routes"),
@@ -58,7 +58,7 @@ COMMANDS = {
     ),
     "evaluate": Command("commands.evaluate:Evaluate", "drive policies over held-out episodes and count collisions"),
     "compare": Command("commands.compare:Compare", "compare runs of evaluate by paired differences"),
-    "benchmark": Command("commands.benchmark:Benchmark", "drive policies through the fixed benchmark set"),
+    "benchmark": Command("commands.evaluate:Benchmark", "drive policies through the fixed benchmark set"),
     "clmapf": Command("commands.clmapf:Clmapf", "plan car-like robots on a public benchmark, and check any solution"),
     "advise": Command("commands.advise:Advise", "estimate how many robots a floor supports, and what would help"),
     "record": Command("commands.replay:Record", "drive a policy through one episode and save it to a file"),
@@ -183,7 +183,7 @@ def _run(arguments: list[str]) -> int:
     options = _options(options_of(name), f"{PROGRAM} {name}", arguments[len(name.split()) :])
     if name not in _NAME_ROWS:
         _load_own(options)
-    from train.doors import checked
+    from train.job_files import checked
 
     with checked(options):
         options.run()

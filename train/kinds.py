@@ -1,4 +1,4 @@
-"""Kinds of robots by share, the fleets of any size that they make, and `--fleet FILE`, which names them."""
+"""Kinds of robots by share, the fleets of any size that they make, and the options of kinds and of robots' work."""
 
 from __future__ import annotations
 
@@ -14,6 +14,9 @@ from warehouse_env.checked import Checked, CheckedPart, from_plain
 from warehouse_env.config import FleetPart, RobotSpec
 from warehouse_env.errors import ConfigError
 from warehouse_env.files import read_json
+from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.simulation.tasks.orders import make_allocator, note_strays, read_orders
+from warehouse_env.work import BatterySpec, OrderSpec, ServiceSpec
 
 _EXAMPLE = '[{"share": 0.25, "robot": {"length": 1.4}}]'
 _MOST = 1_000_000  # bytes of a file
@@ -136,3 +139,41 @@ def read_fleet(path: Path) -> Kinds:
         return Kinds(tuple(from_plain(KindPart, part) for part in parts))
     except ConfigError as error:
         raise ConfigError(f"fleet {path}: {error}") from None
+
+
+@dataclass(frozen=True)
+class Work(Checked):
+    """Options of robots' work; the other fields of EnvConfig's service, orders and battery have their defaults."""
+
+    service: float | None = None
+    """Service time at every pick face and station [s] (default: none)."""
+    orders: Path | None = None
+    """Orders to carry out: a CSV file."""
+    orders_per_hour: float | None = None
+    """Draw this many random orders per hour instead."""
+    allocation: str = OrderSpec.allocation
+    """Assignment of orders to robots: nearest, fifo or optimal."""
+    battery: bool = False
+    """Simulate batteries and charging."""
+
+    def work(self) -> dict[str, Any]:
+        """Return the fields of EnvConfig that the options set; ConfigError for a bad file of orders."""
+        make_allocator(self.allocation)
+        given: dict[str, Any] = {}
+        if self.orders is not None and self.orders_per_hour is not None:
+            raise ConfigError("--orders-per-hour must be left out with --orders, which says when they come")
+        if self.orders is not None:
+            read_orders(self.orders)
+            given["orders"] = OrderSpec(file=str(self.orders), allocation=self.allocation)
+        if self.orders_per_hour is not None:
+            given["orders"] = OrderSpec(per_hour=self.orders_per_hour, allocation=self.allocation)
+        if self.service is not None:
+            given["service"] = ServiceSpec(pick=self.service, station=self.service)
+        if self.battery:
+            given["battery"] = BatterySpec()
+        return given | {"arrival": "stop"} if given else given
+
+    def note_orders(self, grid: GridMap) -> None:
+        """Warn of orders to cells of a floor that are neither pick faces nor stations."""
+        if self.orders is not None:
+            note_strays(read_orders(self.orders), grid)

@@ -34,7 +34,7 @@ class OrderSpec(CheckedPart):
     weight: float = 250.0  # [kg] mean of an order, uniform from 0 to twice this, at most RobotSpec.payload
     due: float = 900.0  # [s] after its release
     wave: float = 0.0  # [s] between releases of all orders that have come; 0: each at once
-    allocation: str = "nearest"  # who gets which: a name of ALLOCATORS (simulation/tasks/allocation.py)
+    allocation: str = "nearest"  # who gets which: a name of ALLOCATORS (simulation/tasks/orders.py)
 
     def __post_init__(self) -> None:
         super().__post_init__()

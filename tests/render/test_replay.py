@@ -16,12 +16,11 @@ from hypothesis import strategies as st
 from tests.render.browser import Opener, needs_chromium, until
 from tests.render.episodes import CONFIG, driven
 from warehouse_env.errors import WarehouseError
-from warehouse_env.render import live_page, replay_page
+from warehouse_env.render import pages
 from warehouse_env.render.lines import simplified
-from warehouse_env.render.page_text import PAGE, SHARED
+from warehouse_env.render.pages import PAGE, SHARED, thinned, write_replay_page
 from warehouse_env.render.replay import FLAGS, REWARD_TERMS, Replay, replay_of
 from warehouse_env.render.replay_codec import packed, position_unit
-from warehouse_env.render.replay_page import thinned, write_replay_page
 from warehouse_env.simulation.senses import rewards
 
 
@@ -201,7 +200,7 @@ def assert_at(page: Any, replay: Replay, frame: int, panel: int = 0) -> None:
 
 def test_every_script_is_in_a_page() -> None:
     for folder, names in (
-        ("", SHARED), (replay_page.FOLDER, replay_page.SCRIPTS), (live_page.FOLDER, live_page.SCRIPTS),
+        ("", SHARED), (pages.REPLAY, pages.REPLAY_SCRIPTS), (pages.LIVE, pages.LIVE_SCRIPTS),
     ):  # fmt: skip
         assert {path.stem for path in (PAGE / folder).glob("*.js")} == set(names)
 

@@ -20,7 +20,6 @@ from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.maps.layouts import LAYOUTS, make_layout
 from warehouse_env.planning import Plan, make_planner
 from warehouse_env.routes import book as route_book
-from warehouse_env.routes import plan_table
 from warehouse_env.routes.book import RouteBook
 from warehouse_env.routes.lanes import distance, resample
 from warehouse_env.threads import set_num_threads
@@ -218,7 +217,7 @@ def test_a_table_spares_all_plans_between_endpoints_unless_it_is_damaged(own_cac
     (file,) = own_cache.glob("plans-*.npz")
     if damage is not None:
         file.write_bytes(file.read_bytes()[:900] if damage == "truncated" else damage)  # type: ignore[arg-type]
-        plan_table._read.cache_clear()
+        route_book._read.cache_clear()
     planner.plans, known, alone = 0, RouteBook(ROOM, planner), RouteBook(ROOM, make_planner("astar"))
     assert known.has_table == (damage is None)
     tasks = [(start, goal) for start in PLACES[:6] for goal in PLACES[-6:]]

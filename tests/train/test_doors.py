@@ -14,8 +14,7 @@ import pytest
 
 from agents import WEIGHTS_FOLDER, make_policy, policy_config
 from train.cli import COMMANDS, main, options_of
-from train.doors import OUTPUTS, checked
-from train.job_files import pack, unpacked
+from train.job_files import OUTPUTS, checked, pack, unpacked
 from train.own import take_in, versions
 from warehouse_env import EnvConfig, make_layout
 from warehouse_env.errors import MapError, WarehouseError, WeightsError
@@ -150,7 +149,7 @@ def test_code_of_ones_own(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyP
     home, _, _ = name.partition(":")
     beside = f"beside_{home.replace('.', '_')}"  # of its own: what was imported of a files stays imported
     Path("mine.py").write_text(f"from {beside} import Mine\n")
-    Path(f"{beside}.py").write_text("from agents.path_following import Follow as Mine\n")
+    Path(f"{beside}.py").write_text("from agents.rules import Follow as Mine\n")
     take_in([("policy", name)])
     files = pack(())
     assert {one: list(own) for one, own in files.items()} == {home: ["mine.py", f"{beside}.py"]}

@@ -5,13 +5,11 @@ from __future__ import annotations
 import math
 import re
 
-from train.advice.aim import FELL, GOALS, Aim
-from train.advice.candidates import Candidate, Kind, storage_lost
 from train.advice.capacity import SURE, Capacity, RobotsNeeded
-from train.advice.changes import KINDS, PAIRS, Effect
+from train.advice.changes import KINDS, PAIRS, Candidate, Effect, Kind, storage_lost
 from train.advice.course import Advice
 from train.advice.curve import STUCK, peak
-from train.advice.trials import AdvicePlan
+from train.advice.trials import FELL, GOALS, AdvicePlan, Aim
 from train.kinds import described
 from train.reporting.report import difference, number, with_interval
 from warehouse_env.config import RobotSpec

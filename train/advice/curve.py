@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from train.advice.aim import GOALS, Aim
+from train.advice.trials import GOALS, Aim
 from train.reporting.columns import MEASURES
 from train.reporting.rows import Interval, Row, t_quantile
 

@@ -8,9 +8,8 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from train.clmapf.contact import ALONE, NEVER, Shape, follow
-from train.clmapf.instance import BODY, DISC_RADIUS, Instance
+from train.clmapf.instance import BODY, DISC_RADIUS, Instance, States
 from train.clmapf.motions import BEGIN, END, LENGTH, Fault, Motions, body_beyond, motions_of
-from train.clmapf.solution import States
 
 _LEAST_SLACK = 1e-6
 _HORIZON = 1.0  # larger gaps are not measured

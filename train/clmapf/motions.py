@@ -10,8 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from train.clmapf.instance import BODY, Instance
-from train.clmapf.solution import States
+from train.clmapf.instance import BODY, Instance, States
 
 TOLERANCE = 0.01  # of given poses, lengths and turns: the authors' files have six digits
 AUTHORS_STEP = 2.118  # seconds of a step of the authors' solver: radius 3 times 0.706 rad

@@ -14,17 +14,23 @@ from pathlib import Path
 from typing import Annotated, ClassVar
 
 from agents import POLICIES, make_policy, policy_config
-from train.advice.advice_page import FOLDER, advice_page, changes_table, loads_table, places_table, write_floor
+from train.advice.advice_page import (
+    FOLDER,
+    advice_page,
+    changes_table,
+    hall_parts,
+    loads_table,
+    places_table,
+    write_floor,
+)
 from train.advice.answer import answer
+from train.advice.capacity import for_kinds, most_with_a_start
 from train.advice.course import advise
-from train.advice.hall_part import hall_parts
-from train.advice.room import for_kinds, most_with_a_start
 from train.advice.trials import AdvicePlan, TimeBudget
 from train.commands.layouts import BY_MAP, check_connected
-from train.commands.work import Work
 from train.evaluation.jobs import Progress, Runner
 from train.evaluation.workers import GOES_ON, RowOptions
-from train.kinds import Fleet
+from train.kinds import Fleet, Work
 from train.own import OwnSensors
 from train.reporting.page import PagePart
 from train.reporting.report import make_console, make_progress, require_charts

@@ -10,8 +10,7 @@ from pathlib import Path
 import tyro
 
 from train.commands.evaluate import Episodes
-from train.evaluation.audit.jobs import DrivenEpisodes, RecordedEpisode
-from train.evaluation.audit.table import audit_table, faults_of, sentences
+from train.evaluation.audit.jobs import DrivenEpisodes, RecordedEpisode, audit_table, faults_of, sentences
 from train.evaluation.audit.watcher import Audit
 from train.evaluation.disturbances import known
 from train.evaluation.jobs import Job, Runner

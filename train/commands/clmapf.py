@@ -10,9 +10,8 @@ from typing import ClassVar
 
 import tyro
 
-from train.clmapf.jobs import InstanceJob, instances_in
+from train.clmapf.jobs import InstanceJob, cells_table, impossible_lines, instances_in, unsolved_lines
 from train.clmapf.motions import AUTHORS_STEP
-from train.clmapf.table import cells_table, impossible_lines, unsolved_lines
 from train.evaluation.jobs import Here, Job, Runner
 from train.evaluation.processes import Processes
 from train.reporting.rows import Row, RowFile

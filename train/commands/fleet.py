@@ -13,12 +13,11 @@ from rich.progress import Progress
 from train.commands.layouts import BY_MAP
 from train.fleet.build import episode_of
 from train.fleet.check import check_log
-from train.fleet.driven import load_simulated
+from train.fleet.driven import fleet_table, load_simulated, row_of
 from train.fleet.messages import LOG, Names, write_log
 from train.fleet.orders import Story, story_of
 from train.fleet.publisher import Broker, broker_of, package, publish
 from train.fleet.received import hear_log
-from train.fleet.row import fleet_table, row_of
 from train.fleet.vehicle import messages_of, serial_of
 from train.reporting.report import make_progress
 from train.reporting.rows import RowFile

@@ -1,27 +1,33 @@
-"""`warehouse layouts`: what floors there are, and whether a map file can be used."""
+"""What there is to choose from: `warehouse layouts` and `places` (floors and maps), `policies`, `planners`."""
 
 from __future__ import annotations
 
 import inspect
 from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 import tyro
 
-from train.advice.candidates import cut_off, run_lengths
+from agents import POLICIES, policy_config
+from train.advice.changes import cut_off, run_lengths
 from train.reporting.report import Table, require_charts
 from train.reporting.rows import Row
 from warehouse_env.checked import Checked
+from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, MapError
+from warehouse_env.files import companion
 from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.maps.halls import lif, route_graph
-from warehouse_env.maps.halls.hall import Hall, is_hall, read_hall
+from warehouse_env.maps.halls import lif, places, route_graph
+from warehouse_env.maps.halls.hall import Hall, is_hall, parse, read_hall
 from warehouse_env.maps.halls.map_server import YAMLS
 from warehouse_env.maps.halls.saved import write_hall
 from warehouse_env.maps.layouts import LAYOUTS, make_layout
 from warehouse_env.maps.movingai import write_map
 from warehouse_env.maps.one_way import ARROWS
+from warehouse_env.planning import PLANNERS
+from warehouse_env.traffic_spec import written_traffic
 
 BY_MAP = tyro.conf.arg(aliases=("--map",))  # another name of --layout, which takes files
 
@@ -137,3 +143,83 @@ def narrowest_aisle(grid: GridMap) -> int:
     free[tuple(grid.free_cells.T)] = True
     across = np.minimum(run_lengths(free), run_lengths(free.T).T)
     return int(across[free].min())
+
+
+@dataclass(frozen=True)
+class PlacesCommand(Checked):
+    """Propose where robots fetch and bring in a hall, number it in a picture, and write it to NAME.places.json.
+
+    Edit that file by hand: it is read whenever the map is. Stations and lanes of another file fill it as well:
+    warehouse places hall.yaml:lanes=hall.lif.json
+    """
+
+    map: tyro.conf.Positional[str]
+    """The hall: NAME.yaml of map_server, or a picture with :resolution=0.05 behind its name."""
+    png: Path | None = None
+    """The picture (NAME.places.png beside the map if left out)."""
+    propose: bool = False
+    """Propose new places, and replace an existing file."""
+
+    rewrites: ClassVar[tuple[str, ...]] = (places.SUFFIX,)
+
+    def run(self) -> None:
+        """Write the file, if there is none yet, and the picture."""
+        if not is_hall(self.map):
+            raise ConfigError(f"{self.map} is no map of a hall: it must be NAME.yaml or a picture")
+        require_charts(self.png)
+        path, _ = parse(self.map)
+        file = companion(path, places.SUFFIX)
+        there = file.exists() and not self.propose
+        hall = read_hall(self.map, edited=there)
+        if not there:
+            places.write_places(hall.places, file)
+        from warehouse_env.render.charts import draw_places
+
+        picture = self.png or path.with_suffix(".places.png")
+        picks, stations = ([place.name for place in hall.places[kind]] for kind in places.KINDS)
+        draw_places(hall.grid, picks, stations, picture)
+        for note in hall.notes:
+            print(f"note: {note}")
+        counts = " and ".join(f"{len(listed)} {kind}" for kind, listed in hall.places.items())
+        print(f"{'read' if there else 'wrote'} {counts} {'from' if there else 'to'} {file}, drew them in {picture}")
+
+
+@dataclass(frozen=True)
+class Policies(Checked):
+    """List the policies by the names that --policy takes."""
+
+    def run(self) -> None:
+        """List what each policy is and what it is driven with, unless an option says otherwise."""
+        cells = (
+            (name, one.summary, "rules" if one.weights is None else "trained weights", _needs(name))
+            for name, one in POLICIES.items()
+        )
+        own = "Also a policy: the folder of a trained one (runs/mine), and your own, FILE.py:CLASS or MODULE:CLASS."
+        Table("Policies", ("policy", "what it is", "made of", "driven with"), tuple(cells), own).print()
+
+
+def _needs(policy: str) -> str:
+    """Describe what a policy is driven with."""
+    config = policy_config(policy, EnvConfig())
+    traffic, predictions = written_traffic(config.traffic_spec), config.sensor.predictions
+    return ", ".join([f"traffic {traffic}"] * (traffic != EnvConfig.traffic) + ["predictions"] * predictions) or "-"
+
+
+@dataclass(frozen=True)
+class Planners(Checked):
+    """List the planners by the names that --planner takes."""
+
+    def run(self) -> None:
+        """List what each planner is, by whom, and whether it heeds a cost map."""
+        cells = tuple(
+            (
+                name, (inspect.getdoc(made) or "").split("\n")[0].rstrip("."),
+                "yes" if getattr(made, "takes_cost", False) else "no",
+            )
+            for name, made in PLANNERS.items()
+        )  # fmt: skip
+        own = (
+            "A name may carry parameters, as in pf_aco:ants=20; a wrong one gets the list. A cost map is what live "
+            "routes and routes of several robots ask for. Also a planner: your own, FILE.py:CLASS or MODULE:CLASS."
+        )
+        Table("Planners", ("planner", "what it is", "cost map"), cells, own).print()

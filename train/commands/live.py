@@ -18,8 +18,7 @@ from train.live.server import Server
 from train.live.world import LiveFloors, World, WorldSetting
 from warehouse_env.config import EnvConfig
 from warehouse_env.planning import make_planner
-from warehouse_env.render.live_page import live_page
-from warehouse_env.render.page_text import about_page
+from warehouse_env.render.pages import about_page, live_page
 
 _LOOKS_EVERY = 0.2  # [s] between two checks whether the simulation has failed
 _STOPS_IN = 2.0  # [s] at most

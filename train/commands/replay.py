@@ -23,8 +23,8 @@ from train.reporting.report import make_progress, require_video
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, WarehouseError
 from warehouse_env.plugins import split
+from warehouse_env.render.pages import write_replay_page
 from warehouse_env.render.replay import Replay, replay_of
-from warehouse_env.render.replay_page import write_replay_page
 from warehouse_env.simulation.record.recording import Episode
 
 if TYPE_CHECKING:

@@ -23,8 +23,8 @@ from train.reporting.report import grouped, number
 from train.reporting.rows import Row
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, WeightsError, counted
+from warehouse_env.render.pages import write_replay_page
 from warehouse_env.render.replay import Shares, replay_of
-from warehouse_env.render.replay_page import write_replay_page
 from warehouse_env.simulation.record.recording import Episode, Recorder
 
 

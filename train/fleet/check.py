@@ -11,8 +11,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from train.fleet.log import Bad, LogEntry, log_path, moment_of, read_log, version_of
-from train.fleet.messages import MAJOR, TOPICS
+from train.fleet.messages import MAJOR, TOPICS, Bad, LogEntry, log_path, moment_of, read_log, version_of
 from train.fleet.order_rules import OrderBook
 from warehouse_env.errors import WarehouseError, shown
 from warehouse_env.format_version import major_of

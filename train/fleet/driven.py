@@ -1,4 +1,4 @@
-"""The episode of a real fleet, and its file.
+"""The episode of a real fleet, its file, and its figures as a row like that of an evaluation.
 
 It cannot be run again, since its vehicles' commands are unknown; poses and orders are shown as stored. The file is one
 of `warehouse record` with empty actions, and further members of the archive hold the orders.
@@ -7,8 +7,9 @@ of `warehouse record` with empty actions, and further members of the archive hol
 from __future__ import annotations
 
 import json
+import math
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
@@ -18,6 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from train.fleet.figures import LOADED, MOMENT, PRESENT, FleetFigures
+from train.reporting.report import Table, number
+from train.reporting.rows import Row, plain
+from warehouse_env import __version__
 from warehouse_env.errors import WarehouseError
 from warehouse_env.files import complete_file, zip_member
 from warehouse_env.render.replay import REWARD_TERMS
@@ -143,3 +147,41 @@ def _driven(episode: Episode, archive: zipfile.ZipFile) -> FleetEpisode:
         moments.reshape(frames, robots), lines, tuple(map(str, about["vehicles"])), str(about["begin"]),
         tuple(map(str, about["notes"])),
     )  # fmt: skip
+
+
+_COLUMNS = (
+    ("seconds", "s"), ("robot_km", "km"), ("goals", "goals"), ("goals_per_robot_hour", "goals/robot-h"),
+    ("waiting_share", "waiting %"), ("near_misses", "near misses"), ("collisions_robot", "contacts"),
+    ("min_clearance_m", "least gap m"), ("path_length_ratio", "driven/planned"),
+    ("longest_standing_s", "longest standing s"),
+)  # fmt: skip
+_NOTE = (
+    "Figures of a fleet come from its messages. Goals are finished orders (only those with an action, if any vehicle "
+    "reports actions). Waiting is standing with an order to drive. Gaps are between bodies at the reported positions. "
+    "Planned lengths are straight from node to node of an order when first seen. Contacts between robots are overlaps, "
+    "or errors that two adjacent vehicles report; contacts with shelves and people are only reported errors."
+)
+
+
+def row_of(episode: FleetEpisode, source: object, moved: Callable[[], object] = lambda: None) -> Row:
+    """Return a fleet's row; moved: called after each moment. Reroutes are None, since no message tells them."""
+    for last in episode.replay():
+        moved()
+        shown = last
+    config = episode.config
+    row = {
+        "policy": "fleet", "layout": config.layout, "robots": config.num_agents, "tasks": config.tasks,
+        "planner": config.planner, "source": str(source), "seed": episode.seeds[0], **shown.episode_metrics(0),
+        "config": config.to_dict(), "version": __version__, "reroutes": math.nan, "notes": list(episode.notes),
+        "vehicles": list(episode.vehicles),
+    }  # fmt: skip
+    return dict(plain(row))
+
+
+def fleet_table(row: Row) -> Table:
+    """Return the table of a fleet's figures, and notes on what they leave out."""
+    values = ((row.get(name), 100.0 if name == "waiting_share" else 1.0) for name, _ in _COLUMNS)
+    cells = tuple("-" if value is None else number(scale * value, 4) for value, scale in values)
+    noted = "".join(f"\nNote: {note}." for note in row["notes"])
+    header = ("robots", *(heading for _, heading in _COLUMNS))
+    return Table("Fleet", header, ((str(row["robots"]), *cells),), _NOTE + noted)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from train.fleet.figures import AT_PERSON, AT_ROBOT, AT_SHELF, LOADED
-from train.fleet.log import Bad, LogEntry, log_path, moment_of, read_log, version_of
+from train.fleet.messages import Bad, LogEntry, log_path, moment_of, read_log, version_of
 from train.fleet.vehicle import CONTACTS
 from warehouse_env.errors import WarehouseError
 

@@ -6,9 +6,8 @@ import time
 from typing import Any
 
 from train.live.commands import Command, Make, Play, Speed, Step
-from train.live.figures import LiveFigures, Sample
 from train.live.listeners import Listeners
-from train.live.messages import further, note, whole
+from train.live.messages import LiveFigures, Sample, further, note, whole
 from train.live.world import Moment, World
 from warehouse_env.errors import WarehouseError
 from warehouse_env.render.replay import Lines

@@ -1,4 +1,4 @@
-"""Messages to pages: a header as JSON and arrays as in replay_codec.py, each message preceded by its length.
+"""Figures of a live world, and messages to pages: a header as JSON and arrays as in replay_codec.py, after a length.
 
 Little-endian: uint32 bytes of the rest, uint32 bytes of the header, the header, the arrays. The header's `kind` is
 `world` (everything that a page needs to begin), `moments` (which continue it) or `note` (the pace, and what is being
@@ -9,17 +9,64 @@ from __future__ import annotations
 
 import json
 import struct
+from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from train.live.figures import Sample
 from train.live.world import Moment, World
-from warehouse_env.render.page_text import about_world
-from warehouse_env.render.replay import Replay
+from warehouse_env.render.pages import about_world
+from warehouse_env.render.replay import FLAGS, Replay
 from warehouse_env.render.replay_codec import Column, floor_columns, laid_out, moment_columns, route_columns
+
+WINDOW = 120.0  # [s] over which goals an hour are counted
+KEPT = 900  # samples, one a second
+STANDS = 0.05  # [m/s] below which a robot stands
+_ALIVE = 1 << FLAGS.index("alive")
+
+
+class Sample(NamedTuple):
+    """One second of a world; shares are means over its steps."""
+
+    seconds: float  # since the world began
+    goals_per_robot_hour: float  # over WINDOW, or since the beginning
+    waiting: float  # share of the robots that wait for another
+    standing: float  # share that stands
+    contacts: int  # so far
+
+
+class LiveFigures:
+    """The samples of a world, `KEPT` at most."""
+
+    def __init__(self) -> None:
+        self.samples: deque[Sample] = deque(maxlen=KEPT)
+        self._goals: deque[tuple[float, int]] = deque([(0.0, 0)])  # by second, over WINDOW
+        self._shares: list[tuple[float, float]] = []
+
+    def add(self, seconds: float, moment: dict[str, NDArray[Any]]) -> Sample | None:
+        """Count a moment at `seconds` since the world began; return a sample if it completes a second."""
+        alive = (moment["flags"] & _ALIVE) > 0
+        many = max(int(alive.sum()), 1)
+        waiting = int((alive & (moment["waits_for"] >= 0)).sum())
+        standing = int((alive & (np.abs(moment["speed"]) < STANDS)).sum())
+        self._shares.append((waiting / many, standing / many))
+        last = self.samples[-1].seconds if self.samples else 0.0
+        if seconds < int(last) + 1 - 1e-6:
+            return None
+        goals, contacts, _ = moment["totals"].tolist()
+        self._goals.append((seconds, goals))
+        while self._goals[1][0] <= seconds - WINDOW + 1e-6:
+            self._goals.popleft()
+        since, before = self._goals[0]
+        rate = (goals - before) / len(alive) / max(seconds - since, 1e-6) * 3600.0
+        waits, stands = np.mean(self._shares, axis=0).tolist()
+        self._shares.clear()
+        sample = Sample(round(seconds, 3), rate, waits, stands, contacts)
+        self.samples.append(sample)
+        return sample
+
 
 ALIVE = struct.pack("<I", 0)
 Routes = Mapping[int, NDArray[np.float32]]

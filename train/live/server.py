@@ -19,7 +19,7 @@ from train.live.commands import MOST_BYTES, read_command
 from train.live.messages import ALIVE
 from train.live.runner import WorldRunner
 from warehouse_env.errors import ConfigError, WarehouseError
-from warehouse_env.render.live_page import LivePage
+from warehouse_env.render.pages import LivePage
 
 LOOPBACK = "127.0.0.1"
 _QUIET = 2.0  # [s] without a message, after which the stream sends a sign of life

@@ -12,7 +12,7 @@ from functools import cache, partial
 from pathlib import Path
 
 from train.tables.papers import avoidance, settings, six_agvs
-from train.tables.planners import pairs_on_floors
+from train.tables.papers.settings import pairs_on_floors
 from train.tables.study import Experiment, TableSetting, TableStudy
 from warehouse_env.checked import from_plain
 from warehouse_env.planning import PLANNERS

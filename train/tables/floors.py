@@ -15,7 +15,7 @@ from train.reporting.report import Table, difference, number, with_interval
 from train.reporting.rows import Row, is_significant, mean_interval, select, short_names
 from train.reporting.trainings import difference_of
 from train.tables.options import TableOptions
-from train.tables.planners import movingai_warehouse
+from train.tables.papers.settings import movingai_warehouse
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
 from warehouse_env.maps.layouts import make_layout

@@ -14,9 +14,17 @@ from hypothesis import strategies as st
 
 from warehouse_env.errors import ConfigError, MapWarning
 from warehouse_env.maps.layouts import make_layout
-from warehouse_env.simulation.tasks.allocation import ALLOCATORS, make_allocator
 from warehouse_env.simulation.tasks.ledger import Demand, Ledger
-from warehouse_env.simulation.tasks.orders import Order, as_table, check_orders, from_table, read_orders, write_orders
+from warehouse_env.simulation.tasks.orders import (
+    ALLOCATORS,
+    Order,
+    as_table,
+    check_orders,
+    from_table,
+    make_allocator,
+    read_orders,
+    write_orders,
+)
 from warehouse_env.work import OrderSpec
 
 FLOOR = make_layout("open")

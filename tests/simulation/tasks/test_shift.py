@@ -17,10 +17,10 @@ from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.state import OWNER, field_of
 from warehouse_env.simulation.tasks.battery import GRAVITY, Batteries
 from warehouse_env.simulation.tasks.duty import Doing, service_time
+from warehouse_env.simulation.tasks.one_shot import disc_of
 from warehouse_env.simulation.tasks.orders import Order, write_orders
 from warehouse_env.simulation.tasks.places import Places, standing_places
 from warehouse_env.simulation.tasks.shifts import slowed
-from warehouse_env.simulation.tasks.well_formed import disc_of
 from warehouse_env.work import BatterySpec, OrderSpec, ServiceSpec
 
 FLOOR = make_layout("open")

@@ -17,9 +17,8 @@ from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.maps.layouts import LAYOUTS, make_layout
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.tasks.assignment import Assignment
-from warehouse_env.simulation.tasks.one_shot import OneShotTasks
+from warehouse_env.simulation.tasks.one_shot import OneShotTasks, cut_off, disc_of
 from warehouse_env.simulation.tasks.tasks import Tasks
-from warehouse_env.simulation.tasks.well_formed import cut_off, disc_of
 from warehouse_env.work import OrderSpec
 
 KEY = np.array([4, 7, 0], np.uint64)

@@ -14,14 +14,12 @@ import pytest
 from tests.maps.halls.test_map_server import REAL, YAML, hall, room
 from tests.train.advice.floors import RACKS, floor_of
 from train.advice import changes
-from train.advice.advice_page import FOLDER, advice_page, recommended, write_floor
+from train.advice.advice_page import FOLDER, advice_page, doubts, hall_parts, recommended, with_parameter, write_floor
 from train.advice.answer import answer
-from train.advice.candidates import EAST, WEST, Candidate, aisles, choose, cut_off, one_ways
 from train.advice.capacity import Capacity, RobotsNeeded
-from train.advice.changes import Effect
+from train.advice.changes import EAST, WEST, Candidate, Effect, aisles, choose, cut_off, one_ways
 from train.advice.course import Advice
 from train.advice.curve import LoadPoint
-from train.advice.hall_part import doubts, hall_parts, with_parameter
 from train.advice.study import Team
 from train.advice.trials import AdvicePlan
 from train.advice.trips import Bottleneck, expected_cost

@@ -12,8 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.train.advice.floors import RACKS, driver, floor_of, plan_of
-from train.advice.candidates import Candidate, storage_lost
-from train.advice.changes import PAIRS, Effect, affordable, effects
+from train.advice.changes import PAIRS, Candidate, Effect, affordable, effects, storage_lost
 from train.advice.study import Team, TrialRuns
 from train.advice.trials import AS_IS, BLOCK, TimeBudget, Trial, Use
 from train.advice.trips import Bottleneck, bottlenecks, draw_trips, plan_trips, traffic

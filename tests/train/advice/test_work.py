@@ -10,13 +10,12 @@ from typing import Any
 import pytest
 
 from tests.train.advice.floors import RACKS, driver, floor_of, plan_of
-from train.advice import capacity, room
-from train.advice.aim import ORDERS, OrdersSoFar
+from train.advice import capacity
 from train.advice.answer import asked_text
+from train.advice.capacity import for_kinds, most_with_a_start
 from train.advice.curve import loads
-from train.advice.room import for_kinds, most_with_a_start
 from train.advice.study import TrialRuns
-from train.advice.trials import AdvicePlan, TimeBudget, Trial, Use
+from train.advice.trials import ORDERS, AdvicePlan, OrdersSoFar, TimeBudget, Trial, Use
 from train.cli import main
 from train.commands import advise as command
 from train.kinds import KindPart, Kinds
@@ -158,7 +157,7 @@ def test_the_floor_is_for_the_widest_body_however_many_there_are() -> None:
 
 
 def test_large_bodies_find_fewer_starts(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(room, "PROBES", 3)
+    monkeypatch.setattr(capacity, "PROBES", 3)
     hall = floor_of(*["." * 14] * 8)
     usual = plan_of(hall, policies=("greedy",), most=len(hall.endpoints[2]) - 1)
     large = dataclasses.replace(

@@ -13,10 +13,17 @@ from hypothesis import strategies as st
 
 from train.cli import main
 from train.clmapf.check import check
-from train.clmapf.instance import Instance, body_gap, disc_gap, read_instance, why_impossible
+from train.clmapf.instance import (
+    Instance,
+    body_gap,
+    disc_gap,
+    read_instance,
+    read_solution,
+    why_impossible,
+    write_solution,
+)
 from train.clmapf.jobs import solve
 from train.clmapf.motions import AUTHORS_STEP, extent
-from train.clmapf.solution import read_solution, write_solution
 from train.reporting.rows import read_rows
 from warehouse_env.errors import MapError
 from warehouse_env.routes.reeds_shepp import rolled

@@ -81,10 +81,10 @@ def test_tables_have_the_best_first() -> None:
 def test_the_command_drives_resumes_and_tabulates(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     small = (Case("few", "open", 2, 2), Case("more", "aisles:seed=801", 3, 1))
     monkeypatch.setattr(fixed_set, "SECONDS", 8.0)
-    monkeypatch.setattr("train.commands.benchmark.SHIPPED", tmp_path / "none.jsonl")
+    monkeypatch.setattr("train.commands.evaluate.SHIPPED", tmp_path / "none.jsonl")
     (tmp_path / "none.jsonl").write_text("")
-    monkeypatch.setattr("train.commands.benchmark.experiments", lambda policy: experiments(policy, small))
-    monkeypatch.setattr("train.commands.benchmark.benchmark_tables", lambda rows: benchmark_tables(rows, small))
+    monkeypatch.setattr("train.commands.evaluate.experiments", lambda policy: experiments(policy, small))
+    monkeypatch.setattr("train.commands.evaluate.benchmark_tables", lambda rows: benchmark_tables(rows, small))
     arguments = ["benchmark", "--policy", "follow", "follow", "--processes", "1", "--out", str(tmp_path)]
     assert main(arguments) == 0
     before = (tmp_path / "table.md").read_text()

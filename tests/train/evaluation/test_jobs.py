@@ -188,7 +188,7 @@ def test_a_job_that_kills_its_worker_is_named_by_the_command(
     (tmp_path / "beside.py").write_text("import os, signal\n")
     (tmp_path / "mine.py").write_text(
         "from beside import os, signal\n"
-        "from agents.path_following import Follow\n"
+        "from agents.rules import Follow\n"
         "class Mine(Follow):\n"
         "    def act(self, observation, rng):\n"
         "        if observation.any(): os.kill(os.getpid(), signal.SIGKILL)\n"

@@ -18,8 +18,8 @@ from train.evaluation.rollout import make_experiment, run
 from train.reporting.rows import read_rows
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, WarehouseError
+from warehouse_env.render.pages import write_replay_page
 from warehouse_env.render.replay import replay_of
-from warehouse_env.render.replay_page import write_replay_page
 from warehouse_env.simulation.record.recording import Episode
 
 BASE = EnvConfig(layout="open", num_agents=5, planner="astar")

@@ -15,13 +15,11 @@ from hypothesis import strategies as st
 from tests.render.episodes import driven
 from tests.train.fleet.stories import NAMES, ORIGIN, episode_story, story, write_lines
 from train.fleet.build import episode_of
-from train.fleet.driven import FleetEpisode, load_episode, load_simulated
+from train.fleet.driven import FleetEpisode, load_episode, load_simulated, row_of
 from train.fleet.factsheet import body_of, factsheet_of
 from train.fleet.figures import AT_SHELF, MOMENT, PRESENT, UNDER_WAY, FleetFigures
-from train.fleet.log import LogEntry, entry_of, moment_of
-from train.fleet.messages import write_log
+from train.fleet.messages import LogEntry, entry_of, moment_of, write_log
 from train.fleet.received import HeardFleet, hear_log
-from train.fleet.row import row_of
 from train.fleet.vehicle import messages_of
 from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.errors import WarehouseError

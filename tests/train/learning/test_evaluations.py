@@ -8,11 +8,10 @@ from pathlib import Path
 import pytest
 
 from tests.train.trainings import SMALL
-from train.held_out import held_out
 from train.learning import evaluations
 from train.learning.config import PPOConfig, ReinforceConfig, ThreadedPPOConfig, TrainingConfig
 from train.learning.evaluations import Evaluations
-from train.trainers import train
+from train.trainers import held_out, train
 
 LONGER = {"layouts": ("open", "narrow"), "rows": 16, "steps": 16 * 6 * 6, "episode_seconds": 6.0}
 TRAINERS = [ReinforceConfig, ThreadedPPOConfig, PPOConfig]

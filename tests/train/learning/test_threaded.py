@@ -14,13 +14,12 @@ from safetensors.numpy import load_file
 
 from agents.weights_folder import read_record
 from tests.train.trainings import SMALL
-from train.held_out import held_out
 from train.learning.config import ReinforceConfig, ThreadedConfig, ThreadedPPOConfig
 from train.learning.device_worlds import ROUND, DeviceWorlds, TrainingDevice
 from train.learning.tally import figures_of
 from train.learning.threaded import ThreadedTrainer, shares
 from train.learning.worlds import TrainingSimulator, TrainingWorlds
-from train.trainers import train
+from train.trainers import held_out, train
 from warehouse_env.config import EnvConfig, RewardWeights
 from warehouse_env.simulation.device.memory import field_on_device
 from warehouse_env.simulation.state import OWNER

@@ -12,8 +12,8 @@ from train.kinds import KindPart, Kinds
 from train.live import drive, listeners
 from train.live.commands import MOST_BYTES, Make, Play, Speed, Step, read_command
 from train.live.drive import WorldDrive
-from train.live.figures import WINDOW, LiveFigures, Sample
 from train.live.listeners import Listener, Listeners
+from train.live.messages import WINDOW, LiveFigures, Sample
 from train.live.world import World
 from warehouse_env.config import RobotSpec
 from warehouse_env.errors import ConfigError, WarehouseError

@@ -15,7 +15,7 @@ from train.commands.live import about_live
 from train.live.runner import WorldRunner
 from train.live.server import Server
 from train.live.world import LiveFloors
-from warehouse_env.render.live_page import live_page
+from warehouse_env.render.pages import live_page
 
 Opener = Callable[..., Any]
 

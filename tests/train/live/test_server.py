@@ -21,7 +21,7 @@ from train.live.listeners import Listeners
 from train.live.messages import note
 from train.live.server import Server
 from warehouse_env.errors import ConfigError
-from warehouse_env.render.live_page import live_page
+from warehouse_env.render.pages import live_page
 
 
 class Asked:

@@ -12,10 +12,10 @@ import pytest
 from train.cli import main
 from train.evaluation.jobs import Result, Tick
 from train.reporting.rows import Interval, Row, read_rows, write_rows
-from train.tables import catalogue, floors, planners, published, runner
+from train.tables import catalogue, floors, published, runner
 from train.tables.floors import DRAWN, LARGE, FloorsTable, floors_table
 from train.tables.measures import MEASURES
-from train.tables.planners import movingai_warehouse
+from train.tables.papers import settings
 from train.tables.published import publish
 from train.tables.runner import PlanBlock
 from warehouse_env.maps.movingai import read_map
@@ -173,7 +173,7 @@ def test_papers_that_are_not_asked_for_keep_their_rows(
 
 def test_planners_on_pairs_of_cells(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(catalogue, "PLANNERS", {name: PLANNERS[name] for name in ("astar", "dijkstra", "apf")})
-    monkeypatch.setattr(planners, "PAIRS", 2)
+    monkeypatch.setattr(settings, "PAIRS", 2)
     catalogue.studies_of.cache_clear()
     catalogue.settings_of.cache_clear()
     asked = ["tables", "planners", "--runs", "1", "--processes", "1", "--out", str(tmp_path)]
@@ -231,7 +231,7 @@ def test_every_floor_has_the_same_seeds_for_the_rule_and_the_policies(tmp_path: 
     assert crowds == {1, 256, 512, 1024}
     assert all(one.seed >= floors.SEED for one in made)
     for aisle, shape in ((1, (63, 161)), (2, (84, 170))):  # shapes as in the archive of Stern et al.
-        written, grid = read_map(tmp_path / f"warehouse-10-20-10-2-{aisle}.map"), movingai_warehouse(aisle)
+        written, grid = read_map(tmp_path / f"warehouse-10-20-10-2-{aisle}.map"), settings.movingai_warehouse(aisle)
         assert (written.occupied == grid.occupied).all()
         assert grid.shape == shape
 

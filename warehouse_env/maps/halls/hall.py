@@ -41,7 +41,7 @@ from warehouse_env.maps.halls.cells import (
 )
 from warehouse_env.maps.halls.lanes import Lanes, lay, prices
 from warehouse_env.maps.halls.map_server import PICTURES, YAMLS, Occupancy, beside, image_of, read_occupancy
-from warehouse_env.maps.halls.proposed import propose, racks
+from warehouse_env.maps.halls.places import propose, racks
 from warehouse_env.maps.halls.report import report_of
 from warehouse_env.maps.moves import label_regions
 from warehouse_env.maps.tables import DEAREST
