@@ -1,15 +1,146 @@
-"""`rules` on hand-made observations: one for each of paper 001's conflicts."""
+"""Rules on hand-made observations: `follow`, `brake`, forces of `apf`, paper 001's conflicts, velocities of `orca`."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
+from agents import make_policy
+from agents.potential_field import FieldGains, PotentialField
+from agents.reciprocal import Reciprocal, Reciprocity
+from agents.route_command import RouteCommand
 from agents.rules import RuleNumbers, Rules
 from tests.agents.conftest import Observe
-from tests.agents.test_potential_field import seen
-from warehouse_env.config import EnvConfig
+from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.observation import observation_layout
+from warehouse_env.simulation.simulator import Simulator
+
+
+def test_follow_commands_the_fastest_level_on_the_route(observe: Observe) -> None:
+    config = EnvConfig(speed_levels=(0.0, 1.3, 0.5), lateral_offsets=(0.6, 0.0))
+    action = make_policy("follow", config).act(observe(config, other=(0.9, 0.0)), RNG)
+    assert action.tolist() == [[1 * 2 + 1]]
+
+
+def test_real_valued_actions_cruise_at_zero_and_stop_between_it_and_the_slowest(observe: Observe) -> None:
+    config = EnvConfig(action_type="continuous")
+    assert make_policy("follow", config).act(observe(config), RNG).tolist() == [[[0.0, 0.0]]]
+    stop = make_policy("brake", config).act(observe(config, other=(0.9, 0.0)), RNG)
+    assert stop[0, 0] == pytest.approx([-1.5 / (1.5 + 0.5), 0.0])  # cruise 1.5 m/s, slowest -0.5 m/s
+
+
+def test_raw_actions_pursue_the_route(observe: Observe) -> None:
+    config = EnvConfig(action_type="raw", action_repeat=2)
+    observation = observe(config, speed=1.2)
+    slices = observation_layout(config).slices
+    observation[..., slices["ego"].start + 1] = -0.3  # steering now, of 60 degrees
+    observation[..., slices["route"].start :][..., :2] = 0.2, 0.2  # 1 m ahead and 1 m left: an arc of radius 1 m
+    action = make_policy("follow", config).act(observation, RNG)
+    wanted, most = -np.arctan(0.6 / 1.0), config.robot.max_steering
+    acceleration = (1.3 * (1 + wanted / most) - 1.2) / 0.2
+    rate = (wanted + 0.3 * most) / 0.2 / 1.5
+    assert -1 < rate < 0
+    assert action[0, 0] == pytest.approx([max(acceleration, -1.0), rate], abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("other", "turn", "speed", "stops"),
+    [
+        ((0.95, 0.0), 0.0, 0.0, True),  # bumper to bumper
+        ((2.6, 0.0), 0.0, 1.3, True),  # gap 1.7 m, within the stopping distance
+        ((2.6, 0.0), 0.0, 0.0, False),  # far enough for a standing robot
+        ((5.0, 0.0), 0.0, 1.3, False),
+        ((-1.0, 0.0), 0.0, 1.3, False),  # behind
+        ((1.2, 0.80), 0.0, 1.3, False),  # 0.2 m beside the corridor's 0.3 + 0.15 m
+        ((1.2, 0.80), np.pi / 2, 1.3, True),  # crosswise, its 0.45 m reach into it
+        ((1.2, -0.7), 0.0, 1.3, True),
+        (None, 0.0, 1.3, False),  # the zeros of an absent one
+    ],
+)
+def test_brake_stops_for_a_body_in_its_corridor(
+    observe: Observe, other: tuple[float, float] | None, turn: float, speed: float, stops: bool
+) -> None:
+    config = EnvConfig(action_repeat=2)
+    action = make_policy("brake", config).act(observe(config, speed, other, turn), RNG)
+    assert config.speed_levels[int(action[0, 0]) // 5] == (0.0 if stops else 1.5)
+    assert int(action[0, 0]) % 5 == 0  # no offset
+
+
+@pytest.mark.parametrize("action_type", ["discrete", "continuous", "raw"])
+def test_follow_drives_one_robot_to_goals_without_a_touch(action_type: str) -> None:
+    config = EnvConfig(layout="open", num_agents=1, planner="astar", action_type=action_type)  # type: ignore[arg-type]
+    simulator, policy = Simulator(config), make_policy("follow", config)
+    simulator.reset(3)
+    for _ in range(400):
+        simulator.step(policy.act(simulator.observation, RNG))
+    row = simulator.episode_metrics(0)
+    assert row["goals"] >= 1
+    assert row["collisions_shelf"] == 0
+
+
+def test_the_cruise_action_is_the_simulators() -> None:
+    for action_type in ("discrete", "continuous"):
+        config = EnvConfig(layout="open", planner="astar", action_type=action_type, robot=RobotSpec(max_speed=1.4))
+        nothing = np.zeros((1, observation_layout(config).size), np.float32)
+        command = RouteCommand(config)
+        ours = command.at_speed(nothing, np.full(1, command.cruise_speed))[0]
+        assert np.array_equal(ours, Simulator(config).cruise_action)
+
+
+RNG = np.random.default_rng(0)
+
+
+def seen(observe: Observe, config: EnvConfig, route: tuple[float, float] = (2.0, 0.0), **what: object) -> np.ndarray:  # type: ignore[type-arg]
+    """A robot far from shelves and goal, whose route leads through `route` [m] from its front axle."""
+    observation = observe(config, **what)
+    slices, sensor = observation_layout(config).slices, config.sensor
+    observation[..., slices["lidar"]] = 1 / (1 + sensor.lidar_range)
+    observation[..., slices["ego"].start + 5] = 1.0
+    observation[..., slices["route"]] = np.tile(np.array(route) / 5, sensor.route_points)
+    return observation
+
+
+def test_alone_it_is_drawn_to_the_route_point_and_cruises(observe: Observe) -> None:
+    config = EnvConfig()
+    policy = PotentialField(config)
+    assert policy.force(seen(observe, config, (1.2, 1.6)))[0, 0] == pytest.approx([0.6, 0.8])
+    assert policy.act(seen(observe, config, (1.2, 1.6)), RNG).tolist() == [[15]]  # 1.5 m/s, offset 0
+
+
+def test_a_robot_repels_by_paper_001s_formula(observe: Observe) -> None:
+    config = EnvConfig()
+    gains = FieldGains(robots=0.2, robots_range=2.0)
+    force = PotentialField(config, gains).force(seen(observe, config, other=(0.0, 1.4)))[0, 0]
+    gap = 1.4 - 0.9
+    assert force == pytest.approx([1.0, -0.2 * (1 / gap - 1 / 2.0) / gap**2], rel=1e-5)
+
+
+def test_a_shelf_repels_within_its_range_only(observe: Observe) -> None:
+    config = EnvConfig()
+    policy = PotentialField(config, FieldGains(lidar=0.32, lidar_range=1.0))
+    for gap, push in ((0.5, 0.32 * (2 - 1) / 0.25 / 32), (1.1, 0.0)):
+        observation = seen(observe, config)
+        observation[..., 8] = 1 / (1 + 0.3 + gap)  # the ray to the left; the body reaches 0.3 m there
+        assert policy.force(observation)[0, 0] == pytest.approx([1.0, -push], abs=1e-5)
+
+
+def test_one_ahead_brakes_it_and_one_aside_shifts_it(observe: Observe) -> None:
+    config = EnvConfig()
+    policy = PotentialField(config, FieldGains(robots=0.15))
+    speed = lambda action: config.speed_levels[int(action[0, 0]) // 5]  # noqa: E731
+    assert speed(policy.act(seen(observe, config, other=(1.4, 0.0)), RNG)) <= 0.0
+    aside = int(policy.act(seen(observe, config, other=(1.0, 1.0)), RNG)[0, 0]) % 5
+    assert config.lateral_offsets[aside] < 0  # to the right of a robot on the left
+
+
+@pytest.mark.parametrize("action_type", ["discrete", "continuous", "raw"])
+def test_actions_stay_within_their_bounds(action_type: str) -> None:
+    config = EnvConfig(action_type=action_type)  # type: ignore[arg-type]
+    observation = np.random.default_rng(1).uniform(-1, 1, (1, 200, observation_layout(config).size)).astype(np.float32)
+    action = PotentialField(config).act(observation, RNG)
+    assert np.isfinite(action).all()
+    assert action_type == "discrete" or np.abs(action).max() <= 1.0
+
 
 CONFIG = EnvConfig()
 WIDE = RuleNumbers(range=4.0)
@@ -82,3 +213,24 @@ def test_nose_to_nose_it_waits_and_then_backs_by_chance(observe: Observe) -> Non
     assert {command(policy, observation, seed)[0] for seed in range(20)} == {0.0}
     observation[..., observation_layout(CONFIG).slices["ego"].start + 7] = 10 / 20  # standing for 10 s
     assert {command(policy, observation, seed)[0] for seed in range(20)} == {0.0, -0.4}
+
+
+def test_alone_it_cruises_along_the_route(observe: Observe) -> None:
+    pytest.importorskip("pyrvo")
+    config = EnvConfig()
+    policy = Reciprocal(config)
+    assert policy.velocity(seen(observe, config, (1.2, 1.6)))[0, 0] == pytest.approx([0.9, 1.2])
+    assert policy.act(seen(observe, config, (1.2, 1.6)), RNG).tolist() == [[15]]
+
+
+def test_half_of_the_change_is_the_own_one(observe: Observe) -> None:
+    """Head on, both at 1 m/s, 4 m apart, discs of .5 m: the cone's leg has a sine of 1 / 4 and lies 2 m/s / 4 away.
+
+    Half of that, .25 m/s, at right angles to the leg, is the own share: slower by .25^2, and to the right.
+    """
+    pytest.importorskip("pyrvo")
+    config = EnvConfig(speed_levels=(0.0, 1.0))
+    observation = seen(observe, config, speed=1.0, other=(4.0, 0.0), turn=np.pi)
+    observation[..., observation_layout(config).slices["neighbours"].start + 4] = -2.0 / config.robot.max_speed
+    velocity = Reciprocal(config, Reciprocity(radius=0.5, horizon=2.0)).velocity(observation)[0, 0]
+    assert velocity == pytest.approx([1 - 0.25**2, -0.25 * np.sqrt(1 - 0.25**2)], abs=1e-5)

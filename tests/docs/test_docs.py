@@ -14,7 +14,7 @@ import pytest
 import yaml
 
 from tests.pages import PAGES, ROOT
-from tests.render.browser import CHROMIUM, needs_chromium
+from tests.render.conftest import CHROMIUM, needs_chromium
 from train.cli import COMMANDS, _options, options_of
 from train.learning.config import PPOConfig, ReinforceConfig, ThreadedPPOConfig
 from warehouse_env import PLANNERS

@@ -3,15 +3,35 @@
 from __future__ import annotations
 
 import itertools
-from typing import get_args
+from typing import Any, get_args
 
+import numpy as np
 import pytest
+from numpy.typing import NDArray
 
-from tests.envs.sensors import Compass
 from warehouse_env.config import ActionType, EnvConfig, SensorSpec
 from warehouse_env.maps.layouts import LAYOUTS
 from warehouse_env.observation import SENSORS
+from warehouse_env.simulation.senses.extra import SensorView
 from warehouse_env.work import BatterySpec, OrderSpec, ServiceSpec
+
+
+class Compass:
+    """The heading, disturbed by noise, and the share of the floor's width that lies west of the robot."""
+
+    size = 3
+    bounds = (-2.0, 2.0)
+
+    def __init__(self, config: EnvConfig, noise: float = 0.1) -> None:
+        self.noise = noise
+
+    def observe(self, view: SensorView) -> NDArray[Any]:
+        x, _, heading = np.moveaxis(view.state.pose, -1, 0)
+        drawn = [np.random.default_rng([*key, step]) for key, step in zip(view.keys, view.steps, strict=True)]
+        noise = np.stack([rng.uniform(-self.noise, self.noise, x.shape[1]) for rng in drawn])
+        west = x / (view.grid.shape[1] * view.grid.cell_size)
+        return np.stack([np.cos(heading) + noise, np.sin(heading), west], axis=-1)
+
 
 CASES = [
     *itertools.product(("open",), get_args(ActionType), ("lifelong", "one_shot")),

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tests.envs.sensors import Compass
+from tests.envs.conftest import Compass
 from warehouse_env import EnvConfig, SensorSpec, Simulator, parallel_env, tensor_env, vec_env
 from warehouse_env.errors import ConfigError
 from warehouse_env.observation import SENSORS

@@ -11,16 +11,8 @@ from hypothesis import strategies as st
 
 from tests.simulation.worlds import drawn
 from warehouse_env.maps.grid_map import Cell, GridMap
-from warehouse_env.planning import Plan, path_length, validate
+from warehouse_env.planning import Plan, path_length, potential_field, validate
 from warehouse_env.planning.field_walkers import Apf, ApfImproved
-from warehouse_env.planning.potential_field import (
-    alignment,
-    descent_length,
-    force_at,
-    improved_potential,
-    intermediate_point,
-    repulsion,
-)
 
 GAIN, REACH = 0.02, 1.5
 
@@ -32,7 +24,7 @@ def one_shelf() -> np.ndarray:
 
 
 def test_repulsion_points_away_with_the_strength_of_the_formula() -> None:
-    push, _ = repulsion(one_shelf(), GAIN, REACH)
+    push, _ = potential_field.repulsion(one_shelf(), GAIN, REACH)
     beside = GAIN * (1 - 1 / 1.5)  # d = 1
     assert push[2, 3] == pytest.approx((0, beside))
     assert push[2, 1] == pytest.approx((0, -beside))
@@ -47,12 +39,12 @@ def test_alignment_is_the_cosine_to_each_move() -> None:
     force = np.zeros((1, 2, 2))
     force[0, 0] = (0.0, 0.25)  # east, of any size
     half = math.sqrt(0.5)
-    assert alignment(force)[0, 0] == pytest.approx((1, half, 0, -half, -1, -half, 0, half))
-    assert alignment(force)[0, 1] == pytest.approx(np.zeros(8))
+    assert potential_field.alignment(force)[0, 0] == pytest.approx((1, half, 0, -half, -1, -half, 0, half))
+    assert potential_field.alignment(force)[0, 1] == pytest.approx(np.zeros(8))
 
 
 def test_repulsive_potential_by_hand() -> None:
-    _, energy = repulsion(one_shelf(), 3.0, 2.0)
+    _, energy = potential_field.repulsion(one_shelf(), 3.0, 2.0)
     assert energy[2, 1] == pytest.approx(1.5 * 0.5**2)
     assert energy[1, 1] == pytest.approx(1.5 * (1 / math.sqrt(2) - 0.5) ** 2)
     assert energy[0, 2] == 0  # at the reach
@@ -78,7 +70,7 @@ def test_the_improved_force_is_the_gradient_of_its_potential(
     away = math.hypot(row, col)
     push = strength * (1 / away - 1 / reach) / away**3
     energy = strength / 2 * (1 / away - 1 / reach) ** 2
-    force = force_at(goal[0] - row, goal[1] - col, push * row, push * col, energy, gain, exponent)
+    force = potential_field.force_at(goal[0] - row, goal[1] - col, push * row, push * col, energy, gain, exponent)
     h = 1e-5
     assert force[0] == pytest.approx((potential(row - h, col) - potential(row + h, col)) / (2 * h), abs=1e-5, rel=1e-5)
     assert force[1] == pytest.approx((potential(row, col - h) - potential(row, col + h)) / (2 * h), abs=1e-5, rel=1e-5)
@@ -88,8 +80,8 @@ def test_descent_into_a_local_minimum_pays_the_penalty() -> None:
     occupied = np.zeros((3, 6), dtype=bool)
     occupied[:, 3] = True  # a wall; from the west all ways down end before it
     grid = GridMap(occupied)
-    potential = improved_potential(np.zeros((3, 6)), (1, 5), 1.0, 0.5)
-    length = descent_length(potential, grid.legal_moves, (1, 5), 4.0)
+    potential = potential_field.improved_potential(np.zeros((3, 6)), (1, 5), 1.0, 0.5)
+    length = potential_field.descent_length(potential, grid.legal_moves, (1, 5), 4.0)
     assert length[1, 2] == pytest.approx(4 * 3)
     assert length[1, 0] == pytest.approx(2 + 4 * 3)
     assert length[0, 1] == pytest.approx(2 + 4 * 3)  # east falls by 3.5 a cell, the diagonal by 4 / sqrt 2
@@ -102,12 +94,12 @@ def test_intermediate_point_of_paper_002_by_hand() -> None:
     none = np.zeros_like(occupied)
     # Stuck on (3, 3) below the wall, the goal straight above: the line is barred by (2, 3), the perpendicular is row
     # 2; its nearest free cells are (2, 5), two to the east, then (2, 0), three to the west.
-    assert intermediate_point(occupied, (3, 3), (0, 3), none) == (2, 5)
+    assert potential_field.intermediate_point(occupied, (3, 3), (0, 3), none) == (2, 5)
     tried = none.copy()
     tried[2, 5] = True
-    assert intermediate_point(occupied, (3, 3), (0, 3), tried) in ((2, 6), (2, 0))
+    assert potential_field.intermediate_point(occupied, (3, 3), (0, 3), tried) in ((2, 6), (2, 0))
     tried[2] = True
-    assert intermediate_point(occupied, (3, 3), (0, 3), tried) == (-1, -1)
+    assert potential_field.intermediate_point(occupied, (3, 3), (0, 3), tried) == (-1, -1)
 
 
 RNG = np.random.default_rng(0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -9,10 +10,24 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.render.browser import CHROMIUM, Opener, until
 from warehouse_env.config import RobotSpec
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.render.frame import Scene
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason="no chromium on the PATH (Debian: apt install chromium)")
+
+Opener = Callable[..., Any]
+"""Opens a page: a path, what stands behind it in the address, a width and height [px], and options of Playwright's."""
+
+
+def until(page: Any, expression: str, tries: int = 600) -> None:
+    """Wait until an expression is true in a page, half a minute at most; the page itself may not evaluate texts."""
+    for _ in range(tries):
+        if page.evaluate(expression):
+            return
+        page.wait_for_timeout(50)
+    raise AssertionError(f"{expression} never came true")
 
 
 @pytest.fixture

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.render.browser import Opener, needs_chromium, until
+from tests.render.conftest import Opener, needs_chromium, until
 from tests.render.episodes import CONFIG, driven
 from warehouse_env.errors import WarehouseError
 from warehouse_env.render import pages

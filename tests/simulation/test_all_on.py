@@ -6,12 +6,15 @@ import hashlib
 import pickle
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from agents import Actor, make_policy
+from tests import long
 from tests.simulation.test_determinism import MAP, bits
 from tests.simulation.worlds import drawn, plain_python
 from warehouse_env.config import EnvConfig, FleetPart, RobotSpec, SensorSpec
@@ -104,3 +107,17 @@ def digests(names: Sequence[str]) -> list[str]:
 def test_plain_python_gives_the_same_bits(names: tuple[str, ...]) -> None:
     found = plain_python(f"from tests.simulation.test_all_on import digests; print(*digests({names}))")
     assert found == digests(names)
+
+
+@pytest.mark.nightly
+def test_two_drives_one_of_them_pickled_half_way_come_to_the_same(tmp_path: Path) -> None:
+    env = long.config(8, 2, 60)
+    long.drive(env, 1, tmp_path / "whole", "whole")
+    whole, half = pickle.loads((tmp_path / "whole").read_bytes()), long.Drive(env, 1)
+    act = Actor(make_policy(long.POLICY, env), env)
+    for k in range(60):
+        half = pickle.loads(pickle.dumps(half)) if k == 30 else half
+        half.step(act)
+    assert whole.digest == half.digest
+    assert [part[0] for part in whole.parts] == [str(done) for done in range(6, 61, 6)]
+    assert not whole.jammed

@@ -16,15 +16,8 @@ from warehouse_env.config import EnvConfig
 from warehouse_env.errors import MapError, WarehouseError
 from warehouse_env.maps.fitting import load_floor
 from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.maps.halls import map_server
 from warehouse_env.maps.halls.hall import read_hall
-from warehouse_env.maps.halls.map_server import (
-    UNKNOWN,
-    Occupancy,
-    read_occupancy,
-    read_picture,
-    write_occupancy,
-    write_pgm,
-)
 from warehouse_env.maps.halls.saved import write_hall
 from warehouse_env.maps.layouts import make_layout
 
@@ -36,7 +29,7 @@ YAML = (
 
 def hall(folder: Path, grey: np.ndarray, text: str = YAML) -> str:
     """Write a hall and return its name."""
-    write_pgm(grey.astype(np.uint8), folder / "hall.pgm")
+    map_server.write_pgm(grey.astype(np.uint8), folder / "hall.pgm")
     (folder / "hall.yaml").write_text(text)
     return str(folder / "hall.yaml")
 
@@ -49,17 +42,17 @@ def room(rows: int = 8, columns: int = 12) -> np.ndarray:
 @pytest.mark.parametrize(
     ("mode", "free", "negate", "expected"),
     [
-        ("trinary", 0.25, 0, [100, 0, 0, UNKNOWN, UNKNOWN]),  # 205 is .19608
-        ("trinary", 0.196, 0, [100, UNKNOWN, 0, UNKNOWN, UNKNOWN]),
-        ("trinary", 0.196, 1, [0, 100, 100, UNKNOWN, UNKNOWN]),
+        ("trinary", 0.25, 0, [100, 0, 0, map_server.UNKNOWN, map_server.UNKNOWN]),  # 205 is .19608
+        ("trinary", 0.196, 0, [100, map_server.UNKNOWN, 0, map_server.UNKNOWN, map_server.UNKNOWN]),
+        ("trinary", 0.196, 1, [0, 100, 100, map_server.UNKNOWN, map_server.UNKNOWN]),
         ("scale", 0.1, 0, [100, 17, 0, 73, 91]),  # (.19608 - .1) / .55, (.50196 - .1) / .55, (.6 - .1) / .55
-        ("raw", 0.1, 0, [0, UNKNOWN, UNKNOWN, UNKNOWN, UNKNOWN]),
+        ("raw", 0.1, 0, [0, map_server.UNKNOWN, map_server.UNKNOWN, map_server.UNKNOWN, map_server.UNKNOWN]),
     ],
 )
 def test_levels_are_read_as_nav2_does(tmp_path: Path, mode: str, free: float, negate: int, expected: list[int]) -> None:
     text = YAML.replace("0.25", str(free)).replace("negate: 0", f"negate: {negate}") + f"mode: {mode}\n"
     name = hall(tmp_path, np.array([[0, 205, 254, 127, 102]]), text)
-    assert read_occupancy(Path(name)).values.tolist() == [expected]
+    assert map_server.read_occupancy(Path(name)).values.tolist() == [expected]
 
 
 def test_cells_by_hand(tmp_path: Path) -> None:
@@ -92,9 +85,9 @@ def test_what_is_lost_is_told(tmp_path: Path) -> None:
 
 def test_masks_bar_and_slow(tmp_path: Path) -> None:
     name = hall(tmp_path, room())
-    mask = Occupancy(np.zeros((4, 4), np.int8), 1.0, (-3.0, 2.0))
+    mask = map_server.Occupancy(np.zeros((4, 4), np.int8), 1.0, (-3.0, 2.0))
     mask.values[0, 1], mask.values[2, 2:] = 100, 50
-    write_occupancy(mask, tmp_path / "m.yaml")
+    map_server.write_occupancy(mask, tmp_path / "m.yaml")
     found = read_hall(f"{name}:keepout=m.yaml,speed=m.yaml")
     assert np.argwhere(found.barred).tolist() == [[0, 1]]
     assert found.grid.speed is not None
@@ -128,7 +121,7 @@ def marked(*rows: slice) -> np.ndarray:
 def test_a_mask_that_marks_less_than_it_seems_is_noted(
     tmp_path: Path, kind: str, values: np.ndarray, resolution: float, origin: tuple[float, float], says: str | None
 ) -> None:
-    write_occupancy(Occupancy(values, resolution, origin), tmp_path / "m.yaml")
+    map_server.write_occupancy(map_server.Occupancy(values, resolution, origin), tmp_path / "m.yaml")
     grey = room()
     grey[7, 11] = 0
     notes = read_hall(f"{hall(tmp_path, grey)}:share=0.3,{kind}=m.yaml").notes
@@ -170,7 +163,7 @@ def test_pictures_of_other_kinds(tmp_path: Path) -> None:
     Image.fromarray(colours).save(tmp_path / "hall.png")  # its first two columns are transparent, so unknown
     assert read_hall(f"{tmp_path / 'hall.png'}:resolution=0.5").grid.occupied.sum() == 5
     (tmp_path / "p2.pgm").write_text("P2 # a comment\n2 1\n# another\n15\n0 15\n")
-    assert read_picture(tmp_path / "p2.pgm").grey.tolist() == [[0, 255]]
+    assert map_server.read_picture(tmp_path / "p2.pgm").grey.tolist() == [[0, 255]]
 
 
 @pytest.mark.parametrize(
@@ -227,7 +220,9 @@ def test_a_wrong_way_of_reading_is_one_sentence(tmp_path: Path, how: str) -> Non
 
 def test_it_travels_with_jobs(tmp_path: Path) -> None:
     name = hall(tmp_path, room()) + ":keepout=m.yaml"
-    write_occupancy(Occupancy(np.full((1, 1), 100, np.int8), 1.0, (-3.0, 2.0)), tmp_path / "m.yaml")
+    map_server.write_occupancy(
+        map_server.Occupancy(np.full((1, 1), 100, np.int8), 1.0, (-3.0, 2.0)), tmp_path / "m.yaml"
+    )
     before, files = make_layout(name).key, pack([name])
     for file in tmp_path.iterdir():
         file.unlink()

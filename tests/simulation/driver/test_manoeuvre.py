@@ -14,20 +14,8 @@ from numpy.typing import NDArray
 from tests.simulation.worlds import drawn, room
 from warehouse_env.config import EnvConfig
 from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.simulation.driver import manoeuvre
 from warehouse_env.simulation.driver.bodies import SearchArea
-from warehouse_env.simulation.driver.manoeuvre import (
-    ARCS,
-    CUT_OFF,
-    EXACTLY,
-    FAR_OFF,
-    OFF,
-    ROUGHLY,
-    TRIES,
-    Query,
-    put_goal,
-    search,
-    search_once,
-)
 from warehouse_env.simulation.driver.scratch import BODY, GOAL, MOST, SearchScratch, make_search_scratch
 from warehouse_env.simulation.driver.turning import turning_metrics
 from warehouse_env.simulation.physics.floor import floor_of
@@ -62,14 +50,22 @@ def query(
     most: int = MOST,
     exact: bool = False,
     scratch: SearchScratch = SCRATCH,
-) -> Query:
+) -> manoeuvre.Query:
     """What is searched from a pose; goals float32[K, 4]: poses, and the seconds from there on; none: to make room."""
     near = np.empty((len(goals), GOAL), np.float32)
     for k, goal in enumerate(goals):
-        put_goal(near, k, *goal)
-    kind = EXACTLY if exact else ROUGHLY if len(goals) else FAR_OFF if most == MOST else OFF
+        manoeuvre.put_goal(near, k, *goal)
+    kind = (
+        manoeuvre.EXACTLY
+        if exact
+        else manoeuvre.ROUGHLY
+        if len(goals)
+        else manoeuvre.FAR_OFF
+        if most == MOST
+        else manoeuvre.OFF
+    )
     start = pose_at(*(np.float32(value) for value in pose))
-    return Query(start, np.float32(0.0), kind, near, near[:0], surroundings, TRIES, most, scratch)
+    return manoeuvre.Query(start, np.float32(0.0), kind, near, near[:0], surroundings, manoeuvre.TRIES, most, scratch)
 
 
 def plan(
@@ -82,8 +78,8 @@ def plan(
     parameters: NDArray[np.void] = PARAMETERS,
 ) -> NDArray[np.float64] | None:
     """The arcs [K, 2] (signed length [m], steering [rad]), or None."""
-    arcs = np.zeros((ARCS, 2), dtype=np.float32)
-    count, _ = search(query(pose, goals, around(grid, avoid, bodies, parameters), most), arcs, None)
+    arcs = np.zeros((manoeuvre.ARCS, 2), dtype=np.float32)
+    count, _ = manoeuvre.search(query(pose, goals, around(grid, avoid, bodies, parameters), most), arcs, None)
     return None if count < 0 else arcs[:count].astype(np.float64)
 
 
@@ -195,7 +191,7 @@ def test_in_an_aisle_of_two_cells_it_turns_whatever_way_it_stands(
     goal = (max(x - 2.5, 2.0), 2.0, math.pi) if back else (min(x + 2.5, 10.0), 2.0, 0.0)
     arcs = found(AISLE, pose, goals_at(goal))
     poses = clear_of_shelves(AISLE, pose, arcs)
-    if len(arcs) < ARCS:
+    if len(arcs) < manoeuvre.ARCS:
         off = poses[-1] - goal
         along, left = off[0] * math.cos(goal[2]), off[1] * math.cos(goal[2])
         assert abs(along) < 0.16
@@ -311,12 +307,12 @@ def test_a_search_reads_nothing_that_another_one_left_behind() -> None:
         for most in (300, MOST):
             found = []
             for scratch in (used, make_search_scratch(1)):
-                arcs, asked = np.zeros((ARCS, 2), dtype=np.float32), query(pose, goal, around(grid), most)
-                count = search_once(asked._replace(scratch=scratch), asked.near, 1, arcs, None)
+                arcs, asked = np.zeros((manoeuvre.ARCS, 2), dtype=np.float32), query(pose, goal, around(grid), most)
+                count = manoeuvre.search_once(asked._replace(scratch=scratch), asked.near, 1, arcs, None)
                 found.append((count, arcs.tolist()))
             assert found[0] == found[1]
             counts.append(count)
-    assert CUT_OFF in counts
+    assert manoeuvre.CUT_OFF in counts
     assert max(counts) > 0
 
 

@@ -1,4 +1,4 @@
-"""How far it is off others' paths for a disc as wide as the body, by hand."""
+"""Where there is room: how far it is off others' paths, by hand; what the follower asks to keep off shelves."""
 
 from __future__ import annotations
 
@@ -9,21 +9,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tests.simulation.driver.test_manoeuvre import (
-    NOBODY,
-    PARAMETERS,
-    SCRATCH,
-    around,
-    body,
-    driven,
-    plan,
-    rectangles,
-    sized,
-)
-from tests.simulation.worlds import drawn, room
+from tests.simulation.driver import test_manoeuvre
+from tests.simulation.reference import REAR, WHEELBASE, WIDTH, bodies, separation, shelves
+from tests.simulation.worlds import drawn, put, raw, room, stage
+from warehouse_env.config import EnvConfig
 from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.maps.layouts import make_layout
 from warehouse_env.simulation.driver.bodies import CENTRE_X, CENTRE_Y, COS
 from warehouse_env.simulation.driver.manoeuvre import ARCS
+from warehouse_env.simulation.driver.off_shelves import may_drive
 from warehouse_env.simulation.driver.room_field import (
     BARRED,
     UNKNOWN,
@@ -34,31 +28,36 @@ from warehouse_env.simulation.driver.room_field import (
 )
 from warehouse_env.simulation.driver.scratch import BODY, POINTS
 from warehouse_env.simulation.physics.geometry import pose_at
+from warehouse_env.simulation.physics.kinematics import approach, braking
+from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.simulation.tasks.assignment import Assignment
 
 MIDDLE = POINTS // 2
-APART = np.float32(apart_of(PARAMETERS[0]))
+APART = np.float32(apart_of(test_manoeuvre.PARAMETERS[0]))
 STEP = 0.2
 ROUNDING = 1e-4
-AISLE = drawn(["#" * 12, "." * 12, "#" * 12])
+AISLE = drawn(["#" * 12, "." * 12, "#" * 12])  # of one cell, from y = 1 to y = 2
 BENT = drawn(["#" * 12, "#......#####", "######.#####", "######.#####", "######.....#", "#" * 12])
 
 
 def field(
     grid: GridMap,
     centre: tuple[float, float],
-    avoid: NDArray[np.float32] = NOBODY,
-    bodies: NDArray[np.float32] = NOBODY,
-    parameters: NDArray[np.void] = PARAMETERS,
+    avoid: NDArray[np.float32] = test_manoeuvre.NOBODY,
+    bodies: NDArray[np.float32] = test_manoeuvre.NOBODY,
+    parameters: NDArray[np.void] = test_manoeuvre.PARAMETERS,
 ) -> NDArray[np.float32]:
     """The field around a body that heads east and has its centre there."""
     x, y = np.float32(centre[0] + parameters[0]["offset"]), np.float32(centre[1])
-    write_room(pose_at(x, y, np.float32(0.0)), around(grid, avoid, bodies, parameters), SCRATCH)
-    return SCRATCH.room.copy()
+    write_room(
+        pose_at(x, y, np.float32(0.0)), test_manoeuvre.around(grid, avoid, bodies, parameters), test_manoeuvre.SCRATCH
+    )
+    return test_manoeuvre.SCRATCH.room.copy()
 
 
 def centred(*poses: tuple[float, float, float]) -> NDArray[np.float32]:
     """Bodies of the default size with their centres there."""
-    return np.array([sized((x, y, math.cos(turn), math.sin(turn))) for x, y, turn in poses], np.float32)
+    return np.array([test_manoeuvre.sized((x, y, math.cos(turn), math.sin(turn))) for x, y, turn in poses], np.float32)
 
 
 def along(x: float, y: float, count: int) -> NDArray[np.float32]:
@@ -119,17 +118,19 @@ def test_no_manoeuvre_off_a_path_is_shorter(seed: int) -> None:
         grid, heading = GridMap(shelves), rng.uniform(-math.pi, math.pi)
         pose = (*rng.uniform(6.2, 7.8, 2), heading)
         ways = np.arange(-2.0, 2.0, 0.25)[:, None] * [math.cos(heading), math.sin(heading), 0.0]
-        avoid = rectangles(*(np.array(pose) + ways))
-        bodies = rectangles(*((x, y, turn) for x, y, turn in rng.uniform((4, 4, -3), (10, 10, 3), (2, 3))))
+        avoid = test_manoeuvre.rectangles(*(np.array(pose) + ways))
+        bodies = test_manoeuvre.rectangles(
+            *((x, y, turn) for x, y, turn in rng.uniform((4, 4, -3), (10, 10, 3), (2, 3)))
+        )
         bodies = bodies[np.hypot(bodies[:, CENTRE_X] - pose[0], bodies[:, CENTRE_Y] - pose[1]) > 1.5]
-        arcs = plan(grid, pose, avoid=avoid, bodies=bodies)
+        arcs = test_manoeuvre.plan(grid, pose, avoid=avoid, bodies=bodies)
         if arcs is None or len(arcs) in (0, ARCS):
             continue
         planned += 1
         values = [np.float32(value) for value in pose]
-        write_room(pose_at(*values), around(grid, avoid, bodies), SCRATCH)
-        found = SCRATCH.room
-        centres = np.array([body(each)[:2] for each in driven(pose, arcs)], np.float32)
+        write_room(pose_at(*values), test_manoeuvre.around(grid, avoid, bodies), test_manoeuvre.SCRATCH)
+        found = test_manoeuvre.SCRATCH.room
+        centres = np.array([test_manoeuvre.body(each)[:2] for each in test_manoeuvre.driven(pose, arcs)], np.float32)
         says = np.array([room_at(x, y, *centres[0], found, APART) for x, y in centres])
         assert says[-1] == 0.0
         to_go = np.append(np.hypot(*np.diff(centres, axis=0).T)[::-1].cumsum()[::-1], 0.0)
@@ -140,7 +141,7 @@ def test_no_manoeuvre_off_a_path_is_shorter(seed: int) -> None:
 def way_of(grid: GridMap, centre: tuple[float, float], avoid: NDArray[np.float32], most: int = 16) -> Any:
     way = np.zeros((most, BODY), np.float32)
     found = field(grid, centre, avoid)
-    return way[: write_way(np.float32(centre[0]), np.float32(centre[1]), found, PARAMETERS[0], way)]
+    return way[: write_way(np.float32(centre[0]), np.float32(centre[1]), found, test_manoeuvre.PARAMETERS[0], way)]
 
 
 def test_the_way_out_follows_a_bend() -> None:
@@ -153,3 +154,91 @@ def test_the_way_out_follows_a_bend() -> None:
     assert (np.hypot(np.diff(x), np.diff(y)) < 2 * math.sqrt(2) * STEP + ROUNDING).all()
     assert y[-1] < 2.4
     assert way_of(BENT, (2.5, 4.5), path, 3) == pytest.approx(way[:3])
+
+
+def drive_and_stop(simulator: Simulator, speed: float, steer: float) -> int:
+    """Take a physics step towards a command, then brake fully; return how often a shelf was hit."""
+    r, p = simulator.robots[0, 0], simulator._params[0]
+    dt = p["time_step"]
+    to_speed = approach(r["motion"]["speed"], np.float32(speed), p["max_acceleration"] * dt)
+    to_steer = approach(r["motion"]["steer"], np.float32(steer), p["max_steer_rate"] * dt)
+    simulator.step(
+        raw(simulator, (float(to_speed - r["motion"]["speed"]) / dt, float(to_steer - r["motion"]["steer"]) / dt))
+    )
+    while abs(r["motion"]["speed"]) > 1e-6:
+        simulator.step(raw(simulator, (float(braking(r["motion"]["speed"], p)), 0.0)))
+    return int(r["totals"]["hits_shelf"])
+
+
+def test_what_may_be_driven_touches_no_shelf_and_little_else_is_refused() -> None:
+    rng = np.random.default_rng(0)
+    counts = np.zeros((2, 2), int)  # [may it be driven, does it touch]
+    coarse = 0
+    for _ in range(300):
+        heading = rng.uniform(-0.25, 0.25)
+        simulator = stage(AISLE, (6.0, 1.5, heading, rng.uniform(0.0, 0.5), rng.uniform(-1.0, 1.0)))
+        robot = simulator.config.robot
+        half = robot.length / 2 * abs(math.sin(heading)) + robot.width / 2 * math.cos(heading)
+        back = robot.rear_reach - robot.length / 2
+        simulator.robots["motion"]["y"] = (
+            2.0 - half + back * math.sin(heading) - rng.uniform(1e-5, 1e-3)
+        )  # a corner at the shelf
+        speed, steer = rng.uniform(-0.5, 0.5), rng.uniform(-1.0, 1.0)
+        test_manoeuvre.around = simulator._floor
+        r, p = simulator.robots[0, 0], simulator._params[0]
+        may = may_drive(r, np.float32(speed), np.float32(steer), np.float32(1.7e-4), p, test_manoeuvre.around)
+        loose = may_drive(r, np.float32(speed), np.float32(steer), np.float32(0.03), p, test_manoeuvre.around)
+        touches = drive_and_stop(simulator, speed, steer) > 0
+        counts[int(may), int(touches)] += 1
+        coarse += loose and not may
+    assert counts[1, 1] == 0  # what may be driven touches nothing
+    assert counts[1, 0] > 60
+    assert counts[0, 1] > 60
+    assert counts[0, 0] < 15  # refused although it touches nothing: within GRAZE
+    assert coarse == 0  # a margin asks for more
+
+
+@pytest.mark.parametrize(("overlap", "touches"), [(8e-3, True), (-1e-4, False)])
+@pytest.mark.parametrize("substep", [0, 1])
+def test_a_corner_that_is_passed_between_two_samples_is_not_driven(overlap: float, touches: bool, substep: int) -> None:
+    """The right rear corner of a body that turns left swings past a shelf's corner half-way through a substep."""
+    grid, corner = drawn([".....", "...#.", ".....", ".....", "....."]), np.array([3.0, 3.0])  # the shelf north-east
+    speed, steer, dt = 0.3, -math.pi / 3, 0.05
+    radius = WHEELBASE / math.tan(math.pi / 3)  # of the axle's turn
+    far = math.hypot(REAR, WIDTH / 2 + radius)  # from the centre of the turn to the corner of the body
+    centre = corner - (far - overlap) * math.sqrt(0.5)
+    half_way = math.pi / 4 - math.atan2(-WIDTH / 2 - radius, -REAR)  # the heading where the corners meet
+    headings = half_way + speed / radius * dt * (np.arange(12) - 0.5 - substep)
+    x, y = (centre[:, None] + radius * np.stack([np.sin(headings), -np.cos(headings)])).tolist()
+    simulator = stage(grid, (x[0], y[0], float(headings[0]), speed, steer))
+    apart = separation(bodies(x, y, headings)[:, None], shelves(grid.occupied)[None]).min()
+    assert apart > 5e-5  # at every sample
+    r, p = simulator.robots[0, 0], simulator._params[0]
+    may = may_drive(r, np.float32(speed), np.float32(steer), np.float32(1.7e-4), p, simulator._floor)
+    assert may != touches
+    assert drive_and_stop(simulator, speed, steer) == touches
+
+
+@pytest.mark.parametrize(
+    ("floor", "pose", "goal"),
+    [
+        (83, (28.339151, 15.833553, 2.0613728), (30, 4)),  # only arcs of less than .1 m are free there
+        (67, (8.256474, 11.171541, -0.75123733), (40, 40)),  # a corner .1 mm off a shelf
+        (4, (38.406998, 18.282705, -0.043283675), (4, 4)),
+    ],
+)
+def test_who_stands_wedged_a_tenth_of_a_millimetre_off_a_shelf_gets_out(
+    floor: int, pose: tuple[float, float, float], goal: tuple[int, int]
+) -> None:
+    grid = make_layout("aisles", seed=floor)
+    free = np.argwhere(~grid.occupied)
+    goal = tuple(free[np.abs(free - goal).sum(axis=1).argmin()].tolist())
+    simulator = Simulator(EnvConfig(num_agents=1, planner="astar", action_repeat=2), grid=grid)
+    simulator.reset_to([Assignment(np.array([pose]), np.array([goal]))], [1])
+    put(simulator, 0, pose)
+    cruise = np.full((1, 1), simulator.cruise_action)
+    for _ in range(100):  # 20 s
+        simulator.step(cruise)
+    r = simulator.robots[0, 0]
+    assert r["totals"]["hits_shelf"] == 0
+    assert math.hypot(r["motion"]["x"] - pose[0], r["motion"]["y"] - pose[1]) > 2.0

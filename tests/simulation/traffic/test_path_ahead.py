@@ -15,21 +15,8 @@ from tests.simulation.rights import World, rectangles
 from tests.simulation.worlds import give_line, write
 from warehouse_env.simulation.driver.driving import begin
 from warehouse_env.simulation.state import field_of
+from warehouse_env.simulation.traffic import reservations
 from warehouse_env.simulation.traffic.path_ahead import CENTRE_X, CENTRE_Y, COLUMNS, COS, DRIVEN, POSES, SIN, write_path
-from warehouse_env.simulation.traffic.reservations import (
-    COUNT,
-    CROSS,
-    NEARBY,
-    TIGHT,
-    TOUCH_TIGHT,
-    TOUCH_WIDE,
-    WHO,
-    WIDE,
-    ReservationTable,
-    enlist,
-    meet,
-    scratch,
-)
 
 
 def ahead(world: World, side: float = 0.0) -> tuple[NDArray[np.float32], bool]:
@@ -161,7 +148,7 @@ paths = st.lists(st.lists(poses, min_size=1, max_size=POSES), min_size=2, max_si
 
 def near(k: int, m: int) -> bool:
     """Whether two poses are so near in time that they are held against each other with TIGHT room alone."""
-    return k == 0 or m == 0 or (k <= NEARBY and m <= NEARBY)
+    return k == 0 or m == 0 or (k <= reservations.NEARBY and m <= reservations.NEARBY)
 
 
 @settings(max_examples=60)
@@ -173,21 +160,21 @@ def test_all_poses_that_touch_are_found_and_no_others(
     for path, given_poses in zip(kept, drawn, strict=False):
         for pose, (x, y, heading) in zip(path, given_poses, strict=False):
             pose[:4] = x, y, np.cos(heading), np.sin(heading)
-    table = ReservationTable(kept, *scratch(len(kept) - 1))
-    table.numbers[COUNT, :-1] = [len(path) for path in drawn]
-    enlist(table, PARAMETERS)
+    table = reservations.ReservationTable(kept, *reservations.scratch(len(kept) - 1))
+    table.numbers[reservations.COUNT, :-1] = [len(path) for path in drawn]
+    reservations.enlist(table, PARAMETERS)
     mine = data.draw(st.integers(0, len(drawn) - 1))
     last = data.draw(st.integers(0, len(drawn[mine]) - 1))
-    count = meet(mine, mine, last, table, PARAMETERS, None)
-    masks, met = table.masks, table.numbers[WHO, :count].tolist()
+    count = reservations.meet(mine, mine, last, table, PARAMETERS, None)
+    masks, met = table.masks, table.numbers[reservations.WHO, :count].tolist()
     assert len(set(met)) == count
     for other in range(len(drawn)):
         if other == mine:
             assert other not in met
             continue
         own, theirs = kept[mine, : last + 1], kept[other, : len(drawn[other])]
-        wide = separation(rectangles(own, WIDE)[:, None], rectangles(theirs, WIDE)[None])
-        tight = separation(rectangles(own, TIGHT)[:, None], rectangles(theirs, TIGHT)[None])
+        wide = separation(rectangles(own, reservations.WIDE)[:, None], rectangles(theirs, reservations.WIDE)[None])
+        tight = separation(rectangles(own, reservations.TIGHT)[:, None], rectangles(theirs, reservations.TIGHT)[None])
         across = own[:, [COS, SIN]] @ theirs[:, [COS, SIN]].T
         for k in range(last + 1):
             for m in range(len(theirs)):
@@ -197,7 +184,10 @@ def test_all_poses_that_touch_are_found_and_no_others(
                 if other not in met:
                     assert touch > 0
                     continue
-                bits = [bool(masks[which, met.index(other), k] >> m & 1) for which in (TOUCH_WIDE, TOUCH_TIGHT, CROSS)]
+                bits = [
+                    bool(masks[which, met.index(other), k] >> m & 1)
+                    for which in (reservations.TOUCH_WIDE, reservations.TOUCH_TIGHT, reservations.CROSS)
+                ]
                 assert bits == [touch < 0, tight[k, m] < 0, bool(touch < 0 and across[k, m] < 0.5)], (other, k, m)
 
 
@@ -205,10 +195,10 @@ def test_floors_larger_than_the_squares_go_on_from_the_first() -> None:
     kept = np.zeros((3, POSES, 5), np.float32)
     kept[:, :, COS] = 1.0
     kept[0, 0, :2], kept[1, 0, :2] = (200.0, 300.0), (200.5, 300.0)
-    table = ReservationTable(kept, *scratch(len(kept) - 1))
-    table.numbers[COUNT, :-1] = 1
-    enlist(table, PARAMETERS)
-    assert meet(0, 0, 0, table, PARAMETERS, None) == 1
+    table = reservations.ReservationTable(kept, *reservations.scratch(len(kept) - 1))
+    table.numbers[reservations.COUNT, :-1] = 1
+    reservations.enlist(table, PARAMETERS)
+    assert reservations.meet(0, 0, 0, table, PARAMETERS, None) == 1
     kept[1, 0, :2] = 200.0 + 64 * 2.0, 300.0
-    enlist(table, PARAMETERS)
-    assert meet(0, 0, 0, table, PARAMETERS, None) == 0
+    reservations.enlist(table, PARAMETERS)
+    assert reservations.meet(0, 0, 0, table, PARAMETERS, None) == 0

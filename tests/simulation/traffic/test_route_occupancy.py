@@ -19,30 +19,21 @@ from warehouse_env.kernel import kernel
 from warehouse_env.maps.grid_map import MOVES
 from warehouse_env.planning.cost_to_go import UNREACHABLE, octile
 from warehouse_env.simulation.state import PERSON, ROBOT
+from warehouse_env.simulation.traffic import route_occupancy
 from warehouse_env.simulation.traffic.prices import ANY, ReplanQuery
 from warehouse_env.simulation.traffic.replan_search import TURNS, Labels, make_labels, search
-from warehouse_env.simulation.traffic.route_occupancy import (
-    NOTHING,
-    RoadUsers,
-    RouteOccupancy,
-    Site,
-    eighth,
-    forget_route,
-    keep_all_up,
-    make_occupancy,
-)
 
 ROWS, COLUMNS, SLOTS, ROBOTS = 9, 11, 16, 5
 NOBODY_WALKS, ON_NOTHING = np.zeros((2, 0), PERSON), np.zeros((2, 0), np.int32)
-SITE = Site(np.float32(1.0), ROWS, COLUMNS, 6.0, np.full(ROBOTS, 0.2, np.float32))
+SITE = route_occupancy.Site(np.float32(1.0), ROWS, COLUMNS, 6.0, np.full(ROBOTS, 0.2, np.float32))
 
 
-def listed(table: RouteOccupancy, world: int) -> Counter[tuple[int, int, int, int]]:
+def listed(table: route_occupancy.RouteOccupancy, world: int) -> Counter[tuple[int, int, int, int]]:
     """(cell, robot, way-points from its first one ahead, move back) of all that is listed, in any order."""
     found: Counter[tuple[int, int, int, int]] = Counter()
     for cell, first in enumerate(table.first[world]):
-        slot, before = first, NOTHING
-        while slot != NOTHING:
+        slot, before = first, route_occupancy.NOTHING
+        while slot != route_occupancy.NOTHING:
             robot = slot // SLOTS
             assert table.cell[world, slot] == cell
             assert table.before[world, slot] == before
@@ -61,33 +52,35 @@ def new_route(rng: np.random.Generator, robots: Any, routes: Any, i: int) -> Non
 
 def test_the_nearest_move_of_a_direction() -> None:
     for row, column in itertools.product(range(-9, 10), repeat=2):
-        assert eighth(row, column) == round(math.atan2(-row, column) / (math.pi / 4)) % 8, (row, column)
+        assert route_occupancy.eighth(row, column) == round(math.atan2(-row, column) / (math.pi / 4)) % 8, (row, column)
 
 
 @settings(max_examples=60, deadline=None)
 @given(st.integers(0, 10**6))
 def test_a_table_that_is_kept_up_says_what_a_new_one_says(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    users = RoadUsers(np.zeros((2, ROBOTS), ROBOT), np.zeros((2, ROBOTS, 40, 2), np.float32), NOBODY_WALKS, ON_NOTHING)
+    users = route_occupancy.RoadUsers(
+        np.zeros((2, ROBOTS), ROBOT), np.zeros((2, ROBOTS, 40, 2), np.float32), NOBODY_WALKS, ON_NOTHING
+    )
     robots, routes = users.robots[1], users.routes[1]
     robots["task"]["alive"] = 1
-    kept = make_occupancy(2, ROBOTS, ROWS * COLUMNS, SLOTS)
+    kept = route_occupancy.make_occupancy(2, ROBOTS, ROWS * COLUMNS, SLOTS)
     for i in range(ROBOTS):
         new_route(rng, robots, routes, i)
     for step in range(20):
         for i, r in enumerate(robots):
             chance = rng.random()
             if chance < 0.1:
-                forget_route(kept, 1, i)
+                route_occupancy.forget_route(kept, 1, i)
                 new_route(rng, robots, routes, i)
             r["on_route"]["position"] = np.clip(
                 r["on_route"]["position"] + rng.normal(0.4, 0.8), 0.0, max(r["on_route"]["points"] - 1, 0) * 0.5
             )
             write(r, x=rng.uniform(0, COLUMNS), y=rng.uniform(0, ROWS), cos=1.0, standing_time=rng.uniform(0.0, 12.0))
             r["task"]["alive"] = rng.random() < 0.9
-        keep_all_up(kept, 1, step, users, SITE)
-        new = make_occupancy(2, ROBOTS, ROWS * COLUMNS, SLOTS)
-        keep_all_up(new, 1, step, users, SITE)
+        route_occupancy.keep_all_up(kept, 1, step, users, SITE)
+        new = route_occupancy.make_occupancy(2, ROBOTS, ROWS * COLUMNS, SLOTS)
+        route_occupancy.keep_all_up(new, 1, step, users, SITE)
         assert listed(kept, 1) == listed(new, 1)
         np.testing.assert_array_equal(kept.standing, new.standing)
         np.testing.assert_array_equal(kept.stands_on, new.stands_on)
@@ -98,8 +91,8 @@ def test_what_is_listed_by_hand() -> None:
     robots, routes = np.zeros((1, 1), ROBOT), np.zeros((1, 1, 40, 2), np.float32)
     write(robots, alive=1, points=7, spacing=0.5, position=0.6)
     routes[0, 0, :7, 0], routes[0, 0, :7, 1] = 0.25 + 0.5 * np.arange(7), 8.5  # along the first row, two points a cell
-    table = make_occupancy(1, 1, ROWS * COLUMNS, SLOTS)
-    keep_all_up(table, 0, 0, RoadUsers(robots, routes, NOBODY_WALKS, ON_NOTHING), SITE)
+    table = route_occupancy.make_occupancy(1, 1, ROWS * COLUMNS, SLOTS)
+    route_occupancy.keep_all_up(table, 0, 0, route_occupancy.RoadUsers(robots, routes, NOBODY_WALKS, ON_NOTHING), SITE)
     west = 4
     assert listed(table, 0) == {(1, 0, 0, west): 1, (2, 0, 2, west): 1, (3, 0, 4, west): 1}
 

@@ -1,38 +1,32 @@
-"""`warehouse export`: the model that it writes, what it says of it, and what it refuses to write."""
+"""`warehouse export`: the model in onnxruntime against our forward pass, what it says of itself, what is refused."""
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from safetensors.numpy import load_file
 
-from agents import POLICIES
+from agents import POLICIES, WEIGHTS_FOLDER, LearnedPolicy, Network, PolicyRecord, policy_config, save_policy
 from agents.onnx_model import onnx_model
+from agents.weights_folder import Activation
 from train.cli import main
 from train.commands import export
 from train.commands.export import largest_difference
+from warehouse_env.config import EnvConfig
+from warehouse_env.observation import observation_layout
+from warehouse_env.simulation.simulator import Simulator
 
 onnx = pytest.importorskip("onnx")
-PPO = POLICIES["ppo"].weights
-
-
-def shifted(by: float) -> bytes:
-    """Return the model of `ppo` whose first output is too large by `by`."""
-    assert PPO is not None
-    model = onnx_model(PPO)
-    (bias,) = (tensor for tensor in model.graph.initializer if tensor.name == "actor.2.bias")
-    values = onnx.numpy_helper.to_array(bias).copy()
-    values[0] += np.float32(by)
-    bias.CopyFrom(onnx.numpy_helper.from_array(values, bias.name))
-    return bytes(model.SerializeToString())
 
 
 def test_the_command_writes_a_model(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    target, weights = tmp_path / "new" / "head.onnx", POLICIES["reinforce"].weights
+    target = tmp_path / "new" / "head.onnx"
     assert main(["export", "--policy", "reinforce", "--onnx", str(target)]) == 0
-    assert weights is not None
-    apart = largest_difference(target.read_bytes(), weights)
+    apart = largest_difference(target.read_bytes(), WEIGHTS_FOLDER / "reinforce")
     assert 0.0 < apart < 1e-5
     said = capsys.readouterr().out
     assert said.startswith(f"wrote the network of reinforce to {target}: ")
@@ -42,10 +36,78 @@ def test_the_command_writes_a_model(tmp_path: Path, capsys: pytest.CaptureFixtur
 def test_a_model_that_computes_something_else_is_not_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    wrong = onnx.load_from_string(shifted(0.01))
+    """Its first output is too large by .01."""
+    wrong = onnx_model(WEIGHTS_FOLDER / "ppo")
+    (bias,) = (tensor for tensor in wrong.graph.initializer if tensor.name == "actor.2.bias")
+    values = onnx.numpy_helper.to_array(bias).copy()
+    values[0] += np.float32(0.01)
+    bias.CopyFrom(onnx.numpy_helper.from_array(values, bias.name))
     monkeypatch.setattr(export, "onnx_model", lambda directory: wrong)
     assert main(["export", "--onnx", str(tmp_path / "a.onnx")]) == 2
     shown = capsys.readouterr()
     assert "a.onnx was not written: its outputs differ from those of" in shown.err
     assert "more than 1e-05" in shown.err
     assert list(tmp_path.iterdir()) == []
+
+
+onnxruntime = pytest.importorskip("onnxruntime")
+LEARNED = [name for name, entry in POLICIES.items() if entry.weights is not None]
+
+
+def run(model: bytes, observation: Any) -> list[Any]:
+    session = onnxruntime.InferenceSession(model, providers=["CPUExecutionProvider"])
+    found: list[Any] = session.run(None, {"observation": observation})
+    return found
+
+
+def seen(config: EnvConfig) -> Any:
+    """Observations float32[rows, D] of robots on their way."""
+    simulator = Simulator(config.replace(planner="astar", num_agents=16))
+    simulator.reset(seed=3)
+    for _ in range(20):
+        simulator.step(np.full((1, 16), simulator.cruise_action))
+    return simulator.observation[0]
+
+
+@pytest.mark.parametrize("name", LEARNED)
+def test_three_ways_to_run_a_shipped_policy_agree(name: str) -> None:
+    directory, config = WEIGHTS_FOLDER / name, policy_config(name, EnvConfig())
+    observation = seen(config)
+    own = LearnedPolicy(directory, config).output(observation)
+    (runtime,) = run(onnx_model(directory).SerializeToString(), observation)
+    np.testing.assert_allclose(runtime, own, atol=1e-5, rtol=1e-5)
+    tensors, x = load_file(directory / "weights.safetensors"), observation  # as README opens a folder
+    for k in range(3):
+        x = x @ tensors[f"actor.{k}.weight"].T + tensors[f"actor.{k}.bias"]
+        x = np.tanh(x) if k < 2 else x
+    np.testing.assert_allclose(x, own, atol=1e-5, rtol=1e-5)
+
+
+def test_a_model_says_what_its_numbers_mean() -> None:
+    said = {prop.key: json.loads(prop.value) for prop in onnx_model(WEIGHTS_FOLDER / "ppo").metadata_props}
+    config = policy_config("ppo", EnvConfig())
+    layout = observation_layout(config)
+    assert said["observation"] == {name: [part.start, part.stop] for name, part in layout.slices.items()}
+    assert said["actions"][0] == [config.speed_levels[0], config.lateral_offsets[0]]
+    assert len(said["actions"]) == 20
+    assert (said["action_type"], said["mode"], said["decision_seconds"]) == ("discrete", "sample", 0.1)
+
+
+@pytest.mark.parametrize(
+    ("hidden", "activation", "discrete"),
+    [((16, 8), "silu", True), ((16, 8), "elu", True), ((), "silu", True), ((8,), "tanh", False)],
+)
+def test_every_kind_of_network_is_exported(
+    hidden: tuple[int, ...], activation: Activation, discrete: bool, tmp_path: Path
+) -> None:
+    rng, env = np.random.default_rng(0), EnvConfig(action_type="discrete" if discrete else "continuous")
+    network = Network(observation_layout(env).size, 20 if discrete else 2, discrete, hidden, activation)
+    tensors = {name: rng.normal(size=shape).astype(np.float32) for name, shape in network.shapes().items()}
+    actor = {name: array for name, array in tensors.items() if not name.startswith("critic.")}
+    save_policy(tmp_path, PolicyRecord("ppo", network, env), actor)
+    observation = rng.normal(size=(5, network.observation_size)).astype(np.float32)
+    outputs, *deviations = run(onnx_model(tmp_path).SerializeToString(), observation)
+    np.testing.assert_allclose(outputs, LearnedPolicy(tmp_path, env).output(observation), atol=1e-4, rtol=1e-4)
+    assert len(deviations) == (not discrete)
+    for deviation in deviations:
+        np.testing.assert_allclose(deviation, np.exp(tensors["log_std"]), rtol=1e-5)

@@ -10,16 +10,6 @@ import pytest
 
 from train.cli import main
 from train.evaluation import fixed_set
-from train.evaluation.fixed_set import (
-    CASES,
-    SHIPPED,
-    TRACKS,
-    VERSION,
-    Case,
-    benchmark_tables,
-    experiments,
-    options,
-)
 from train.evaluation.rollout import config_of
 from train.reporting.rows import read_rows
 from warehouse_env.config import EnvConfig
@@ -30,18 +20,20 @@ COLUMNS = ("track", "layout", "robots", "seed")
 
 def test_the_set_is_that_of_its_version() -> None:
     """A change of a floor, fleet or seed needs a new VERSION and new shipped rows."""
-    content = hashlib.sha256(json.dumps([fixed_set.SECONDS, fixed_set.SEED, fixed_set.PLANNER, CASES]).encode())
-    for layout in dict.fromkeys(case.layout for case in CASES):
+    content = hashlib.sha256(
+        json.dumps([fixed_set.SECONDS, fixed_set.SEED, fixed_set.PLANNER, fixed_set.CASES]).encode()
+    )
+    for layout in dict.fromkeys(case.layout for case in fixed_set.CASES):
         grid = make_layout(layout)
         content.update(grid.occupied.tobytes() + json.dumps(grid.endpoints[:2]).encode())
-    assert (VERSION, content.hexdigest()[:16]) == (2, "f7c0d2ce55f6ec03")
+    assert (fixed_set.VERSION, content.hexdigest()[:16]) == (2, "f7c0d2ce55f6ec03")
 
 
 def test_shipped_policies_drove_the_whole_set() -> None:
-    rows = read_rows(SHIPPED)
+    rows = read_rows(fixed_set.SHIPPED)
     wanted = {
         (track, one.config.layout, one.config.num_agents, seed)
-        for track, one in experiments("follow")
+        for track, one in fixed_set.experiments("follow")
         for seed in one.seeds
     }
     driven: dict[tuple[str, str], set[tuple[object, ...]]] = {}
@@ -54,9 +46,9 @@ def test_shipped_policies_drove_the_whole_set() -> None:
 
 def test_a_track_sets_the_same_traffic_for_all() -> None:
     for policy in ("follow", "greedy", "ppo", "shielded", "orca", "apf"):
-        spec = config_of(policy, EnvConfig(), options(policy, "with_shield")).traffic_spec
+        spec = config_of(policy, EnvConfig(), fixed_set.options(policy, "with_shield")).traffic_spec
         assert (spec.shield, spec.right_of_way, spec.routes) == (True, True, True)
-        assert config_of(policy, EnvConfig(), options(policy, "routes_only")).traffic == "routes"
+        assert config_of(policy, EnvConfig(), fixed_set.options(policy, "routes_only")).traffic == "routes"
     assert [fixed_set.tracks(policy) for policy in ("greedy", "shielded")] == [
         ["with_shield", "routes_only"],
         ["with_shield"],
@@ -64,14 +56,14 @@ def test_a_track_sets_the_same_traffic_for_all() -> None:
 
 
 def test_tables_have_the_best_first() -> None:
-    rows = read_rows(SHIPPED)
+    rows = read_rows(fixed_set.SHIPPED)
     config = EnvConfig(traffic="shield", action_repeat=3).to_dict()
     better = [
         {**row, "policy": "better", "late_goals_per_robot_hour": 999.0, "config": config}
         for row in rows if row["policy"] == "ppo"
     ]  # fmt: skip
-    tables = benchmark_tables([*rows, *better])
-    assert [table.title.partition(":")[0] for table in tables] == list(TRACKS)
+    tables = fixed_set.benchmark_tables([*rows, *better])
+    assert [table.title.partition(":")[0] for table in tables] == list(fixed_set.TRACKS)
     for table in tables:
         assert table.cells[0][:2] == ("better", "shield, 0.3 s")
     assert ("ppo", "routes, 0.1 s") in [line[:2] for line in tables[1].cells]
@@ -79,12 +71,14 @@ def test_tables_have_the_best_first() -> None:
 
 
 def test_the_command_drives_resumes_and_tabulates(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    small = (Case("few", "open", 2, 2), Case("more", "aisles:seed=801", 3, 1))
+    small = (fixed_set.Case("few", "open", 2, 2), fixed_set.Case("more", "aisles:seed=801", 3, 1))
     monkeypatch.setattr(fixed_set, "SECONDS", 8.0)
     monkeypatch.setattr("train.commands.evaluate.SHIPPED", tmp_path / "none.jsonl")
     (tmp_path / "none.jsonl").write_text("")
-    monkeypatch.setattr("train.commands.evaluate.experiments", lambda policy: experiments(policy, small))
-    monkeypatch.setattr("train.commands.evaluate.benchmark_tables", lambda rows: benchmark_tables(rows, small))
+    monkeypatch.setattr("train.commands.evaluate.experiments", lambda policy: fixed_set.experiments(policy, small))
+    monkeypatch.setattr(
+        "train.commands.evaluate.benchmark_tables", lambda rows: fixed_set.benchmark_tables(rows, small)
+    )
     arguments = ["benchmark", "--policy", "follow", "follow", "--processes", "1", "--out", str(tmp_path)]
     assert main(arguments) == 0
     before = (tmp_path / "table.md").read_text()

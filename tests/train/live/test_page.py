@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from tests.render.browser import needs_chromium, until
 from tests.render.conftest import browser as browser  # a fixture
+from tests.render.conftest import needs_chromium, until
 from tests.train.live.worlds import world
 from train.commands.live import about_live
 from train.live.runner import WorldRunner

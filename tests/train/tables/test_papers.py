@@ -12,19 +12,7 @@ from hypothesis import strategies as st
 
 from train.reporting.rows import Row
 from train.tables.catalogue import settings_of, studies_of
-from train.tables.papers.avoidance import (
-    ANSWERS,
-    CROSSING,
-    GAIN,
-    ONCOMING,
-    REACH,
-    STANDING,
-    Avoider,
-    avoid,
-    cells_of,
-    met_at,
-    obstacles,
-)
+from train.tables.papers import avoidance
 from train.tables.papers.coordinator import Coordinator, Path, duration, meet, nearest, path_of
 from train.tables.papers.settings import drawn_map
 from train.tables.papers.six_agvs import printed_task
@@ -142,24 +130,26 @@ def open_task(start: Cell, goal: Cell, *obstacle: Cell) -> TableTask:
 
 
 def walked(task: TableTask, label: str) -> Row:
-    return avoid(task, make_planner("astar_turns"), np.random.default_rng(0), answer=ANSWERS[label])
+    return avoidance.avoid(task, make_planner("astar_turns"), np.random.default_rng(0), answer=avoidance.ANSWERS[label])
 
 
 def test_steps_in_which_two_robots_meet() -> None:
-    assert met_at([(0, 0), (0, 1), (0, 2)], [(0, 3), (0, 2), (0, 1)]) == 1  # change places
-    assert met_at([(0, 0), (0, 1), (0, 2)], [(2, 1), (1, 1), (0, 1)]) is None  # one behind the other
-    assert met_at([(0, 0), (0, 1)], [(0, 2), (0, 1)]) == 0
+    assert avoidance.met_at([(0, 0), (0, 1), (0, 2)], [(0, 3), (0, 2), (0, 1)]) == 1  # change places
+    assert avoidance.met_at([(0, 0), (0, 1), (0, 2)], [(2, 1), (1, 1), (0, 1)]) is None  # one behind the other
+    assert avoidance.met_at([(0, 0), (0, 1)], [(0, 2), (0, 1)]) == 0
 
 
 def test_tasks_are_what_they_say_and_a_heedless_robot_is_touched() -> None:
     planner = make_planner("astar_turns")
     for seed in range(4):
-        for kind, task in obstacles(seed).items():
-            path, other = (cells_of(planner, task.grid, *one) for one in task.ends)
-            step, shared = met_at(path, other), len(set(path) & set(other))
-            assert (step is None) == (kind == STANDING)
+        for kind, task in avoidance.obstacles(seed).items():
+            path, other = (avoidance.cells_of(planner, task.grid, *one) for one in task.ends)
+            step, shared = avoidance.met_at(path, other), len(set(path) & set(other))
+            assert (step is None) == (kind == avoidance.STANDING)
             assert step is None or len(path) // 4 <= step < 3 * len(path) // 4
-            assert {STANDING: shared == 1, CROSSING: shared <= 1, ONCOMING: shared > 4}[kind]
+            assert {avoidance.STANDING: shared == 1, avoidance.CROSSING: shared <= 1, avoidance.ONCOMING: shared > 4}[
+                kind
+            ]
             touched = walked(task, "follows its path")
             assert touched["contacts"]
             assert not touched["success"]
@@ -181,15 +171,15 @@ def test_answers_to_an_obstacle_that_comes_head_on_stands_or_crosses() -> None:
 
 
 def test_the_force_repels_when_near_and_attracts_when_far() -> None:
-    robot = Avoider(open_task((4, 4), (4, 12), (0, 0)), make_planner("astar_turns"))
+    robot = avoidance.Avoider(open_task((4, 4), (4, 12), (0, 0)), make_planner("astar_turns"))
     assert robot.pushed((4, 5), (4, 12), 1.0) == (4, 3)
     # At 3 cells: the push is 60 (1/3 - 1/4) / 9 = 0.56, for n = 1 times 8 to the goal, under the pull of 8.
-    assert (GAIN, REACH) == (60.0, 4.0)
+    assert (avoidance.GAIN, avoidance.REACH) == (60.0, 4.0)
     assert robot.pushed((4, 7), (4, 12), 1.0) == robot.pushed((4, 7), (4, 12), 0.0) == (4, 5)
 
 
-@pytest.mark.parametrize("label", [label for label in ANSWERS if label != "follows its path"])
+@pytest.mark.parametrize("label", [label for label in avoidance.ANSWERS if label != "follows its path"])
 def test_the_robot_never_steps_onto_the_obstacle(label: str) -> None:
-    robot = Avoider(open_task((4, 4), (4, 12), (0, 0)), make_planner("astar_turns"))
+    robot = avoidance.Avoider(open_task((4, 4), (4, 12), (0, 0)), make_planner("astar_turns"))
     for obstacle in ((3, 4), (5, 5), (4, 5)):
-        assert ANSWERS[label](robot, obstacle) != obstacle
+        assert avoidance.ANSWERS[label](robot, obstacle) != obstacle
