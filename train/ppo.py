@@ -20,7 +20,7 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepR
 from agents.networks import first_actor_critic, tensors_of
 from train.books import book_of
 from train.learning.config import PPOConfig
-from train.learning.tally import TrainingTally, figures_of
+from train.learning.progress import TrainingTally, figures_of
 from train.learning.trainer import Split, Tensors, Trainer, network_of, set_threads
 from train.learning.worlds import TrainingSimulator
 from warehouse_env.envs.vector import WarehouseVecEnv

@@ -53,7 +53,7 @@ class OrderSpec(CheckedPart):
 
 @dataclass(frozen=True)
 class BatterySpec(CheckedPart):
-    """Energy use and charging (simulation/tasks/battery.py)."""
+    """Energy use and charging (simulation/tasks/duty.py)."""
 
     capacity: float = 1000.0  # [Wh]
     resistance: float = 0.03  # driving force over weight of robot and load: rolling and drive losses

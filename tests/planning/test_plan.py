@@ -17,9 +17,9 @@ from warehouse_env.errors import ConfigError, PlanError
 from warehouse_env.maps.clearance import segment_gap
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.planning import climb, make_planner, path_length, turns, validate
+from warehouse_env.planning.ants.iaco import smooth
 from warehouse_env.planning.any_angle import ThetaStar, line_of_sight
 from warehouse_env.planning.plan import Plan, edge_cost, validate_line
-from warehouse_env.planning.smoothing import smooth
 
 # Shelf at (1, 1); the path goes round it on the south-west side.
 ROUND = [(0, 0), (1, 0), (2, 0), (2, 1), (2, 2), (1, 3)]

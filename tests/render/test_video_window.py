@@ -11,8 +11,7 @@ import pytest
 from warehouse_env import parallel_env, vec_env
 from warehouse_env.errors import ConfigError, WarehouseError
 from warehouse_env.render.colours import robot_colour
-from warehouse_env.render.video import VideoWriter
-from warehouse_env.render.window import show
+from warehouse_env.render.video import VideoWriter, show
 
 imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg")
 pygame = pytest.importorskip("pygame")

@@ -22,7 +22,7 @@ from tests.train.trainings import SMALL
 from train.learning import checkpoint
 from train.learning.config import HELD_OUT_SEED, PPOConfig, ReinforceConfig
 from train.learning.experience import advantages
-from train.learning.tally import TrainingTally, figures_of
+from train.learning.progress import TrainingTally, figures_of
 from train.learning.threaded import policy_loss
 from train.learning.worlds import TrainingSimulator, TrainingWorlds
 from train.trainers import train

@@ -6,9 +6,8 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from agents import entry_of
-from train.advice.answer import answer, effect_text, robots_text
+from train.advice.answer import Advice, answer, effect_text, robots_text
 from train.advice.changes import Effect, storage_lost
-from train.advice.course import Advice
 from train.advice.trials import BLOCK
 from train.evaluation.pictures import file_name
 from train.reporting.page import Link, Page, PagePart, Shown, made_by
@@ -19,8 +18,7 @@ from warehouse_env.maps.halls import lif, places, route_graph
 from warehouse_env.maps.halls.hall import Hall, parse
 from warehouse_env.maps.halls.saved import write_hall
 from warehouse_env.render import report_charts
-from warehouse_env.render.hall_map import SMALL, cell_kinds, hall_map
-from warehouse_env.render.heat_maps import Panel, heat_maps
+from warehouse_env.render.heat_maps import SMALL, Panel, cell_kinds, hall_map, heat_maps
 
 FOLDER = "floor"  # beside the page
 

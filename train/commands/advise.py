@@ -23,9 +23,8 @@ from train.advice.advice_page import (
     places_table,
     write_floor,
 )
-from train.advice.answer import answer
+from train.advice.answer import advise, answer
 from train.advice.capacity import for_kinds, most_with_a_start
-from train.advice.course import advise
 from train.advice.trials import AdvicePlan, TimeBudget
 from train.commands.layouts import BY_MAP, check_connected
 from train.evaluation.jobs import Progress, Runner

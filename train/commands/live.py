@@ -13,7 +13,7 @@ from train.commands.layouts import BY_MAP
 from train.evaluation.rollout import config_of
 from train.kinds import Fleet
 from train.live.commands import MOST_ROBOTS
-from train.live.runner import WorldRunner
+from train.live.drive import WorldRunner
 from train.live.server import Server
 from train.live.world import LiveFloors, World, WorldSetting
 from warehouse_env.config import EnvConfig

@@ -23,7 +23,7 @@ from agents.networks import tensors_of
 from train.learning import checkpoint
 from train.learning.config import ThreadedConfig, ThreadedPPOConfig
 from train.learning.experience import Rollout, RolloutWorker
-from train.learning.tally import figures_of
+from train.learning.progress import figures_of
 from train.learning.trainer import Tensors, Trainer, first_net, network_of, rng_of, set_threads, shuffled
 from train.learning.worlds import TrainingSimulator, TrainingWorlds
 from warehouse_env.config import EnvConfig

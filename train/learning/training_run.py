@@ -25,8 +25,7 @@ from train.learning.evaluations import Drive, Evaluations
 from train.learning.floors import HELD_OUT_FLOORS, floor_of
 from train.learning.plan_ahead import plan_ahead
 from train.learning.progress import ProgressLog
-from train.learning.recipes import by_recipe
-from train.learning.reference import reference_of
+from train.learning.recipes import by_recipe, reference_of
 from train.learning.trainer import Trainer, first_net
 from train.reporting.report import tell
 from train.reporting.rows import held

@@ -21,7 +21,7 @@ from torch import Tensor
 from train.books import book_of
 from train.learning.config import HELD_OUT_SEED
 from train.learning.floors import FloorSchedule
-from train.learning.tally import TrainingTally
+from train.learning.progress import TrainingTally
 from warehouse_env.config import EnvConfig, RewardWeights
 from warehouse_env.observation import observation_layout
 from warehouse_env.routes.book import RouteBook

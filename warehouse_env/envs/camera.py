@@ -44,7 +44,7 @@ def picture(simulator: Simulator, world: int = 0) -> NDArray[np.uint8]:
 def close_window(mode: str | None) -> None:
     """Close the window that the render mode "human" shows pictures in."""
     if mode == "human":
-        from warehouse_env.render.window import close
+        from warehouse_env.render.video import close
 
         close()
 
@@ -64,7 +64,7 @@ class FilmedWorld(Portable):
         frame = None if self.render_mode is None else picture(self.simulator)
         if frame is None or self.render_mode == "rgb_array":
             return frame
-        from warehouse_env.render.window import show
+        from warehouse_env.render.video import show
 
         show(frame, self.metadata["render_fps"])
         return None

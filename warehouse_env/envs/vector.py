@@ -258,7 +258,7 @@ class WarehouseVecEnv(VecEnv):
         """Return the pictures of all worlds as one uint8[H, W, 3] ("rgb_array"), or show it ("human")."""
         if self._mode != "human":
             return super().render(mode)
-        from warehouse_env.render.window import show
+        from warehouse_env.render.video import show
 
         show(tile_images([picture(*one) for one in self._worlds]), render_fps(self._worlds[0][0].config))
         return None

@@ -15,7 +15,7 @@ from warehouse_env.maps.halls.cells import Raster, spread
 from warehouse_env.maps.halls.hall import Hall, read_hall
 from warehouse_env.maps.halls.map_server import Occupancy, read_occupancy, write_occupancy
 from warehouse_env.maps.halls.places import propose
-from warehouse_env.render.hall_map import cell_kinds
+from warehouse_env.render.heat_maps import cell_kinds
 
 RACKS = np.array([list(row) for row in (
     "#########",

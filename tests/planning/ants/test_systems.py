@@ -12,15 +12,13 @@ from warehouse_env.maps.generators import random_floor
 from warehouse_env.maps.grid_map import MOVES, GridMap
 from warehouse_env.maps.layouts import make_layout
 from warehouse_env.planning.ants.aco import Aco
-from warehouse_env.planning.ants.acs import ShaaAcs, draw_towards_best
+from warehouse_env.planning.ants.acs import ShaaAcs, draw_towards_best, rise, settle
 from warehouse_env.planning.ants.apf_aco import ApfAco
 from warehouse_env.planning.ants.floor import make_floor
 from warehouse_env.planning.ants.fusion_aco import FusionAco
-from warehouse_env.planning.ants.iaco import Iaco
-from warehouse_env.planning.ants.shunting import rise, settle
+from warehouse_env.planning.ants.iaco import Iaco, smooth
 from warehouse_env.planning.ants.system import AntSystem
 from warehouse_env.planning.plan import path_length, validate, validate_line
-from warehouse_env.planning.smoothing import smooth
 
 
 def test_distance_heuristic_of_the_traditional_colony() -> None:

@@ -15,11 +15,10 @@ from warehouse_env.maps.moves import label_regions
 from warehouse_env.simulation.record.recording import Episode, Recorder
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.state import OWNER, field_of
-from warehouse_env.simulation.tasks.battery import GRAVITY, Batteries
-from warehouse_env.simulation.tasks.duty import Doing, service_time
-from warehouse_env.simulation.tasks.one_shot import disc_of
+from warehouse_env.simulation.tasks.duty import GRAVITY, Batteries, Doing, service_time
 from warehouse_env.simulation.tasks.orders import Order, write_orders
 from warehouse_env.simulation.tasks.places import Places, standing_places
+from warehouse_env.simulation.tasks.sampled import disc_of
 from warehouse_env.simulation.tasks.shifts import slowed
 from warehouse_env.work import BatterySpec, OrderSpec, ServiceSpec
 

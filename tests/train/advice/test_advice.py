@@ -15,10 +15,9 @@ from tests.maps.halls.test_map_server import REAL, YAML, hall, room
 from tests.train.advice.floors import RACKS, floor_of
 from train.advice import changes
 from train.advice.advice_page import FOLDER, advice_page, doubts, hall_parts, recommended, with_parameter, write_floor
-from train.advice.answer import answer
+from train.advice.answer import Advice, answer
 from train.advice.capacity import Capacity, RobotsNeeded
 from train.advice.changes import EAST, WEST, Candidate, Effect, aisles, choose, cut_off, one_ways
-from train.advice.course import Advice
 from train.advice.curve import LoadPoint
 from train.advice.study import Team
 from train.advice.trials import AdvicePlan
@@ -30,7 +29,7 @@ from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.halls.hall import read_hall
 from warehouse_env.maps.layouts import make_layout
 from warehouse_env.maps.movingai import write_map
-from warehouse_env.render.hall_map import cell_kinds, hall_map
+from warehouse_env.render.heat_maps import cell_kinds, hall_map
 
 
 def test_aisles_open_gaps_faces_and_whole_lines() -> None:

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from tests.train.advice.floors import Curve, Slow, driver, floor_of, plan_of
+from train.advice.answer import advise
 from train.advice.capacity import Capacity, capacity, robots_needed
-from train.advice.course import advise
 from train.advice.curve import LoadPoint, bracket, fewest_that, jams_from, knee, loads, peak, rungs, smallest
 from train.advice.study import TrialRuns, best_of, race
 from train.advice.trials import TimeBudget, Trial

@@ -10,7 +10,7 @@ from tests.train.trainings import SMALL
 from train.learning import progress, training_run
 from train.learning.config import ReinforceConfig
 from train.learning.progress import FIGURES, ProgressLog, open_board
-from train.learning.reference import Reference
+from train.learning.recipes import Reference
 from train.trainers import train
 
 events = pytest.importorskip("tensorboard.backend.event_processing.event_accumulator")

@@ -22,11 +22,10 @@ from agents import (
 from agents.weights_folder import read_record, read_tensors
 from train.cli import COMMANDS, main
 from train.commands.training import Train
-from train.learning import reference
+from train.learning import recipes
 from train.learning.card import write_card
 from train.learning.config import ThreadedConfig, ThreadedPPOConfig
-from train.learning.recipes import RECIPES, by_recipe
-from train.learning.reference import QUANTILES, reference_of, summary
+from train.learning.recipes import QUANTILES, RECIPES, by_recipe, reference_of, summary
 from train.learning.trainer import first_net
 from warehouse_env.config import EnvConfig, SensorSpec
 from warehouse_env.old_names import POLICIES as OLD
@@ -159,7 +158,7 @@ def test_quantiles_are_over_the_rows_of_all_trainings_in_a_part_of_the_budget() 
 def test_what_ships_is_of_several_whole_trainings_of_its_recipe(name: str) -> None:
     config = by_recipe(name)
     shipped = reference_of(config)
-    assert shipped is not None, "the recipe has changed: renew or delete curves.json (train/learning/reference.py)"
+    assert shipped is not None, "the recipe has changed: renew or delete curves.json (train/learning/recipes.py)"
     assert shipped.trainings >= 2
     assert shipped.steps[-1] == pytest.approx(config.total_steps, rel=0.01)
     for steps in shipped.steps:
@@ -169,7 +168,7 @@ def test_what_ships_is_of_several_whole_trainings_of_its_recipe(name: str) -> No
 
 
 def test_only_a_training_by_the_same_options_has_a_reference(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(reference, "WEIGHTS_FOLDER", tmp_path)
+    monkeypatch.setattr(recipes, "WEIGHTS_FOLDER", tmp_path)
     usual = by_recipe("careful", seed=3)
     assert reference_of(usual) is None
     (tmp_path / "careful").mkdir()

@@ -18,7 +18,7 @@ from agents.weights_folder import PolicyRecord, read_record, save_policy
 from tests.train.trainings import SMALL
 from train.learning.config import ReinforceConfig, ThreadedConfig, ThreadedPPOConfig
 from train.learning.device_worlds import ROUND, DeviceWorlds, TrainingDevice
-from train.learning.tally import figures_of
+from train.learning.progress import figures_of
 from train.learning.threaded import ThreadedTrainer, shares
 from train.learning.worlds import TrainingSimulator, TrainingWorlds
 from train.trainers import held_out, train

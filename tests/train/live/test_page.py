@@ -12,7 +12,7 @@ from tests.render.conftest import browser as browser  # a fixture
 from tests.render.conftest import needs_chromium, until
 from tests.train.live.worlds import world
 from train.commands.live import about_live
-from train.live.runner import WorldRunner
+from train.live.drive import WorldRunner
 from train.live.server import Server
 from train.live.world import LiveFloors
 from warehouse_env.render.pages import live_page

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from warehouse_env.config import EnvConfig
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.maps.moves import label_regions
-from warehouse_env.simulation.tasks.one_shot import body_reach, covered, disc_of
+from warehouse_env.simulation.tasks.sampled import body_reach, covered, disc_of
 
 APART = 0.3  # [m] between the bodies of two that stand at neighbouring places, at any headings
 

@@ -24,8 +24,7 @@ from numpy.typing import NDArray
 from warehouse_env.config import EnvConfig
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.simulation.draws import Key
-from warehouse_env.simulation.tasks.battery import Batteries
-from warehouse_env.simulation.tasks.duty import Doing, Duty, service_time
+from warehouse_env.simulation.tasks.duty import Batteries, Doing, Duty, service_time
 from warehouse_env.simulation.tasks.ledger import Ledger, Tally
 from warehouse_env.simulation.tasks.orders import make_allocator
 from warehouse_env.simulation.tasks.places import Places, nearest_cell

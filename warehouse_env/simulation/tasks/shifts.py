@@ -21,7 +21,7 @@ from warehouse_env.errors import ConfigError, shown
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.simulation.draws import Key
 from warehouse_env.simulation.state import goal_of
-from warehouse_env.simulation.tasks.battery import Batteries
+from warehouse_env.simulation.tasks.duty import Batteries
 from warehouse_env.simulation.tasks.ledger import Demand, Ledger
 from warehouse_env.simulation.tasks.orders import Order, check_orders, read_orders
 from warehouse_env.simulation.tasks.placement import Limits
