@@ -38,7 +38,7 @@ from train.evaluation.jobs import of_all_runs
 from train.evaluation.rollout import make_experiment
 from train.learning.config import PPOConfig, ReinforceConfig, ThreadedPPOConfig
 from train.learning.progress import ProgressLog
-from train.live.commands import read_command
+from train.live.world import read_command
 from train.reporting.comparison import compare, read_runs
 from train.reporting.rows import read_rows
 from warehouse_env.checked import from_plain, parse_named

@@ -7,9 +7,8 @@ from statistics import fmean
 
 from train.evaluation.rollout import make_experiment, run
 from train.learning.config import PPOConfig, ThreadedConfig, TrainingConfig
-from train.learning.evaluations import Drive
 from train.learning.floors import HELD_OUT_FLOORS, floor_of
-from train.learning.progress import FIGURES
+from train.learning.progress import FIGURES, Drive
 from train.learning.threaded import ThreadedTrainer
 from train.learning.trainer import Trainer
 from train.learning.training_run import run_training

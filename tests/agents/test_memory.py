@@ -14,8 +14,7 @@ from agents import POLICIES, Actor, add_policy, make_policy, policy_config
 from tests.pages import PAGES, fenced
 from train.evaluation.recorded import record, shares_of
 from train.evaluation.rollout import Experiment, make_experiment, run
-from train.live.commands import Make
-from train.live.world import LiveFloors, World, WorldSetting
+from train.live.world import LiveFloors, Make, World, WorldSetting
 from warehouse_env import EnvConfig, Simulator, observation_layout
 from warehouse_env.config import TrafficMode
 from warehouse_env.errors import ConfigError

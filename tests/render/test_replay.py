@@ -17,9 +17,8 @@ from tests.render.conftest import Opener, needs_chromium, until
 from tests.render.episodes import CONFIG, driven
 from warehouse_env.errors import WarehouseError
 from warehouse_env.render import pages
-from warehouse_env.render.lines import simplified
 from warehouse_env.render.pages import PAGE, SHARED, thinned, write_replay_page
-from warehouse_env.render.replay import FLAGS, REWARD_TERMS, Replay, replay_of
+from warehouse_env.render.replay import FLAGS, REWARD_TERMS, Replay, replay_of, simplified
 from warehouse_env.render.replay_codec import packed, position_unit
 from warehouse_env.simulation.senses import rewards
 

@@ -12,10 +12,9 @@ from train.commands.evaluate import Drive
 from train.commands.layouts import BY_MAP
 from train.evaluation.rollout import config_of
 from train.kinds import Fleet
-from train.live.commands import MOST_ROBOTS
 from train.live.drive import WorldRunner
 from train.live.server import Server
-from train.live.world import LiveFloors, World, WorldSetting
+from train.live.world import MOST_ROBOTS, LiveFloors, World, WorldSetting
 from warehouse_env.config import EnvConfig
 from warehouse_env.planning import make_planner
 from warehouse_env.render.pages import about_page, live_page

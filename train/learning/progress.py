@@ -1,4 +1,4 @@
-"""The progress of a training: counts, a bar or a line every minute, progress.jsonl's rows, and TensorBoard's log."""
+"""The progress of a training: counts, spaced evaluations, a bar or lines, progress.jsonl, and TensorBoard's log."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from typing import Any, Self
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
+from train.learning.config import TrainingConfig
 from train.learning.recipes import QUANTILES, Reference
 from train.reporting.report import tell
 from train.reporting.rows import Row, RowFile, whole_rows, write_rows
@@ -209,3 +210,35 @@ def _draw(beside: Reference, folder: Path) -> None:
 def _in_words(figures: Mapping[str, float]) -> str:
     goals, contacts, stuck = (figures[name] for name in FIGURES)
     return f"{goals:.0f} goals/robot-h, {contacts:.2f} collisions/km, {100 * stuck:.1f}% stuck"
+
+
+SHARE = 0.03  # of the processor time, at most, from one to the next
+
+Drive = Callable[[TrainingConfig], dict[str, float]]
+"""Drives the policy in the folder of a training; returns FIGURES of progress.py."""
+
+
+class Evaluations:
+    """Drives the policy of a training from time to time and logs the result, without changing what is learned."""
+
+    def __init__(self, config: TrainingConfig, drive: Drive, update: int | None) -> None:
+        """Start the clock; update: after which the policy was driven last, if any."""
+        self._config, self._drive, self._update = config, drive, update
+        self._ended, self._took = (time.monotonic(), time.process_time()), 0.0
+
+    @property
+    def due(self) -> bool:
+        """Whether the next evaluation is due."""
+        every, (since, worked_since) = self._config.evaluation_seconds, self._ended
+        worked = time.process_time() - worked_since  # of all threads; where others take the cores, it grows slowly
+        return every > 0.0 and time.monotonic() - since >= every and worked * SHARE >= self._took
+
+    def run(self, update: int, steps: int, log: ProgressLog) -> None:
+        """Drive the policy that was saved after an update and `steps` agent-steps, unless this was done already."""
+        if self._config.evaluation_seconds == 0.0 or update == self._update:
+            return
+        begun, worked = time.monotonic(), time.process_time()
+        figures = self._drive(self._config)
+        self._ended, self._update = (time.monotonic(), time.process_time()), update
+        self._took = self._ended[1] - worked
+        log.evaluated(figures, steps, self._ended[0] - begun)

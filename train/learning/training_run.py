@@ -21,10 +21,9 @@ from train.job_files import FileDigests, file_digests
 from train.learning import checkpoint
 from train.learning.card import write_card
 from train.learning.config import ThreadedConfig, TrainingConfig
-from train.learning.evaluations import Drive, Evaluations
 from train.learning.floors import HELD_OUT_FLOORS, floor_of
 from train.learning.plan_ahead import plan_ahead
-from train.learning.progress import ProgressLog
+from train.learning.progress import Drive, Evaluations, ProgressLog
 from train.learning.recipes import by_recipe, reference_of
 from train.learning.trainer import Trainer, first_net
 from train.reporting.report import tell

@@ -9,10 +9,8 @@ from collections.abc import Callable
 from concurrent.futures import Future
 from typing import Any
 
-from train.live.commands import Command, Make, Play, Speed, Step
-from train.live.listeners import Listeners
-from train.live.messages import LiveFigures, Sample, further, note, whole
-from train.live.world import Moment, World
+from train.live.messages import Listeners, LiveFigures, Sample, further, note, whole
+from train.live.world import Command, Make, Moment, Play, Speed, Step, World
 from warehouse_env.errors import ConfigError, WarehouseError
 from warehouse_env.render.replay import Lines
 

@@ -3,20 +3,27 @@
 Little-endian: uint32 bytes of the rest, uint32 bytes of the header, the header, the arrays. The header's `kind` is
 `world` (everything that a page needs to begin), `moments` (which continue it) or `note` (the pace, and what is being
 made). A message of length 0 only keeps the connection alive.
+
+Each page has a queue of messages, so that a slow one never holds up the world or another page.
 """
 
 from __future__ import annotations
 
+import contextlib
 import json
+import queue
 import struct
+import threading
 from collections import deque
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from train.live.world import Moment, World
+from warehouse_env.errors import ConfigError
 from warehouse_env.render.pages import about_world
 from warehouse_env.render.replay import FLAGS, Replay
 from warehouse_env.render.replay_codec import Column, floor_columns, laid_out, moment_columns, route_columns
@@ -109,3 +116,84 @@ def _message(header: dict[str, Any], columns: Iterable[Column]) -> bytes:
     about, data = laid_out(columns)
     text = json.dumps({**header, "columns": about}, allow_nan=False, separators=(",", ":")).encode()
     return struct.pack("<II", 4 + len(text) + len(data), len(text)) + text + data
+
+
+MOST = 8  # pages at a time
+MOST_WAITING = 250  # messages, about ten seconds, that a page may be behind
+
+
+class Listener:
+    """One page's messages. It needs a whole world first, and again if it fell too far behind."""
+
+    def __init__(self) -> None:
+        self.needs_world = True
+        self.closed = False
+        self._messages: queue.Queue[bytes] = queue.Queue(MOST_WAITING)
+
+    def put(self, message: bytes, world: bool = False) -> None:
+        """Add a message; world: it is a whole world, which must come first."""
+        if self.needs_world and not world:
+            return
+        self.needs_world = False
+        try:
+            self._messages.put_nowait(message)
+        except queue.Full:
+            self.renew()
+
+    def renew(self) -> None:
+        """Forget the waiting messages, since there is another world."""
+        self._taken()
+        self.needs_world = True
+
+    def close(self) -> None:
+        """Say that nothing more comes."""
+        self.closed = True
+        with contextlib.suppress(queue.Full):
+            self._messages.put_nowait(b"")  # wakes `take`
+
+    def take(self, timeout: float) -> bytes:
+        """Return all waiting messages as one; none after `timeout` [s] without any."""
+        try:
+            first = self._messages.get(timeout=timeout) if timeout > 0 else b""
+        except queue.Empty:
+            return b""
+        return first + self._taken()
+
+    def _taken(self) -> bytes:
+        found = []
+        with contextlib.suppress(queue.Empty):
+            while True:
+                found.append(self._messages.get_nowait())
+        return b"".join(found)
+
+
+class Listeners:
+    """All pages."""
+
+    def __init__(self) -> None:
+        self._all: list[Listener] = []
+        self._lock = threading.Lock()
+
+    @contextmanager
+    def joined(self) -> Iterator[Listener]:
+        """Yield a listener that hears everything from now on; ConfigError if there are too many."""
+        listener = Listener()
+        with self._lock:
+            if len(self._all) >= MOST:
+                raise ConfigError(f"{MOST} pages look already; close one of them")
+            self._all.append(listener)
+        try:
+            yield listener
+        finally:
+            with self._lock:
+                self._all.remove(listener)
+
+    def now(self) -> list[Listener]:
+        """Return the listeners."""
+        with self._lock:
+            return list(self._all)
+
+    def put(self, message: bytes) -> None:
+        """Send a message to all."""
+        for listener in self.now():
+            listener.put(message)

@@ -15,9 +15,9 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from socketserver import TCPServer
 from typing import Any, cast
 
-from train.live.commands import MOST_BYTES, read_command
 from train.live.drive import WorldRunner
 from train.live.messages import ALIVE
+from train.live.world import MOST_BYTES, read_command
 from warehouse_env.errors import ConfigError, WarehouseError
 from warehouse_env.render.pages import LivePage
 

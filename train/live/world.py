@@ -1,4 +1,4 @@
-"""A world that a page may replace: its floor, its simulator and its policy.
+"""A world that a page may replace (its floor, its simulator and its policy), and the commands of a page, checked.
 
 The same setting gives the same bits, at any pace and with any pages.
 """
@@ -6,10 +6,11 @@ The same setting gives the same bits, at any pace and with any pages.
 from __future__ import annotations
 
 import dataclasses
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,13 +18,71 @@ from numpy.typing import NDArray
 from agents import POLICIES, Actor, make_policy
 from train.evaluation.rollout import POLICY_STREAM, config_of
 from train.kinds import Kinds
-from train.live.commands import Make
+from warehouse_env.checked import Checked, check_names, from_plain
 from warehouse_env.config import EnvConfig
-from warehouse_env.errors import unknown_name
+from warehouse_env.errors import ConfigError, shown, unknown_name
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import LAYOUTS, make_layout
 from warehouse_env.render.replay import moment_of, station_cells
 from warehouse_env.simulation.simulator import Simulator
+
+MOST_BYTES = 65_536  # of a message
+MOST_ROBOTS = 256
+SLOWEST, FASTEST = 0.25, 1000.0  # simulated seconds a second
+
+
+@dataclass(frozen=True)
+class Play(Checked):
+    """Play or pause."""
+
+    playing: bool
+
+
+@dataclass(frozen=True)
+class Speed(Checked):
+    """Set the pace: simulated seconds a second; None: as fast as possible."""
+
+    speed: float | None
+    ranges: ClassVar = {"speed": (SLOWEST, FASTEST)}
+
+
+@dataclass(frozen=True)
+class Step(Checked):
+    """Pause, after one more decision of the robots."""
+
+
+@dataclass(frozen=True)
+class Make(Checked):
+    """Restart with another policy, floor, number of robots or seed."""
+
+    policy: str | None = None
+    floor: str | None = None
+    robots: int | None = None
+    seed: int | None = None
+    ranges: ClassVar = {"robots": (1, MOST_ROBOTS), "seed": (0, 2**53)}  # whole numbers of a page
+
+
+Command = Play | Speed | Step | Make
+COMMANDS: dict[str, type[Command]] = {"play": Play, "speed": Speed, "step": Step, "make": Make}
+
+
+def read_command(message: bytes) -> Command:
+    """Return the command of a message such as {"do": "play", "playing": true}; ConfigError if it is wrong."""
+    if len(message) > MOST_BYTES:
+        raise ConfigError(f"a message has at most {MOST_BYTES:,} bytes, not {len(message):,}")
+    try:
+        data = json.loads(message)
+    except (ValueError, RecursionError):  # no UTF-8, no JSON, or brackets without end
+        raise ConfigError("a message must be a JSON object") from None
+    if not isinstance(data, dict) or not isinstance(data.get("do"), str):
+        raise ConfigError(f'a message must be a JSON object that says what to "do", not {shown(data)}')
+    name = data.pop("do")
+    if name not in COMMANDS:
+        raise unknown_name("command", name, COMMANDS)
+    kind = COMMANDS[name]
+    check_names(f"{name} parameter", data, kind)
+    return from_plain(kind, data)
+
 
 Moment = dict[str, NDArray[Any]]
 """The visible state of a world: see replay.moment_of."""

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from functools import cache, partial
 from pathlib import Path
 
-from train.tables.papers import avoidance, settings, six_agvs
+from train.tables.papers import avoidance, coordinator, settings
 from train.tables.papers.settings import pairs_on_floors
 from train.tables.study import Experiment, TableSetting, TableStudy
 from warehouse_env.checked import from_plain
@@ -25,7 +25,7 @@ SETTINGS: dict[str, Callable[[], tuple[TableSetting, ...]]] = {
     "cross_zone": settings.cross_zone,
     "clutter_and_blocks": settings.clutter_and_blocks,
     "walker_floors": settings.walker_floors,
-    "six_agvs": six_agvs.settings,
+    "six_agvs": coordinator.six_agvs,
     "paper002_floors": settings.paper002_floors,
     "moving_obstacle": avoidance.settings,
     "traps_and_clutter": settings.traps_and_clutter,
@@ -35,10 +35,10 @@ SETTINGS: dict[str, Callable[[], tuple[TableSetting, ...]]] = {
     "pairs_on_floors": pairs_on_floors,
 }
 EXPERIMENTS: dict[str, Experiment] = {
-    "each alone": six_agvs.on_grid,
-    "coordinator": partial(six_agvs.on_grid, aside=True, new_route=True),
-    "no step aside": partial(six_agvs.on_grid, aside=False, new_route=True),
-    "no new route": partial(six_agvs.on_grid, aside=True, new_route=False),
+    "each alone": coordinator.on_grid,
+    "coordinator": partial(coordinator.on_grid, aside=True, new_route=True),
+    "no step aside": partial(coordinator.on_grid, aside=False, new_route=True),
+    "no new route": partial(coordinator.on_grid, aside=True, new_route=False),
     **{name: partial(avoidance.avoid, answer=answer) for name, answer in avoidance.ANSWERS.items()},
 }
 

@@ -16,9 +16,8 @@ from collections.abc import Callable
 from typing import Any
 
 from warehouse_env import plugins
-from warehouse_env.planning.ants.aco import Aco
+from warehouse_env.planning.ants.aco import Aco, ApfAco
 from warehouse_env.planning.ants.acs import Acs, ShaaAcs
-from warehouse_env.planning.ants.apf_aco import ApfAco
 from warehouse_env.planning.ants.fusion_aco import FusionAco
 from warehouse_env.planning.ants.iaco import Iaco
 from warehouse_env.planning.ants.pf_aco import PfAco
@@ -28,7 +27,7 @@ from warehouse_env.planning.field_walkers import Apf, ApfImproved
 from warehouse_env.planning.graph_search import AStar, AStarTurns, Dijkstra, min_turns
 from warehouse_env.planning.plan import Plan, Planner, climb, path_length, turns, validate
 from warehouse_env.planning.swarms.fish_swarm import FishSwarm
-from warehouse_env.planning.swarms.particle_swarm import ParticleSwarm
+from warehouse_env.planning.swarms.waypoints import ParticleSwarm
 
 __all__ = [
     "PLANNERS",

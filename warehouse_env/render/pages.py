@@ -25,8 +25,7 @@ from warehouse_env.files import write_text
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.render.chart_style import hexed
 from warehouse_env.render.colours import CONTACT, WAITING, robot_colour
-from warehouse_env.render.lines import simplified
-from warehouse_env.render.replay import FLAGS, REWARD_TERMS, Replay
+from warehouse_env.render.replay import FLAGS, REWARD_TERMS, Replay, simplified
 from warehouse_env.render.replay_codec import packed
 from warehouse_env.simulation.state import PERSON_RADIUS
 from warehouse_env.traffic_spec import written_traffic

@@ -16,8 +16,7 @@ from warehouse_env.planning.ants.colony import cells_of
 from warehouse_env.planning.ants.floor import make_floor
 from warehouse_env.planning.plan import path_length, validate
 from warehouse_env.planning.swarms.fish_swarm import FishSwarm
-from warehouse_env.planning.swarms.particle_swarm import ParticleSwarm
-from warehouse_env.planning.swarms.waypoints import Code, Paths
+from warehouse_env.planning.swarms.waypoints import Code, ParticleSwarm, Paths
 
 
 def paths_of(grid: GridMap, start: Cell, goal: Cell, cost: np.ndarray | None = None) -> Paths:

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from tests.train.trainings import SMALL
-from train.learning import evaluations
+from train.learning import progress
 from train.learning.config import PPOConfig, ReinforceConfig, ThreadedPPOConfig, TrainingConfig
-from train.learning.evaluations import Evaluations
+from train.learning.progress import Evaluations
 from train.trainers import held_out, train
 
 LONGER = {"layouts": ("open", "narrow"), "rows": 16, "steps": 16 * 6 * 6, "episode_seconds": 6.0}
@@ -21,7 +21,7 @@ TRAINERS = [ReinforceConfig, ThreadedPPOConfig, PPOConfig]
 def test_what_is_learned_does_not_depend_on_them(
     options: type[TrainingConfig], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(evaluations, "SHARE", 1e9)  # one after every update
+    monkeypatch.setattr(progress, "SHARE", 1e9)  # one after every update
     driven = []
 
     def counted(config: TrainingConfig) -> dict[str, float]:
@@ -43,8 +43,8 @@ class Log:
 def test_one_that_takes_long_waits_long(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two threads work all the time, and the evaluations take one of them 6 s, the first 3 s more."""
     now, worked = [0.0], [0.0]
-    monkeypatch.setattr(evaluations.time, "monotonic", lambda: now[0])
-    monkeypatch.setattr(evaluations.time, "process_time", lambda: worked[0])
+    monkeypatch.setattr(progress.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(progress.time, "process_time", lambda: worked[0])
     costs = [9.0, 6.0, 0.75]
 
     def drive(config: TrainingConfig) -> dict[str, float]:

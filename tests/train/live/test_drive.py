@@ -9,12 +9,10 @@ import pytest
 
 from tests.train.live.worlds import bits, messages, world
 from train.kinds import KindPart, Kinds
-from train.live import drive, listeners
-from train.live.commands import MOST_BYTES, Make, Play, Speed, Step, read_command
+from train.live import drive
 from train.live.drive import WorldDrive
-from train.live.listeners import Listener, Listeners
-from train.live.messages import WINDOW, LiveFigures, Sample
-from train.live.world import World
+from train.live.messages import WINDOW, Listener, Listeners, LiveFigures, Sample
+from train.live.world import MOST_BYTES, Make, Play, Speed, Step, World, read_command
 from warehouse_env.config import RobotSpec
 from warehouse_env.errors import ConfigError, WarehouseError
 
@@ -252,7 +250,7 @@ def test_parked_robots_neither_wait_nor_stand() -> None:
 
 
 def test_a_slow_page_begins_again_with_a_whole_world(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(listeners, "MOST_WAITING", 2)
+    monkeypatch.setattr("train.live.messages.MOST_WAITING", 2)
     listener = Listener()
     listener.put(b"lost")
     listener.put(b"world", world=True)

@@ -15,11 +15,10 @@ from typing import Any
 import pytest
 
 from train.cli import STOPPED
-from train.live import listeners
-from train.live.commands import Command, Play
-from train.live.listeners import Listeners
-from train.live.messages import note
+from train.live import messages
+from train.live.messages import Listeners, note
 from train.live.server import Server
+from train.live.world import Command, Play
 from warehouse_env.errors import ConfigError
 from warehouse_env.render.pages import live_page
 
@@ -156,7 +155,7 @@ def test_a_stream_gives_messages_until_the_end(server: Server) -> None:
 
 
 def test_no_more_pages_look_than_may(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(listeners, "MOST", 0)
+    monkeypatch.setattr(messages, "MOST", 0)
     status, said, _ = answer(server, "GET", "states")
     assert status == 503
     assert "close one of them" in said["error"]

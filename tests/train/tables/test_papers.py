@@ -13,9 +13,8 @@ from hypothesis import strategies as st
 from train.reporting.rows import Row
 from train.tables.catalogue import settings_of, studies_of
 from train.tables.papers import avoidance
-from train.tables.papers.coordinator import Coordinator, Path, duration, meet, nearest, path_of
+from train.tables.papers.coordinator import Coordinator, Path, duration, meet, nearest, path_of, printed_task
 from train.tables.papers.settings import drawn_map
-from train.tables.papers.six_agvs import printed_task
 from train.tables.study import TableTask
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.planning import make_planner, validate

@@ -36,13 +36,13 @@ from warehouse_env.maps.halls.cells import (
     exceeds,
     not_free,
     raster_of,
+    report_of,
     spread,
     within,
 )
 from warehouse_env.maps.halls.lanes import Lanes, lay, prices
 from warehouse_env.maps.halls.map_server import PICTURES, YAMLS, Occupancy, beside, image_of, read_occupancy
 from warehouse_env.maps.halls.places import propose, racks
-from warehouse_env.maps.halls.report import report_of
 from warehouse_env.maps.moves import label_regions
 from warehouse_env.maps.tables import DEAREST
 
