@@ -1,24 +1,27 @@
-"""A small floor and a scene on it, for all picture tests; a browser, for those of pages."""
+"""A small floor, a scene on it and short episodes, for all picture tests; a browser, for those of pages."""
 
 from __future__ import annotations
 
 import shutil
 from collections.abc import Callable, Iterator
-from pathlib import Path
+from contextlib import contextmanager
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 import pytest
 
-from warehouse_env.config import RobotSpec
+from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.render.frame import Scene
+from warehouse_env.simulation.record.recording import Episode, Recorder
+from warehouse_env.simulation.simulator import Simulator
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason="no chromium on the PATH (Debian: apt install chromium)")
 
 Opener = Callable[..., Any]
-"""Opens a page: a path, what stands behind it in the address, a width and height [px], and options of Playwright's."""
+"""Opens a page: its address; or a path, and what stands behind it in the address."""
 
 
 def until(page: Any, expression: str, tries: int = 600) -> None:
@@ -70,21 +73,26 @@ def browser() -> Iterator[Any]:
         running.close()
 
 
-@pytest.fixture
-def open_page(browser: Any) -> Iterator[Opener]:
-    """Return an opener of replay pages; whatever they complain of, or ask the network for, fails the test."""
+@contextmanager
+def opening(browser: Any, own: str, ready: str, tries: int = 600, expected: str | None = None) -> Iterator[Opener]:
+    """Return an opener of pages, which waits until they are ready.
+
+    What they complain of, but for texts with what is `expected`, or ask of anybody but their `own` address, fails.
+    """
     faults: list[str] = []
     opened = []
 
-    def opener(path: Path, address: str = "", width: int = 1200, height: int = 800, **options: Any) -> Any:
-        page = browser.new_page(viewport={"width": width, "height": height}, **options)
-        page.on("console", lambda message: faults.append(f"console {message.type}: {message.text}"))
+    def complain(message: Any) -> None:
+        if expected is None or expected not in message.text:
+            faults.append(f"console {message.type}: {message.text}")
+
+    def opener(address: str) -> Any:
+        page = browser.new_page(viewport={"width": 1200, "height": 800})
+        page.on("console", complain)
         page.on("pageerror", lambda error: faults.append(f"error: {error}"))
-        page.on(
-            "request", lambda request: faults.extend([request.url] * (not request.url.startswith(("file:", "data:"))))
-        )
-        page.goto(f"{path.as_uri()}{address}")
-        until(page, "window.replay !== undefined")
+        page.on("request", lambda request: faults.extend([request.url] * (not request.url.startswith((own, "data:")))))
+        page.goto(address)
+        until(page, ready, tries)
         opened.append(page)
         return page
 
@@ -92,3 +100,37 @@ def open_page(browser: Any) -> Iterator[Opener]:
     for page in opened:
         page.close()
     assert not faults
+
+
+@pytest.fixture
+def open_page(browser: Any) -> Iterator[Opener]:
+    """Return an opener of replay pages, which may ask the network for nothing."""
+    with opening(browser, "file:", "window.replay !== undefined") as open_at:
+        yield lambda path, behind="": open_at(f"{path.as_uri()}{behind}")
+
+
+# episodes in a tight hall, where robots meet, wait and touch
+CONFIG = EnvConfig(num_agents=7, planner="astar", action_repeat=2, people=4)
+
+
+def hall() -> GridMap:
+    """10 x 14 cells with two blocks of shelves, an aisle between them that is one-way, and a ramp."""
+    occupied = np.zeros((10, 14), dtype=np.bool_)
+    occupied[3:7, 2:6] = occupied[3:7, 8:12] = True
+    height = np.zeros((10, 14), dtype=np.float32)
+    height[8:, 4:10] = 0.2
+    one_way = np.zeros((10, 14), dtype=np.uint8)
+    one_way[3:7, 6] = 2
+    one_way[3:7, 7] = 4
+    return GridMap(occupied, height, name="hall", one_way=one_way)
+
+
+@lru_cache(maxsize=4)
+def driven(steps: int = 150, front_steered: bool = False) -> Episode:
+    """Two worlds of 7 robots that cruise along their routes whatever is in the way."""
+    robot = RobotSpec(front_overhang=0.75) if front_steered else RobotSpec()
+    simulator = Simulator(CONFIG.replace(robot=robot), 2, grid=hall())
+    recorder = Recorder(simulator, (9, 4), "follow")
+    for _ in range(steps):
+        recorder.step(np.full((2, CONFIG.num_agents), simulator.cruise_action))
+    return recorder.episode

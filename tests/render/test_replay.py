@@ -13,8 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.render.conftest import Opener, needs_chromium, until
-from tests.render.episodes import CONFIG, driven
+from tests.render.conftest import CONFIG, Opener, driven, needs_chromium, until
 from warehouse_env.errors import WarehouseError
 from warehouse_env.render import pages
 from warehouse_env.render.pages import PAGE, SHARED, thinned, write_replay_page

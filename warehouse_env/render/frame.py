@@ -15,20 +15,11 @@ from numpy.typing import NDArray
 from warehouse_env.config import RobotSpec
 from warehouse_env.errors import ConfigError, counted
 from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.render import sprites
 from warehouse_env.render.colours import CONTACT, DEADLOCK, RGB, WAITING, mix, robot_colour
 from warehouse_env.render.extras import load
 from warehouse_env.render.floor import FLOOR, floor_image
 from warehouse_env.render.replay import goal_poses, places, totals_of
-from warehouse_env.render.sprites import (
-    Tile,
-    body_centre,
-    paint_arrow,
-    paint_load,
-    paint_person,
-    paint_robot,
-    plate_centre,
-    stamp_goal,
-)
 from warehouse_env.simulation.state import PERSON_RADIUS
 
 CAPTION_HEIGHT = 28  # [px], the strip below the floor
@@ -173,7 +164,7 @@ def _draw_goals(pygame: Any, canvas: Any, scene: Scene, top: float, scale: float
     poses = [(x, y, math.nan) for x, y in centres.tolist()] if scene.goal_pose is None else scene.goal_pose.tolist()
     for i in np.flatnonzero(scene.alive).tolist():
         x, y, heading = poses[i]
-        stamp_goal(pygame, canvas, (x * scale, (top - y) * scale), robot_colour(i), scale, heading)
+        sprites.stamp_goal(pygame, canvas, (x * scale, (top - y) * scale), robot_colour(i), scale, heading)
 
 
 def _draw_robots(pygame: Any, canvas: Any, scene: Scene, top: float, scale: float) -> None:
@@ -181,24 +172,24 @@ def _draw_robots(pygame: Any, canvas: Any, scene: Scene, top: float, scale: floa
     for i in np.lexsort((scene.touching, scene.alive)):
         robot = scene.bodies[i]
         reach = math.hypot(robot.length, robot.width) / 2 + 0.25  # with halo and shadow
-        centre = body_centre(scene.pose[i], robot)
-        tile = Tile(pygame, centre, reach, top, scale)
+        centre = sprites.body_centre(scene.pose[i], robot)
+        tile = sprites.Tile(pygame, centre, reach, top, scale)
         steer = 0.0 if scene.steer is None else float(scene.steer[i])
         rim = CONTACT if scene.touching[i] else _waiting_colour(scene, int(i))
-        paint_robot(tile, scene.pose[i], steer, robot, robot_colour(int(i)), rim, bool(scene.alive[i]))
+        sprites.paint_robot(tile, scene.pose[i], steer, robot, robot_colour(int(i)), rim, bool(scene.alive[i]))
         if scene.loaded is not None and scene.loaded[i]:
-            paint_load(tile, scene.pose[i], robot)
+            sprites.paint_load(tile, scene.pose[i], robot)
         tile.stamp(canvas)
         if scale >= _NUMBERS_FROM:
-            x, y = plate_centre(scene.pose[i], robot)
+            x, y = sprites.plate_centre(scene.pose[i], robot)
             number = _font(pygame, round(0.24 * scale)).render(str(i), True, (20, 24, 30))
             canvas.blit(number, number.get_rect(center=(x * scale, (top - y) * scale)))
 
 
 def _draw_people(pygame: Any, canvas: Any, scene: Scene, top: float, scale: float) -> None:
     for x, y, heading in [] if scene.people is None else scene.people.tolist():
-        tile = Tile(pygame, (x, y), 2 * PERSON_RADIUS, top, scale)
-        paint_person(tile, (x, y), heading)
+        tile = sprites.Tile(pygame, (x, y), 2 * PERSON_RADIUS, top, scale)
+        sprites.paint_person(tile, (x, y), heading)
         tile.stamp(canvas)
 
 
@@ -214,11 +205,11 @@ def _draw_waiting(pygame: Any, canvas: Any, scene: Scene, top: float, scale: flo
     inks = {i: ink for i in range(len(scene.pose)) if (ink := _waiting_colour(scene, i)) is not None}
     width = max(0.07, 1.6 / scale)  # [m], a pixel and a half at least
     for i in sorted(inks, key=lambda i: inks[i] == DEADLOCK):
-        begin, end = (np.array(body_centre(scene.pose[k], scene.bodies[k])) for k in (i, scene.waits_for[i]))  # type: ignore[index]
+        begin, end = (np.array(sprites.body_centre(scene.pose[k], scene.bodies[k])) for k in (i, scene.waits_for[i]))  # type: ignore[index]
         middle, reach = (begin + end) / 2, float(np.hypot(*(end - begin))) / 2 + 6 * width
-        tile = Tile(pygame, (float(middle[0]), float(middle[1])), reach, top, scale)
+        tile = sprites.Tile(pygame, (float(middle[0]), float(middle[1])), reach, top, scale)
         stuck = inks[i] == DEADLOCK
-        paint_arrow(tile, begin, end, DEADLOCK if stuck else _CAPTION_GROUND, width * (1.5 if stuck else 1.0))
+        sprites.paint_arrow(tile, begin, end, DEADLOCK if stuck else _CAPTION_GROUND, width * (1.5 if stuck else 1.0))
         tile.stamp(canvas)
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from tests.render.episodes import driven
+from tests.render.conftest import driven
 from train.fleet.messages import Message, Names
 from train.fleet.orders import Story, story_of
 from train.fleet.vehicle import messages_of

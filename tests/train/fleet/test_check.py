@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from tests.render.episodes import driven
+from tests.render.conftest import driven
 from tests.train.fleet.stories import NAMES, episode_story, lines, sent, story, write_lines
 from train.cli import main
 from train.fleet.check import check_log

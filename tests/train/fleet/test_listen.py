@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.render.episodes import driven
+from tests.render.conftest import driven
 from tests.train.fleet.stories import NAMES, ORIGIN, episode_story, story, write_lines
 from train.fleet.build import episode_of
 from train.fleet.driven import FleetEpisode, load_episode, load_simulated, row_of

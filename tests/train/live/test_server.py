@@ -1,4 +1,4 @@
-"""The server admits only its own page and explains each refusal; the command says where it is and ends by Ctrl-C."""
+"""The server admits only its page and explains refusals; the page works in a browser; the command ends by Ctrl-C."""
 
 from __future__ import annotations
 
@@ -10,17 +10,23 @@ import sys
 import threading
 import urllib.request
 from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import pytest
 
+from tests.render.conftest import Opener, needs_chromium, opening, until
+from tests.render.conftest import browser as browser  # a fixture
+from tests.train.live.worlds import world
 from train.cli import STOPPED
+from train.commands.live import about_live
 from train.live import messages
+from train.live.drive import WorldRunner
 from train.live.messages import Listeners, note
 from train.live.server import Server
-from train.live.world import Command, Play
+from train.live.world import Command, LiveFloors, Play
 from warehouse_env.errors import ConfigError
-from warehouse_env.render.pages import live_page
+from warehouse_env.render.pages import LivePage, live_page
 
 
 class Asked:
@@ -38,13 +44,19 @@ class Asked:
         self.commands.append(command)
 
 
-@pytest.fixture
-def server() -> Iterator[Server]:
-    with Server(Asked(), live_page("title", 0.1, {})) as running:  # type: ignore[arg-type]
+@contextmanager
+def serving(runner: Any, page: LivePage) -> Iterator[Server]:
+    with Server(runner, page) as running:
         thread = threading.Thread(target=running.serve_forever, kwargs={"poll_interval": 0.01}, daemon=True)
         thread.start()
         yield running
         running.shutdown()
+
+
+@pytest.fixture
+def server() -> Iterator[Server]:
+    with serving(Asked(), live_page("title", 0.1, {})) as running:
+        yield running
 
 
 def answer(
@@ -191,3 +203,38 @@ def test_ctrl_c_ends_it_with_one_sentence() -> None:
     assert running.returncode == STOPPED
     assert errors.startswith("warehouse: stopped; the last world ran for ")
     assert errors.count("\n") == 1
+
+
+@pytest.fixture
+def open_live(browser: Any) -> Iterator[Opener]:
+    """Return an opener of pages of four robots on the open floor, which are not ready at once."""
+    runner = WorldRunner(world)
+    about = about_live(LiveFloors("open"), "greedy", 4)
+    with serving(runner, live_page("Live warehouse", 0.1, about)) as server:
+        runner.start()
+        # a refused command is an answer with an error's status, of which the browser tells; kernels may be compiled
+        with opening(browser, server.address, "window.live !== undefined", 6000, "Failed to load resource") as open_at:
+            yield lambda: open_at(server.address)
+        runner.stop(30.0)
+    assert runner.failed is None
+
+
+@needs_chromium
+@pytest.mark.nightly
+def test_it_shows_and_steers_a_world(open_live: Opener) -> None:
+    page, other = open_live(), open_live()
+    assert page.inner_text("figcaption b") == "greedy"
+    before = page.evaluate("live.seconds()")
+    until(page, f"live.seconds() > {before} + 0.5")
+    page.fill("#speed", "8")  # as fast as it goes
+    until(page, "live.pace().speed === null")
+    until(page, "live.goals() > 0")
+    until(other, "live.goals() > 0 && live.pace().speed === null")
+
+    page.keyboard.press("Space")
+    until(page, "!live.pace().playing")
+    page.fill("#robots", "6")
+    for one in (page, other):
+        until(one, "live.robots() === 6")
+    until(page, "document.querySelector('#robots-said').textContent === '6'")
+    assert other.input_value("#robots") == "6"
