@@ -8,7 +8,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ from warehouse_env.files import complete_file, read_bytes, read_json, write_text
 FORMAT = 1
 WEIGHTS, CONFIG = "weights.safetensors", "config.json"
 _LARGEST_CONFIG, _LARGEST_WEIGHTS = 16_000_000, 2_000_000_000  # [bytes]
+_SIZES = 1, 10**9
 Mode = Literal["sample", "greedy"]
 Activation = Literal["tanh", "relu", "leaky_relu", "elu", "silu", "sigmoid"]
 Tensors = Mapping[str, NDArray[Any]]
@@ -38,10 +39,7 @@ class Network(Checked):
     hidden: tuple[int, ...] = (128, 128)  # of the actor; () for one layer alone
     activation: Activation = "tanh"  # after each layer but the last
     critic_hidden: tuple[int, ...] | None = None  # None: as the actor's
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._between(1, 10**9, "observation_size", "actions", "hidden", "critic_hidden")
+    ranges: ClassVar = {"observation_size": _SIZES, "actions": _SIZES, "hidden": _SIZES, "critic_hidden": _SIZES}
 
     def sizes(self, part: str) -> list[tuple[int, int]]:
         """Return (inputs, outputs) of each layer of the "actor" or the "critic"."""

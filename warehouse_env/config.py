@@ -175,20 +175,17 @@ class EnvConfig(Checked):
     fleet: tuple[FleetPart, ...] = ()  # robots of other kinds than `robot`: the last ones, part by part
     sensor: SensorSpec = field(default_factory=SensorSpec)  # its perception
     reward: RewardWeights = field(default_factory=RewardWeights)  # weights of its terms
+    ranges: ClassVar = {
+        "num_agents": (1, 100_000), "max_steps": (1, 2**63 - 1), "substeps": (1, 1000), "action_repeat": (1, 1000),
+        "time_step": (_LEAST, 10.0), "arrival_radius": (_LEAST, _MOST), "pose_radius": (_LEAST, _MOST),
+        "near_miss_gap": (_LEAST, _MOST), "pose_angle": (_LEAST, math.pi), "stuck_after": (_LEAST, 1e12),
+        "keep_right": (0.0, 100.0), "people": (0, 1000), "speed_levels": (-_MOST, _MOST),
+        "lateral_offsets": (-_MOST, _MOST),
+    }  # fmt: skip
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._between(1, 100_000, "num_agents")
-        self._between(1, 2**63 - 1, "max_steps")
-        self._between(1, 1000, "substeps", "action_repeat")
-        self._between(_LEAST, 10.0, "time_step")
-        self._between(_LEAST, _MOST, "arrival_radius", "pose_radius", "near_miss_gap")
-        self._between(_LEAST, math.pi, "pose_angle")
-        self._between(_LEAST, 1e12, "stuck_after")
-        self._between(0.0, 100.0, "keep_right")
-        self._between(0, 1000, "people")
         for name in ("speed_levels", "lateral_offsets"):
-            self._between(-_MOST, _MOST, name)
             self._require(1 <= len(getattr(self, name)) <= _COMMANDS, name, f"1 to {_COMMANDS} numbers")
         levels = len(self.speed_levels)
         rule = f"at most {_COMMANDS // levels} numbers beside {levels} speed_levels"

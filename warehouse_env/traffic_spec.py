@@ -29,11 +29,10 @@ class TrafficSpec(CheckedPart):
     # replan while driving, around standing robots and oncoming routes; "barred": only robots whose route is
     # blocked, in half the time (trainings)
     routes: bool | Literal["barred"] = False
+    ranges: ClassVar = {"margin": (0.0, 10.0), "right_of_way_after": (0.0, 1e4)}
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._between(0.0, 10.0, "margin")
-        self._between(0.0, 1e4, "right_of_way_after")
         self._require(bool(self.shield) or not self.right_of_way, "right_of_way", "False without a shield")
 
 

@@ -23,7 +23,7 @@ class ServiceSpec(CheckedPart):
 
 @dataclass(frozen=True)
 class OrderSpec(CheckedPart):
-    """Where orders come from (a file or random draws), and who gets them (simulation/tasks/orders.py, demand.py)."""
+    """Where orders come from (a file or random draws), and who gets them (simulation/tasks/orders.py)."""
 
     file: str | None = None  # orders as CSV; None: drawn by the next fields
     per_hour: float = 240.0  # mean rate of a Poisson process
@@ -35,16 +35,14 @@ class OrderSpec(CheckedPart):
     due: float = 900.0  # [s] after its release
     wave: float = 0.0  # [s] between releases of all orders that have come; 0: each at once
     allocation: str = "nearest"  # who gets which: a name of ALLOCATORS (simulation/tasks/orders.py)
+    ranges: ClassVar = {
+        "per_hour": (1e-3, 1e6), "picks": (1, 1000), "weight": (0.0, 1e9), "due": (0.0, 1e9), "wave": (0.0, _DAY),
+        "demand": (0.0, 1.0), "faces": (0.0, 1.0),
+    }  # fmt: skip
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._between(1e-3, 1e6, "per_hour")
-        self._between(1, 1000, "picks")
-        self._between(0.0, 1e9, "weight")
-        self._between(0.0, 1e9, "due")
-        self._between(0.0, _DAY, "wave")
         for name in ("demand", "faces"):
-            self._between(0.0, 1.0, name)
             whole = abs(sum(getattr(self, name)) - 1.0) < 1e-6
             self._require(whole and len(self.demand) == len(self.faces), name, "shares that make 1, one for each class")
         sold = all(wanted == 0 or there > 0 for wanted, there in zip(self.demand, self.faces, strict=True))
@@ -62,14 +60,12 @@ class BatterySpec(CheckedPart):
     power: float = 1000.0  # [W] of a charger
     low: float = 0.3  # share of the capacity below which a robot charges next
     full: float = 0.9  # share up to which it charges
+    ranges: ClassVar = {
+        "capacity": (1e-3, 1e9), "resistance": (0.0, 10.0), "standing": (0.0, 1e6), "chargers": (1, 10_000),
+        "power": (1e-3, 1e9), "low": (0.0, 1.0), "full": (0.0, 1.0),
+    }  # fmt: skip
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._between(1e-3, 1e9, "capacity")
-        self._between(0.0, 10.0, "resistance")
-        self._between(0.0, 1e6, "standing")
-        self._between(1, 10_000, "chargers")
-        self._between(1e-3, 1e9, "power")
-        self._between(0.0, 1.0, "low", "full")
         self._require(self.low < self.full, "low", "less than full")
         self._require(self.power > self.standing, "power", "more than a standing robot uses")

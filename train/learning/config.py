@@ -121,24 +121,21 @@ class TrainingConfig(Checked):
     """Threads of torch and of the simulator."""
     progress: bool = True
     """Show the progress bar; otherwise, or without a terminal, print a line every minute."""
+    ranges: ClassVar = {
+        "steps": (1, 10**15), "rows": (1, 10**7), "robots": (1, 10**7), "action_repeat": (1, 10**7),
+        "threads": (1, 1024), "seed": (0, 2**32 - 1), "hidden": (1, 16_384), "minibatch": (1, _MOST_SAMPLES),
+        "minutes": (1e-9, 1e9), "episode_seconds": (1e-9, 1e9), "jam_seconds": (1e-9, 1e9),
+        "checkpoint_seconds": (0.0, 1e9), "evaluation_seconds": (0.0, 1e9), "entropy_first": (0.0, 1e9),
+        "entropy_last": (0.0, 1e9), "cruise_bias": (0.0, 1e9), "keep_right": (0.0, 1e9), "caution": (0.0, 10.0),
+        "reward_scale": (1e-30, 1e9), "learning_rate": (1e-30, 1e9), "gradient_clip": (1e-30, 1e9),
+        "gamma": (0.0, 1.0), "gae_lambda": (0.0, 1.0), "shared": (0.0, 1.0), "collision_first": (-1e9, 1e9),
+        "collision_last": (-1e9, 1e9), "contact": (-1e9, 1e9),
+    }  # fmt: skip
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._between(1, 10**15, "steps")
-        self._between(1, 10_000_000, "rows", "robots", "action_repeat")
-        self._between(1, 1024, "threads")
-        self._between(0, 2**32 - 1, "seed")
-        self._between(0.0, 1e9, "entropy_first", "entropy_last", "checkpoint_seconds", "evaluation_seconds")
-        self._between(0.0, 1e9, "cruise_bias", "keep_right")
-        self._between(0.0, 10.0, "caution")
-        self._between(1e-9, 1e9, "minutes", "episode_seconds", "jam_seconds")
         object.__setattr__(self, "traffic", written_traffic(self.traffic_spec))
-        self._between(1e-30, 1e9, "reward_scale", "learning_rate", "gradient_clip")
-        self._between(0.0, 1.0, "gamma", "gae_lambda", "shared")
-        self._between(-1e9, 1e9, "collision_first", "collision_last", "contact")
-        self._between(1, 16_384, "hidden")
         self._between(1, _MOST_SAMPLES // self.rows, "rollout")
-        self._between(1, _MOST_SAMPLES, "minibatch")
         self._require(self.tasks != "one_shot", "tasks", "lifelong, or your own sampler of lifelong tasks")
         for name, most in (("layouts", 100), ("robots", 100), ("hidden", 16)):
             self._require(1 <= len(getattr(self, name)) <= most, name, f"1 to {most} values")
@@ -253,6 +250,7 @@ class ThreadedConfig(TrainingConfig):
     """Policy to begin with instead of an untrained one: a name or a run's folder."""
     device: str | None = None
     """Keep worlds, rollouts and updates on a device: cuda, cuda:1, or cpu, which needs no GPU (docs/how_to/gpu.md)."""
+    ranges: ClassVar = {"critic_factor": (0.0, 1e9), "floor_episodes": (1, 1_000_000), "late_braking": (-1e9, 0.0)}
 
     def env(self, layout: str, robots: int) -> EnvConfig:
         """Return the environment of one layout or map file and robot count."""
@@ -260,9 +258,6 @@ class ThreadedConfig(TrainingConfig):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._between(0.0, 1e9, "critic_factor")
-        self._between(1, 1_000_000, "floor_episodes")
-        self._between(-1e9, 0.0, "late_braking")
         predicts = self.predictions and 0.0 in self.env("open", self.robots[0]).speed_levels
         self._require(predicts or self.late_braking == 0.0, "late_braking", "0 without predictions")
         if self.device is not None:
@@ -282,10 +277,10 @@ class ClippedConfig(TrainingConfig):
     """Passes over the rows of one rollout."""
     clip: float = 0.2
     """How far the probability ratio may leave 1."""
+    ranges: ClassVar = {"epochs": (1, _MOST_SAMPLES)}
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._between(1, _MOST_SAMPLES, "epochs")
         self._require(0 < self.clip < 1, "clip", "between 0 and 1")
 
 

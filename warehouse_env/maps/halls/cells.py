@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,13 +41,12 @@ class HallOptions(Checked):
     vehicle: str | None = None  # only lanes open to this type (LIF)
     lanes_only: bool = False  # close all floor off the lanes
     lanes_prefer: float = 1.5  # price factor of floor off the lanes
+    ranges: ClassVar = {
+        "cell": (0.1, 100.0), "share": (0.0, 1.0), "resolution": (1e-3, 100.0), "lanes_prefer": (1.0, DEAREST),
+    }  # fmt: skip
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._between(0.1, 100.0, "cell")
-        self._between(0.0, 1.0, "share")
-        self._between(1e-3, 100.0, "resolution")
-        self._between(1.0, DEAREST, "lanes_prefer")
         self._require(not self.lanes_only or self.lanes is not None, "lanes_only", "false without lanes=FILE")
         self._require(self.vehicle is None or self.lanes is not None, "vehicle", "left out without lanes=FILE")
 
