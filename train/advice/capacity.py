@@ -17,8 +17,7 @@ from train.advice.trials import GOALS, AdvicePlan, Drive, TimeBudget, Use
 from train.books import simulator_of
 from train.evaluation.rollout import make_experiment
 from train.kinds import Kinds
-from train.reporting.columns import MEASURES
-from train.reporting.driven import driven_with
+from train.reporting.columns import MEASURES, driven_with
 from train.reporting.rows import Interval, mean_interval
 from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.errors import ConfigError

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 from agents import make_policy
 from train.evaluation.rollout import Experiment, config_of, make_experiment
-from train.reporting.driven import aspects, config_of_row
+from train.reporting.columns import aspects, config_of_row
 from train.reporting.report import Table, grouped, number, with_interval
 from train.reporting.rows import Interval, Row, mean_interval, select, stratified_interval
 from warehouse_env.config import EnvConfig

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from train.evaluation.planning_runs import PlanningRun
 from train.reporting import columns
-from train.reporting.driven import labels
+from train.reporting.columns import labels
 from train.reporting.report import grouped, number
 from train.reporting.rows import Row
 from warehouse_env.maps.grid_map import GridMap

@@ -9,7 +9,7 @@ from train.evaluation.pictures import MEASURES, bars
 from train.evaluation.places import KEY, PAGE, floor_of_notes
 from train.evaluation.recorded import worst_episodes, write_replays
 from train.evaluation.rollout import Experiment
-from train.reporting.driven import labels
+from train.reporting.columns import labels
 from train.reporting.page import Page, PagePart, Shown, made_by
 from train.reporting.report import evaluation_table, grouped, make_progress, number
 from train.reporting.rows import Row, select, short_names, values_of, write_rows

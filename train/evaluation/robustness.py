@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from train.evaluation.disturbances import DISTURBANCES, UNDISTURBED
-from train.reporting.driven import driven_with
+from train.reporting.columns import driven_with
 from train.reporting.report import Table, grouped, number, with_interval
 from train.reporting.rows import Interval, Row, mean_interval, select, short_names, stratified_interval
 from warehouse_env.errors import counted

@@ -8,8 +8,7 @@ from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from train.reporting.columns import MEASURES, Measure
-from train.reporting.driven import differing
+from train.reporting.columns import MEASURES, Measure, differing
 from train.reporting.report import Table, difference, grouped, with_interval
 from train.reporting.rows import Interval, Row, is_significant, read_rows, select, short_names, values_of
 from train.reporting.trainings import EPISODE, difference_of
