@@ -57,7 +57,7 @@ SLIPS = {
     "EnvConfig().replace(num_agnts=8)": 'Unexpected keyword argument "num_agnts"',
     'warehouse_env.parallel_env(num_agents="8")': 'incompatible type "str"; expected "int"',
     'EnvConfig().replace(traffic="rulez")': "incompatible type \"Literal['rulez']\"",
-    'EnvConfig().replace(tasks="one_shots")': "incompatible type \"Literal['one_shots']\"",
+    'EnvConfig().replace(arrival="stops")': "incompatible type \"Literal['stops']\"",
 }
 
 
