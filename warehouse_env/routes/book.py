@@ -133,6 +133,11 @@ class RouteBook(Portable):
         self._keep_right, self._wider = keep_right, wider
         self._bind()
 
+    @property
+    def floor(self) -> tuple[NDArray[np.uint8], NDArray[np.uint8], float, float, float]:
+        """What lanes depend on: padded shelves and one-way cells, their size [m], keep_right, and the bodies' width."""
+        return self._solid, self._one_way, float(self.grid.cell_size), float(self._keep_right), float(self._wider)
+
     def _bind(self) -> None:
         self._solid = np.pad(self.grid.occupied[::-1], 1, constant_values=True).astype(np.uint8)
         self._one_way = np.pad(self.grid.one_way[::-1], 1)
@@ -242,9 +247,7 @@ class RouteBook(Portable):
     def _make_many(self, keys: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
         """Make the routes of some keys, those that the plan table or `astar_turns` has plans for (see RouteTable)."""
         made: tuple[NDArray[np.int64], NDArray[np.float32]]
-        made = drivable_lines(
-            keys, self._plans, self._solid, self._one_way, self.grid.cell_size, self._keep_right, self._wider
-        )
+        made = drivable_lines(keys, self._plans, *self.floor)
         return made
 
     def ends(self, goal: Cell, robot: RobotSpec) -> tuple[Pose, ...]:

@@ -56,6 +56,8 @@ SETS: dict[str, dict[str, Any]] = {
     "single lanes": {"layout": "single_lane"},
     "quick searches": {"quick_searches": True, "layout": "narrow"},
     "mixed fleet": {"traffic": RULES, "fleet": (SLOW,)},
+    "live routes": {"traffic": "routes", "layout": "narrow"},
+    "live routes where they are barred": {"traffic": TrafficSpec(routes="barred"), "layout": "single_lane"},
     "mixed fleet, continuous": {"action_type": "continuous", "fleet": (SLOW,)},
 }
 

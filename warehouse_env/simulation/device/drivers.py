@@ -17,7 +17,7 @@ from warehouse_env.simulation.physics.floor import Floor
 from warehouse_env.simulation.senses import messages, preferences
 from warehouse_env.simulation.senses.on_routes import LANES
 from warehouse_env.simulation.senses.plans import Sights
-from warehouse_env.simulation.tasks import giving
+from warehouse_env.simulation.tasks import beginning, giving
 from warehouse_env.simulation.tasks.giving import TaskArrays
 from warehouse_env.simulation.traffic import deadlock_recovery, decision, recovery
 from warehouse_env.simulation.traffic.recovery import SearchSetup
@@ -69,7 +69,7 @@ class Work(NamedTuple):
 
     steps: Any  # int64[B], since the resets
     tasks: TaskArrays
-    status: Any  # int32[B], see giving.place
+    status: Any  # int32[B], see beginning.place
     orders: Any  # (int32[T, E], int32[T, K]), scratch of `place`
     vehicles: Vehicles
     floor: Floor
@@ -180,7 +180,7 @@ def place(thread, threads, work):
     """Place the robots of worlds that begin, with their goals and routes."""
     begin, end = part_of(thread, threads, work.steps.shape[0])
     body, (order, rest) = (work.vehicles.shared[0], work.vehicles.kinds, work.floor), work.orders
-    giving.place(begin, end, work.status, (order[thread], rest[thread]), body, work.tasks)
+    beginning.place(begin, end, work.status, (order[thread], rest[thread]), body, work.tasks, None)
 
 
 @register_jitable

@@ -19,6 +19,7 @@ from warehouse_env.simulation import state
 from warehouse_env.simulation.device import drivers
 from warehouse_env.simulation.device.actions import TensorDecoder
 from warehouse_env.simulation.device.lines import LinesOnDevice, shown
+from warehouse_env.simulation.device.live import LiveOnHost
 from warehouse_env.simulation.device.memory import bytes_of, field_on_device, mapped, memory_of, tensor_of
 from warehouse_env.simulation.draws import Draws
 from warehouse_env.simulation.driver.scratch import make_search_scratch
@@ -27,7 +28,7 @@ from warehouse_env.simulation.physics.deviation import BODY, place_bodies
 from warehouse_env.simulation.physics.poses import poses, speeds
 from warehouse_env.simulation.record.metrics import episode_rows
 from warehouse_env.simulation.simulator import Simulator
-from warehouse_env.simulation.tasks import giving
+from warehouse_env.simulation.tasks import beginning
 from warehouse_env.simulation.tasks.assignment import Assignment, check_assignments
 from warehouse_env.simulation.tasks.dispatch import no_room, width_of
 from warehouse_env.simulation.tasks.goals import GoalState
@@ -46,7 +47,6 @@ _ABSENT: tuple[tuple[str, Callable[[EnvConfig], bool]], ...] = (
     ("own tasks", lambda config: config.tasks not in ("lifelong", "one_shot")),
     ("people", lambda config: config.people > 0),
     ("orders, services and batteries", lambda config: config.works),
-    ("live routes", lambda config: config.traffic_spec.routes is not False),
 )
 
 
@@ -82,6 +82,7 @@ class DeviceSimulator:
         self._draws, self._cut_off = Draws(num_worlds), np.full(num_worlds, np.nan)
         self._tensors, self._views = dict[str, torch.Tensor](), dict[str, Any]()
         self._lines = LinesOnDevice(self._memory)
+        self._live = LiveOnHost(self.host, self._draws, self._memory) if config.traffic_spec.routes else None
         self._allocate()
 
     @property
@@ -171,7 +172,7 @@ class DeviceSimulator:
             **{name: views[name] for name in ("robots", "routes", "keys", "wanted", "booked")},
         )
         floor = mapped(tasks.floor, memory.constant)
-        orders = mapped(dispatcher.orders, lambda array: memory.scratch(self._few, array))
+        orders = mapped(dispatcher.orders(), lambda array: memory.scratch(self._few, array))
         return drivers.Work(
             views["steps"], tasks._replace(floor=floor), views["status"], orders, setup.planned, setup.floor,
             views["go"],
@@ -211,7 +212,11 @@ class DeviceSimulator:
             tensors[name][rows] = 0
         tensors["commands"][:, rows] = 0
         tensors["robots"][rows] = self._fresh
-        if any(assignments) or not self.host.dispatcher.by_table:
+        if self._live is not None:
+            self._live.begin(worlds, assignments)
+            self._fit_routes(self._live.dispatcher.routes.shape[2])
+            self._live.upload(self._live.rows_of(worlds), self._tensors)
+        elif any(assignments) or not self.host.dispatcher.by_table:
             self._place_on_host(worlds, assignments)
         else:
             self._place(rows)
@@ -235,7 +240,7 @@ class DeviceSimulator:
         if len(rows) * self.num_agents >= MANY and self.config.arrival != "pose":
             self.host.dispatcher.book.make_all(shown)
         self._take_routes(table)
-        self._status[rows] = giving.TO_PLACE
+        self._status[rows] = beginning.TO_PLACE
         wants = True
         while wants:
             self._memory.launch(drivers.place, self._few, self._work)
@@ -296,21 +301,32 @@ class DeviceSimulator:
             self._memory.launch(drivers.resolve, self._few, self._batch)
         self._memory.launch(drivers.advance, self._threads, self._batch)
         self._memory.launch(drivers.search, self._searching, self._batch)
-        self._memory.launch(drivers.give, self._threads, self._work)
-        # here the host waits for the device, once in a step in which it makes no route
-        valid, wanted = torch.stack((self._go[0], self._tensors["wanted"].count_nonzero())).tolist()
-        if not valid:
-            raise ActionError("actions must be finite, and discrete ones in 0..K-1; some are not")
-        if wanted:
-            self.host.dispatcher.route_table.trim()
-            self._go.fill_(drivers.WANTED)
-            while self._make_routes():
-                self._memory.launch(drivers.give, self._threads, self._work)
+        self._give()
         self.steps += 1
         self.truncated[:] = self.steps >= self.config.max_steps
         self._tensors["waiting"].fill_(1)
         self._observe()
         return self.observation
+
+    def _give(self) -> None:
+        """Give robots goals and routes. Here the host waits for the device, once in a step in which it makes no route.
+
+        ActionError if the device found invalid actions.
+        """
+        if self._live is None:
+            self._memory.launch(drivers.give, self._threads, self._work)
+        valid, wanted = torch.stack((self._go[0], self._tensors["wanted"].count_nonzero())).tolist()
+        if not valid:
+            raise ActionError("actions must be finite, and discrete ones in 0..K-1; some are not")
+        if self._live is not None:
+            rows = self._live.give(self.steps + 1, self._tensors)
+            self._fit_routes(self._live.dispatcher.routes.shape[2])
+            self._live.upload(rows, self._tensors)
+        if wanted:
+            self.host.dispatcher.route_table.trim()
+            self._go.fill_(drivers.WANTED)
+            while self._make_routes():
+                self._memory.launch(drivers.give, self._threads, self._work)
 
     def put(self, pose: ArrayLike, speed: ArrayLike) -> NDArray[np.bool_]:
         """Put robots as `Simulator.put` does, on the host, and observe."""
@@ -341,6 +357,7 @@ class DeviceSimulator:
     def save_state(self) -> dict[str, torch.Tensor]:
         """Return a copy of all that the worlds need to continue to the same bits, on the device."""
         own = {"begun": self._draws.begun, "cut_off": self._cut_off}
+        own |= {} if self._live is None else self._live.state()
         state_of_host = {name: tensor_of(array).to(self.device) for name, array in own.items()}
         return {name: tensor.clone() for name, tensor in self._tensors.items()} | state_of_host
 
@@ -352,6 +369,8 @@ class DeviceSimulator:
             array[...] = saved[name].cpu().numpy()
         width = saved["routes"].shape[2]
         self._fit_routes(width)
+        if self._live is not None:
+            self._live.load({name: saved[name].cpu().numpy() for name in self._live.state()})
         for name, tensor in self._tensors.items():
             (tensor[:, :, :width] if name == "routes" else tensor).copy_(saved[name])
 

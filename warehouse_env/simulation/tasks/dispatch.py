@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,7 @@ from warehouse_env.routes.route_table import Lines, Route, RouteTable
 from warehouse_env.simulation.draws import Draws
 from warehouse_env.simulation.physics.floor import Floor
 from warehouse_env.simulation.physics.kinds import kind_of
-from warehouse_env.simulation.tasks import giving
+from warehouse_env.simulation.tasks import beginning, giving
 from warehouse_env.simulation.tasks.assignment import Assignment
 from warehouse_env.simulation.tasks.goals import GoalState, endpoints_of
 from warehouse_env.simulation.tasks.orders import Order
@@ -37,8 +38,9 @@ from warehouse_env.simulation.tasks.tasks import (
     take_goal,
     take_route,
 )  # fmt: skip
-from warehouse_env.simulation.traffic.live import LiveRoutes
+from warehouse_env.simulation.traffic.live import LiveRoom, LiveRoutes
 from warehouse_env.simulation.traffic.off_route import far_off, find_off_route
+from warehouse_env.threads import get_num_threads, side_by_side
 
 # [m], of the default body, before the end of a route at which a robot seeks the manoeuvre to its goal's pose
 JOIN = 3.0
@@ -67,7 +69,7 @@ class Dispatcher(Portable):
     `book` may be replaced by another of the same floor.
     """
 
-    bound = ("_find_astray", "_place_code")
+    bound = ("_compiled", "_task_floor", "_room")
 
     def __init__(
         self, config: EnvConfig, book: RouteBook, robots: NDArray[np.void], persons: NDArray[np.void],
@@ -81,7 +83,8 @@ class Dispatcher(Portable):
         self.routes = np.zeros((*robots.shape, ROUTE_BLOCK, 2), dtype=np.float32)
         self._config, self._limits, self._kind_of = config, limits, config.kind_of
         self._astray, self.far = np.empty(robots.shape, dtype=np.bool_), far_off(config, book.grid.cell_size)
-        self.live = LiveRoutes(config, book, persons) if config.traffic_spec.routes else None
+        endpoints, each = endpoints_of(book.grid), (len(robots), config.num_agents)
+        self.live = LiveRoutes(config, book, persons, endpoints.number) if config.traffic_spec.routes else None
         self.all_look = config.traffic_spec.routes is True  # so that some robot gets another route in almost every step
         named = TASKS.get(config.tasks)
         tasks = named if isinstance(named, type) and issubclass(named, Tasks) else SampledTasks
@@ -92,17 +95,33 @@ class Dispatcher(Portable):
         self._told: dict[tuple[int, int], Goal] = {}  # points and poses that an assignment gives, up to the arrival
         self._rules = giving.rules_of(config, self._join(0), self.far)
         lifelong, alike = config.tasks == "lifelong", config.arrival != "pose" or not config.fleet
-        self.by_table = lifelong and alike and self.live is None  # else Python places the robots
-        endpoints, each = endpoints_of(book.grid), (len(robots), config.num_agents)
+        self.by_table = lifelong and alike and self.live is None
+        plain = lifelong and config.arrival != "pose" and not config.works
+        self.by_live = plain and self.live is not None and self.live.by_kernel  # if not by a table; else Python does
+        self.begins_by_kernel = self.by_live and self.live is not None and self.live.plans_first
         self.wanted, self.booked = np.zeros(each, np.int64), np.zeros((*each, 2))  # see giving.TaskArrays
-        self._status = np.zeros(len(robots), np.int32)
-        self.orders = tuple(np.empty(len(cells), np.int32) for cells in (endpoints.cells, endpoints.elsewhere))
+        self.status, self._left = np.zeros(len(robots), np.int32), np.full(len(robots), -1)
         self._bind()
 
     def _bind(self) -> None:
-        # their code, once a step or a reset asks for it
-        self._find_astray: Callable[..., int] | None = None
-        self._place_code: Callable[..., None] | None = None
+        self._compiled: dict[Callable[..., Any], Callable[..., Any]] = {}  # kernels, once a step or a reset calls them
+        self._task_floor = giving.floor_of(self.book.grid)
+        self._room = self._make_scratch()
+
+    def _make_scratch(self) -> tuple[Any, LiveRoom | None]:
+        """Return scratch for a thread that places robots, and for live routes."""
+        return self.orders(), self.live.room() if self.live is not None and self.by_live else None
+
+    def orders(self) -> tuple[NDArray[np.int32], ...]:
+        """Return scratch for the orders of places."""
+        endpoints = self._task_floor.endpoints
+        return np.empty(len(endpoints.cells), np.int32), np.empty(len(endpoints.elsewhere), np.int32)
+
+    def _call(self, kernel: Callable[..., Any], *arguments: Any) -> Any:
+        """Call a kernel; the types of its arguments never change."""
+        if kernel not in self._compiled:
+            self._compiled[kernel] = compiled_for(kernel, *arguments)
+        return self._compiled[kernel](*arguments)
 
     def begin(self, world: int, entropy: list[int] | None, assignment: Assignment | None, floor: Floor) -> None:
         """Stand the robots of a world on the floor with their first tasks, by chance or as the assignment says.
@@ -120,6 +139,8 @@ class Dispatcher(Portable):
             self._assign(world, assignment, floor)
         elif self.by_table:
             self._place_by_table(world, floor)
+        elif self.begins_by_kernel:
+            self.begin_by_kernel([world], floor)
         else:
             self._place_all(world, floor, idle=self._config.orders is not None)
         if self.shifts is not None:
@@ -134,7 +155,8 @@ class Dispatcher(Portable):
         for robot, (start, goal) in enumerate(zip(starts, goals, strict=True)):
             stand(self.robots[world], robot, assignment.pose[robot], self._limits, floor)
             heading = float(assignment.pose[robot, 2])
-            self._told[world, robot] = goal
+            if goal.poses:
+                self._told[world, robot] = goal
             self.give_task(world, robot, goal.cell, self._first_route(world, robot, start, goal.cell, heading))
 
     def _ends(self, world: int, robot: int, goal: Cell) -> tuple[Pose, ...]:
@@ -155,23 +177,45 @@ class Dispatcher(Portable):
     def arrays(self, lines: Lines) -> giving.TaskArrays:
         """Return what the kernels read and write that give goals and routes."""
         own = self.robots, self.routes, self._draws.keys, self.goals, self.wanted, self.booked
-        return giving.TaskArrays(*own, lines, giving.floor_of(self.book.grid), self._rules)
+        return giving.TaskArrays(*own, lines, self._task_floor, self._rules)
 
     def _place_by_table(self, world: int, floor: Floor) -> None:
         """Give every robot of a world a start, a goal and a route, by the kernel that a device calls, too."""
-        table, status = self.route_table, self._status
+        table, status, (params, kinds) = self.route_table, self.status, self._limits
         table.trim()
-        status[world] = giving.TO_PLACE
-        while status[world] == giving.TO_PLACE:
-            self._make_room(table.longest)
-            params, kinds = self._limits
-            arguments = world, world + 1, status, self.orders, (params[0], kinds, floor), self.arrays(table.lines)
-            if self._place_code is None:
-                self._place_code = compiled_for(giving.place, *arguments)
-            self._place_code(*arguments)
+        status[world] = beginning.TO_PLACE
+        while status[world] == beginning.TO_PLACE:
+            self.make_room(table.longest)
+            body = params[0], kinds, floor
+            self._call(beginning.place, world, world + 1, status, self._room[0], body, self.arrays(table.lines), None)
             table.fill(self.wanted[world])
         if status[world] < 0:
             raise no_room(self.robots.shape[1], -1 - int(status[world]), self.book.grid)
+
+    def begin_by_kernel(self, worlds: Sequence[int], floor: Floor) -> None:
+        """Place the robots of worlds, in ascending order, with live routes; by Python where the kernel cannot."""
+        assert self.live is not None
+        status, arrays, (params, kinds) = self.status, self.arrays(self.route_table.lines), self._limits
+        for world in worlds:
+            self.live.begin(world)
+            status[world], self.robots[world] = beginning.TO_PLACE, state.fresh_robot()
+        threads = min(get_num_threads(), len(worlds))
+
+        def place(first: int, after: int) -> None:
+            orders, room = self._room if threads == 1 else self._make_scratch()
+            body = params[0], kinds, floor
+            self._call(beginning.place, first, after, status, orders, body, arrays, (self.live.arrays, room))
+
+        parts = [(part[0], part[-1] + 1) for part in np.array_split(worlds, threads)]
+        side_by_side(place, [(int(first), int(after)) for first, after in parts])
+        for world in worlds:
+            if status[world] < 0:
+                raise no_room(self.robots.shape[1], -1 - int(status[world]), self.book.grid)
+            if status[world] == beginning.TO_PLACE:
+                self.robots[world] = state.fresh_robot()
+                self.tasks[world].reset(self._draws.keys[world])
+                self.live.begin(world)
+                self._place_all(world, floor, idle=False)
 
     def _place_all(self, world: int, floor: Floor, idle: bool) -> None:
         """Give every robot of a world a start, a goal and a route; idle: it stands, and its goal is where."""
@@ -238,7 +282,7 @@ class Dispatcher(Portable):
         Where a line bends sharply, as at a pose beside the lane, its points are nearer to each other: not its spacing.
         """
         points = route.line
-        self._make_room(len(points))
+        self.make_room(len(points))
         if self.live is not None:
             self.live.give_up(world, robot)
         take_route(self.robots, self.routes, world, robot, points, self._rules.heading)
@@ -251,7 +295,7 @@ class Dispatcher(Portable):
         params, kinds = self._limits
         return JOIN * float(kind_of(robot, params[0], kinds)["length_scale"])
 
-    def _make_room(self, points: int) -> None:
+    def make_room(self, points: int) -> None:
         """Take a larger array of routes if theirs have more way-points than it has."""
         if points > self.routes.shape[2]:
             grown = np.zeros((*self.robots.shape, width_of(points), 2), dtype=np.float32)
@@ -265,6 +309,10 @@ class Dispatcher(Portable):
 
         Where robots work on a shift, an arrival at a place that is no stop of its work is none.
         """
+        if self.live is not None:
+            self.live.arrays.changed[:] = False
+        if self.by_live and not self._told:
+            return self._arrive_by_kernel(steps, arrived)
         config, arrivals = self._config, []
         for world, robot in arrived:
             r, step = self.robots[world, robot], int(steps[world])
@@ -282,6 +330,34 @@ class Dispatcher(Portable):
                 goal = self.tasks[world].next_goal(robot, start, self._draws.keys[world])
                 self.give_task(world, robot, goal, self._route(world, robot, start, goal, step))
         return arrivals
+
+    def _arrive_by_kernel(self, steps: NDArray[np.int64], arrived: Iterable[Sequence[int]]) -> list[Arrival]:
+        """Do as `arrive` does for lifelong tasks with live routes to the centres of cells."""
+        assert self.live is not None
+        marks, places = np.zeros(self.robots.shape, np.bool_), [tuple(place) for place in arrived]
+        for place in places:
+            marks[place] = self.live.arrays.changed[place] = True
+
+        def set_out_by_table(world: int, robot: int) -> None:
+            columns, goal = self.book.grid.shape[1], state.goal_of(self.robots[world, robot])
+            start = divmod(int(self.wanted[world, robot]), columns)
+            self.wanted[world, robot] = 0
+            self.give_task(world, robot, goal, self._route(world, robot, start, goal, int(steps[world])))
+
+        self._give_live(giving.arrive_live, steps, marks, set_out_by_table)
+        return [Arrival(*place, *self.booked[place].tolist()) for place in places]
+
+    def _give_live(
+        self, kernel: Callable[..., None], steps: NDArray[np.int64], marks: NDArray[np.bool_],
+        by_hand: Callable[[int, int], None],
+    ) -> None:  # fmt: skip
+        """Let a kernel of giving.py serve the robots in `marks`, and `by_hand` those that it leaves."""
+        live, lines = self.live, self.route_table.lines
+        while live is not None and marks.any():
+            self._call(kernel, steps, marks, self._left, self.arrays(lines), (live.arrays, self._room[1]))
+            for world in np.flatnonzero(self._left >= 0).tolist():
+                by_hand(world, int(self._left[world]))
+                self._left[world] = -1
 
     def work_on(self, steps: NDArray[np.int64]) -> list[int]:
         """Give robots the goals that their shifts send them to; return the worlds in which a goal changed."""
@@ -305,19 +381,25 @@ class Dispatcher(Portable):
     def reroute(self, steps: NDArray[np.int64]) -> list[int]:
         """Reroute robots that are off their routes or find a better one; return the worlds in which a route changed."""
         worlds = []
-        look = self.robots, self.routes, self.far, self._astray
-        if self._find_astray is None:
-            self._find_astray = compiled_for(find_off_route, *look)
-        if self._find_astray(*look):
+        if self._call(find_off_route, self.robots, self.routes, self.far, self._astray):
             worlds = self.return_to_route(steps, np.argwhere(self._astray).tolist())
-        if self.live is not None:
-            for world, robot in self.live.watch(self.robots, self.routes, steps):
-                goal = state.goal_of(self.robots[world, robot])
-                live = self._live_route(world, robot, goal, int(steps[world]), on_its_way=True)
-                if live is not None:
-                    self._give_another(world, robot, live)
-                    worlds.append(world)
-        return worlds
+        if self.live is None:
+            return worlds
+
+        def look(world: int, robot: int) -> None:
+            goal = state.goal_of(self.robots[world, robot])
+            route = self._live_route(world, robot, goal, int(steps[world]), on_its_way=True)
+            if route is not None:
+                self._give_another(world, robot, route)
+
+        looks = self.live.watch(self.robots, self.routes, steps)
+        if self.by_live and not self._told:
+            self._give_live(giving.reroute_live, steps, looks, look)
+        else:
+            for place in np.argwhere(looks).tolist():
+                look(*place)
+        changed: list[int] = np.flatnonzero(self.live.arrays.changed.any(axis=1)).tolist()
+        return changed
 
     def return_to_route(self, steps: NDArray[np.int64], off: Iterable[Sequence[int]]) -> list[int]:
         """Give robots (world, robot) routes from where they are; return their worlds."""

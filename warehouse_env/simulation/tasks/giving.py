@@ -1,4 +1,4 @@
-"""Kernels that give robots goals and routes: at the reset, on arrival, and off their routes.
+"""Kernels that give robots goals and routes: on arrival, off their routes, and where others bar them.
 
 A route that is not in the floor's table yet is `wanted`: the host makes it (RouteTable.fill), and calls again.
 """
@@ -13,16 +13,16 @@ from numpy.typing import NDArray
 from warehouse_env.config import EnvConfig
 from warehouse_env.kernel import inline, kernel, part, whole
 from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.maps.standing import centre_of, standing_cell
+from warehouse_env.maps.standing import standing_cell
 from warehouse_env.routes.route_table import Lines, behind_of, key_of, slot_of
-from warehouse_env.simulation.draws import ELSEWHERE, START, shuffle
-from warehouse_env.simulation.tasks.goals import NONE, Endpoints, GoalState, endpoints_of, forget_goals, next_goal
-from warehouse_env.simulation.tasks.placement import stand_facing
+from warehouse_env.simulation.tasks.goals import NONE, Endpoints, GoalState, endpoints_of, next_goal
 from warehouse_env.simulation.tasks.tasks import book_arrival, take_end, take_goal, take_route
+from warehouse_env.simulation.traffic.live import find_live, list_route, to_goal
 from warehouse_env.simulation.traffic.off_route import is_off_route
+from warehouse_env.simulation.traffic.route_occupancy import RoadUsers, forget_route
 
-TAKEN, STANDS, WANTS = range(3)  # on a cell there is no room for a robot; it stands there; it wants a route first
-TO_PLACE = 1  # status of a world whose robots are to be placed; 0: they stand; -k: only k - 1 found room
+# Of a live route for a robot: there is none, or none better; it has got one; Python must look.
+NONE_FOUND, GIVEN, LEFT = range(3)
 
 
 class TaskFloor(NamedTuple):
@@ -75,12 +75,12 @@ def rules_of(config: EnvConfig, join: float, far: np.float32) -> TaskRules:
 
 
 @part
-def _goal_of(r):
+def goal_of(r):
     return r["task"]["goal_row"], r["task"]["goal_col"]
 
 
 @part
-def _key(start, goal, behind, floor):
+def key_between(start, goal, behind, floor):
     """Return the key of the route between two cells (row, column)."""
     rows, columns = floor.occupied.shape
     first, last = whole(start[0]) * columns + start[1], whole(goal[0]) * columns + goal[1]
@@ -88,7 +88,7 @@ def _key(start, goal, behind, floor):
 
 
 @part
-def _slot(key, arrays):
+def slot_in(key, arrays):
     """Return the slot of a route; -1 if it is not in the table, or longer than the robots' arrays of way-points."""
     lines = arrays.lines
     slot = slot_of(key, lines.keys)
@@ -106,7 +106,7 @@ def _take(at, points, slot, arrays):
 
 
 @inline
-def _part_of(slot, lines):
+def part_of(slot, lines):
     """Return the way-points of the route in a slot: the first, and the one after the last."""
     return lines.begins[slot], lines.begins[slot] + lines.counts[slot]
 
@@ -121,28 +121,26 @@ def _here(r, floor):
 @part
 def _way(r, here, floor):
     """Return the key of a robot's route from a cell to its goal."""
-    goal = _goal_of(r)
+    goal = goal_of(r)
     behind = behind_of(floor.closed, here[0], here[1], goal[0], goal[1], np.float64(r["motion"]["heading"]))
     if here[0] == goal[0] and here[1] == goal[1]:
         behind = 0
-    return _key(here, goal, behind, floor)
+    return key_between(here, goal, behind, floor)
 
 
 @part
-def _arrive(at, step, arrays):
-    """Book a robot's arrival, draw its next goal, and want the route there; step: the world's env step."""
+def _book(at, step, arrays):
+    """Book a robot's arrival, and draw its next goal; step: the world's env step."""
     (world, robot), rules = at, arrays.rules
-    r, seconds = arrays.robots[at], np.float64(step * rules.repeat) * rules.time_step
+    seconds = np.float64(step * rules.repeat) * rules.time_step
     driven, planned = book_arrival(arrays.robots, world, robot, seconds, 2 * step > rules.max_steps)
     arrays.booked[world, robot, 0], arrays.booked[world, robot, 1] = driven, planned
-    if r["task"]["alive"] != 0:
-        here = _goal_of(r)
-        _draw_goal(at, here, arrays)
-        arrays.wanted[at] = _way(r, here, arrays.floor)
+    if arrays.robots[at]["task"]["alive"] != 0:
+        draw_goal(at, goal_of(arrays.robots[at]), arrays)
 
 
 @part
-def _draw_goal(at, here, arrays):
+def draw_goal(at, here, arrays):
     """Draw the next goal of a robot in a cell (row, column); where robots wait for orders, it is that cell."""
     (world, robot), endpoints, task = at, arrays.floor.endpoints, arrays.robots[at]["task"]
     number = np.int32(NONE)
@@ -154,11 +152,11 @@ def _draw_goal(at, here, arrays):
 
 
 @part
-def _begin_task(at, slot, arrays):
+def begin_task(at, slot, arrays):
     """Give a robot the route in a slot as the first to its goal."""
-    first, end = _part_of(slot, arrays.lines)
+    first, end = part_of(slot, arrays.lines)
     _take(at, arrays.lines.points[first:end], slot, arrays)
-    row, column = _goal_of(arrays.robots[at])
+    row, column = goal_of(arrays.robots[at])
     take_goal(arrays.robots, arrays.routes, at[0], at[1], row, column)
 
 
@@ -166,8 +164,8 @@ def _begin_task(at, slot, arrays):
 def _reroute(at, slot, arrays):
     """Give a robot the route in a slot to its goal, from where it is; in the goal's cell, straight to its end."""
     r = arrays.robots[at]
-    here, goal, points = _here(r, arrays.floor), _goal_of(r), arrays.lines.points
-    first, end = _part_of(slot, arrays.lines)
+    here, goal, points = _here(r, arrays.floor), goal_of(r), arrays.lines.points
+    first, end = part_of(slot, arrays.lines)
     if here[0] == goal[0] and here[1] == goal[1]:
         motion, line = r["motion"], arrays.routes[at]
         line[0, 0], line[0, 1] = motion["x"], motion["y"]
@@ -175,6 +173,12 @@ def _reroute(at, slot, arrays):
         _take(at, line[:2], slot, arrays)
     else:
         _take(at, points[first:end], slot, arrays)
+    note_reroute(r)
+
+
+@part
+def note_reroute(r):
+    """Note that a robot has got another route on its way; the time without a metre of progress goes on."""
     r["clocks"]["milestone"] = 0.0
     r["totals"]["reroutes"] += 1
 
@@ -184,14 +188,14 @@ def _supply(at, arrays):
     """Give a robot the route that it wants if the table has it; then another one if it begins off that route."""
     r, wanted = arrays.robots[at], arrays.wanted
     if wanted[at] > 0:
-        slot = _slot(wanted[at], arrays)
+        slot = slot_in(wanted[at], arrays)
         if slot < 0:
             return
-        _begin_task(at, slot, arrays)
+        begin_task(at, slot, arrays)
         off = is_off_route(r, arrays.routes[at], arrays.rules.far)
         wanted[at] = -_way(r, _here(r, arrays.floor), arrays.floor) if off else 0
     if wanted[at] < 0:
-        slot = _slot(-wanted[at], arrays)
+        slot = slot_in(-wanted[at], arrays)
         if slot >= 0:
             _reroute(at, slot, arrays)
             wanted[at] = 0
@@ -208,98 +212,77 @@ def give(begin, end, first, steps, arrays):
         for i in range(robots.shape[1]):
             r, at = robots[b, i], (b, i)
             if first and r["events"]["arrived"] != 0:
-                _arrive(at, whole(steps[b]), arrays)
+                here = goal_of(r)
+                _book(at, whole(steps[b]), arrays)
+                if r["task"]["alive"] != 0:
+                    wanted[at] = _way(r, here, arrays.floor)
             elif first and is_off_route(r, arrays.routes[at], arrays.rules.far):
                 wanted[at] = -_way(r, _here(r, arrays.floor), arrays.floor)
             if wanted[at] != 0:
                 _supply(at, arrays)
 
 
-@part
-def _stand(at, here, body, arrays):
-    """Put a robot on a cell, facing along its route to its goal; return TAKEN, STANDS or WANTS.
+@kernel
+def follow_live(at, here, when, arrays, live):
+    """Give a robot a live route from a cell to its goal; return NONE_FOUND, GIVEN or LEFT.
 
-    body: (p, kinds, floor), as `_fits` takes them.
+    live: (LiveArrays, LiveRoom); for the rest see `find_live`.
     """
-    (world, robot), (p, kinds, floor), lines = at, body, arrays.lines
-    key = _key(here, _goal_of(arrays.robots[at]), 0, arrays.floor)
-    slot = _slot(key, arrays)
-    arrays.wanted[at] = key if slot < 0 else 0
-    if slot < 0:
-        return WANTS
-    x, y = centre_of(here[0], here[1], arrays.floor.occupied.shape[0], arrays.floor.size)
-    points, (first, end) = lines.points, _part_of(slot, lines)
-    second = min(first + 2, end - 1)
-    dx, dy = points[second, 0] - points[first, 0], points[second, 1] - points[first, 1]
-    if not stand_facing(arrays.robots[world], robot, (x, y, dx, dy), p, kinds, floor):
-        return TAKEN
-    _begin_task(at, slot, arrays)
-    return STANDS
-
-
-@part
-def _stand_on_one(at, cells, order, first, body, arrays):
-    """Put a robot on a cell, the first from `first` on in an order, on which it touches nothing.
-
-    Returns TAKEN, STANDS or WANTS, and how many of the order were tried.
-    """
-    (world, robot), (p, kinds, floor), rows = at, body, arrays.floor.occupied.shape[0]
-    for k in range(first, len(order)):
-        here = cells[order[k], 0], cells[order[k], 1]
-        _draw_goal(at, here, arrays)
-        x, y = centre_of(here[0], here[1], rows, arrays.floor.size)
-        one, other = (x, y, np.float32(1.0), np.float32(0.0)), (x, y, np.float32(0.0), np.float32(1.0))
-        # asked before a route is wanted, which takes far longer to make, for most of these cells are taken
-        for way in (one, other):
-            if stand_facing(arrays.robots[world], robot, way, p, kinds, floor):
-                did = _stand(at, here, body, arrays)
-                if did != TAKEN:
-                    return did, k + 1
-                break
-    return TAKEN, len(order)
-
-
-@part
-def _place(world, order, rest, body, arrays):
-    """Place the robots of a world; return the world's status. order: int32[E], rest: int32[K], scratch."""
-    endpoints, count, wants = arrays.floor.endpoints, arrays.robots.shape[1], False
-    forget_goals(arrays.goals, world, arrays.keys[world])
-    shuffle(arrays.keys[world], START, order)
-    for i in range(count):  # all routes are wanted at once
-        here = endpoints.cells[order[i], 0], endpoints.cells[order[i], 1]
-        _draw_goal((world, i), here, arrays)
-        key = _key(here, _goal_of(arrays.robots[world, i]), 0, arrays.floor)
-        arrays.wanted[world, i] = key if _slot(key, arrays) < 0 else 0
-        wants = wants or arrays.wanted[world, i] != 0
-    spare, elsewhere = whole(count), whole(0)
-    for i in range(count):
-        if wants:
-            return TO_PLACE
-        at, number = (world, i), order[i]
-        did = _stand(at, (endpoints.cells[number, 0], endpoints.cells[number, 1]), body, arrays)
-        if did == TAKEN:
-            did, spare = _stand_on_one(at, endpoints.cells, order, spare, body, arrays)
-        if did == TAKEN:
-            if elsewhere == 0:
-                shuffle(arrays.keys[world], ELSEWHERE, rest)
-            did, elsewhere = _stand_on_one(at, endpoints.elsewhere, rest, elsewhere, body, arrays)
-        if did == TAKEN:
-            return -1 - i
-        wants = did == WANTS
-    return TO_PLACE if wants else 0
+    (b, i), (own, room), goal = at, live, goal_of(arrays.robots[at])
+    if here[0] == goal[0] and here[1] == goal[1]:
+        return NONE_FOUND
+    number, users = to_goal(own, goal), RoadUsers(arrays.robots, arrays.routes, own.persons, own.person_on)
+    if number < 0:
+        return LEFT
+    line, count = find_live(at, here, number, when, users, own, room)
+    if count == 0:
+        return NONE_FOUND
+    if len(line) > arrays.routes.shape[2] or count > own.cells.shape[2]:
+        return LEFT
+    forget_route(own.passing, b, i)
+    take_route(arrays.robots, arrays.routes, b, i, line, arrays.rules.heading)
+    list_route(at, room.labels.path[:count], own.reach, users, own)
+    return GIVEN
 
 
 @kernel
-def place(begin, end, status, orders, body, arrays):
-    """Place the robots of the worlds whose status int32[B] is TO_PLACE, with their first goals and routes.
+def arrive_live(steps, marks, left, arrays, live):
+    """Give goals and live routes to the robots in marks bool[B, N] that arrived, and take them out of it.
 
-    orders: (int32[E], int32[K]), scratch; body: (p, kinds, floor), as `_fits` takes them. A world in which a robot
-    wants a route is begun anew by the next call.
+    left: int64[B], -1, or a robot that has its goal, but whose route, from the cell `wanted`, Python must make; those
+    after it stay in `marks`. steps: int64[B], since the resets; live: see `follow_live`.
     """
-    order, rest = orders
-    for b in range(begin, end):
-        if status[b] == TO_PLACE:
-            status[b] = _place(b, order, rest, body, arrays)
-            for i in range(arrays.robots.shape[1]):
-                r = arrays.robots[b, i]
-                r["clocks"]["anchor_x"], r["clocks"]["anchor_y"] = r["motion"]["x"], r["motion"]["y"]
+    robots, columns = arrays.robots, arrays.floor.occupied.shape[1]
+    for b in range(robots.shape[0]):
+        for i in range(robots.shape[1]):
+            if not marks[b, i] or left[b] >= 0:
+                continue
+            r, at, step = robots[b, i], (b, i), whole(steps[b])
+            start, marks[at] = goal_of(r), False
+            _book(at, step, arrays)
+            if r["task"]["alive"] == 0:
+                continue
+            if follow_live(at, _here(r, arrays.floor), (step, False), arrays, live) == GIVEN:
+                row, column = goal_of(r)
+                take_goal(robots, arrays.routes, b, i, row, column)
+            else:
+                left[b], arrays.wanted[at] = i, whole(start[0]) * columns + start[1]
+
+
+@kernel
+def reroute_live(steps, marks, left, arrays, live):
+    """Give better routes, if there are any, to the robots in marks bool[B, N], and take them out of it.
+
+    left: int64[B], -1, or a robot whose route Python must look for; for the rest see `arrive_live`.
+    """
+    robots = arrays.robots
+    for b in range(robots.shape[0]):
+        for i in range(robots.shape[1]):
+            if not marks[b, i] or left[b] >= 0:
+                continue
+            r, at, marks[b, i] = robots[b, i], (b, i), False
+            did = follow_live(at, _here(r, arrays.floor), (whole(steps[b]), True), arrays, live)
+            if did == GIVEN:
+                note_reroute(r)
+            elif did == LEFT:
+                left[b] = i

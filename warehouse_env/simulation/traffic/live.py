@@ -22,25 +22,29 @@ their index, so that two that meet do not both turn away at once. A world's rout
 from __future__ import annotations
 
 import hashlib
-from typing import Any
+import math
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.config import EnvConfig
-from warehouse_env.kernel import inline, kernel
+from warehouse_env.kernel import inline, kernel, part, whole
 from warehouse_env.maps.grid_map import MOVES, Cell
-from warehouse_env.planning.cost_to_go import UNIT, CostToGo, to_go
+from warehouse_env.maps.standing import centre_of
+from warehouse_env.planning.cost_to_go import UNIT, UNREACHABLE, Box, CostToGo, to_go
 from warehouse_env.portable import Portable
 from warehouse_env.routes.book import RouteBook
 from warehouse_env.routes.goals import Pose
+from warehouse_env.routes.lanes import drivable_line
 from warehouse_env.routes.route_table import Route
 from warehouse_env.simulation.traffic.ants import make_trails, send_ants
-from warehouse_env.simulation.traffic.prices import ReplanQuery, make_price_cache, prices_for
-from warehouse_env.simulation.traffic.replan_search import find_way, make_labels
+from warehouse_env.simulation.traffic.prices import PriceCache, Prices, ReplanQuery, make_price_cache, prices_for
+from warehouse_env.simulation.traffic.replan_search import Labels, find_way, make_labels
 from warehouse_env.simulation.traffic.route_occupancy import (
     NOTHING,
     RoadUsers,
+    RouteOccupancy,
     Site,
     ahead_of,
     cell_of,
@@ -62,7 +66,9 @@ HORIZON = 40  # [cells] from a robot up to which it looks; from there its way is
 LAID = 60.0  # [m] of a robot's route that are made drivable at once; the rest when it comes near
 _NEAR = 25.0  # [m] from the end of that at which it is
 HAIRPIN = 10.0  # [cells] that a turn of more than 90 degrees costs, or routes would fold back on themselves
-_NO_CELLS = np.empty((0, 2), np.int32)
+_HORIZON = round(UNIT * HORIZON)
+_BLOCK = 64  # cells by which the array of routes' cells grows
+_SMALL = 64  # rows and columns up to which kernels make live routes: a field there is of the whole floor
 
 
 @kernel
@@ -132,55 +138,155 @@ def live_planner(config: EnvConfig) -> Any:
     return planner if planner.name in FINDERS else make_planner("astar_turns")
 
 
+class LiveArrays(NamedTuple):
+    """What kernels read and write that make live routes in B worlds on a floor of H x W cells with E endpoints."""
+
+    passing: RouteOccupancy
+    persons: NDArray[Any]  # PERSON[B, M]
+    person_on: NDArray[np.int32]  # [B, M], see RoadUsers
+    laid: NDArray[np.float32]  # [B, N] [m] of each robot's route that are drivable
+    cells: NDArray[np.int32]  # [B, N, L, 2], of which its route was made ...
+    counts: NDArray[np.int32]  # [B, N], ... so many
+    changed: NDArray[np.bool_]  # [B, N], the robots that have arrived or got a route in this step
+    site: Site
+    known: NDArray[np.bool_]  # [E], whether there is a field to the endpoint
+    fields: NDArray[np.int32]  # [E, H, W], costs-to-go; of no endpoints where floors are too large for that
+    number: NDArray[np.int32]  # [H, W], of endpoints; -1 elsewhere
+    steps: NDArray[np.int32]  # [H, W, 8], see ReplanQuery, ...
+    prices: Prices
+    hairpin: int  # ... also for this
+    saving: int  # [thousandths of a cell], that a new route must save
+    reach: float  # [m] of a route that are made drivable at once
+    floor: tuple[NDArray[np.uint8], NDArray[np.uint8], float, float, float]  # as `drivable_line` takes it
+
+
+class LiveRoom(NamedTuple):
+    """Scratch for the searches of one thread."""
+
+    asked: PriceCache
+    labels: Labels
+
+
+@part
+def to_goal(live, goal):
+    """Return the number of the endpoint in a cell (row, column); -1 if there is none, or no field to it is known."""
+    number = whole(live.number[goal])
+    return number if number >= 0 and len(live.fields) > 0 and live.known[number] else -1
+
+
+@part
+def first_move(live, here, goal):
+    """Return the move of MOVES that begins a cheapest way from a cell to endpoint `goal`; NOTHING if there is none."""
+    row, column = here
+    field = live.fields[goal]
+    for move in range(8):
+        step = live.steps[row, column, move]
+        if step > 0 and field[row, column] != UNREACHABLE:
+            there = field[row + MOVES[move, 0], column + MOVES[move, 1]]
+            if there != UNREACHABLE and there + step == field[row, column]:
+                return move
+    return NOTHING
+
+
+@kernel
+def find_live(at, here, goal, when, users, live, room):
+    """Return a route's line float32[R, 2] [m] around all others, and how many cells of room.labels.path it leads along.
+
+    at: (world, robot); here: its cell (row, column); goal: an endpoint's number; when: (the world's env step, whether
+    the robot is on its way there already). No cells: there is no way, or too little to save (LiveRoutes.route).
+    """
+    (b, i), (row, column), (step, on_its_way), path = at, here, when, room.labels.path
+    r, cells = users.robots[b, i], live.cells[b, i, : live.counts[b, i]]
+    keep_all_up(live.passing, b, step, users, live.site)
+    look = ReplanQuery(
+        live.passing, room.asked, users.robots[b], live.steps, live.prices, live.site.size, b, i,
+        row, column, live.fields[goal], 0, 0, live.hairpin, _HORIZON,
+    )  # fmt: skip
+    saving = live.saving if on_its_way else -1
+    count = find_way(look, cells, saving, on_its_way and runs_out_of(r, live.laid[b, i]), 0, room.labels)
+    solid, one_way, size, keep_right, wider = live.floor
+    centres = np.empty((max(count, 1), 2))
+    for k in range(count):
+        centres[k, 0], centres[k, 1] = centre_of(path[k, 0], path[k, 1], live.steps.shape[0], size)
+    centres[0, 0], centres[0, 1] = r["motion"]["x"], r["motion"]["y"]
+    return drivable_line(centres, solid, one_way, size, keep_right, live.reach, wider), count
+
+
+@kernel
+def list_route(at, cells, laid, users, live):
+    """List the new route of robot at[1] of world at[0] in the table, and keep the cells int[L, 2] that it was made of.
+
+    laid [m]: how much of it is drivable.
+    """
+    b, i = at
+    for k in range(len(cells)):
+        live.cells[b, i, k, 0], live.cells[b, i, k, 1] = cells[k, 0], cells[k, 1]
+    live.counts[b, i], live.laid[b, i], live.changed[b, i] = len(cells), laid, True
+    keep_up(live.passing, b, i, users.robots[b, i], users.routes[b, i], live.site)
+
+
 class LiveRoutes(Portable):
-    """Replanning while robots drive: `watch` lists the robots that replan now, `route` makes a route from a pose."""
+    """Replanning while robots drive: `watch` lists the robots that replan now, `route` makes a route from a pose.
 
-    bound = ("_fields", "_asked", "_room")
+    `arrays` are what kernels need to make routes (`find_live`); `by_kernel`: whether they can.
+    """
 
-    def __init__(self, config: EnvConfig, book: RouteBook, persons: NDArray[Any]) -> None:
-        """Make the live routes of a configuration; persons: PERSON[B, M]."""
-        self._persons, self._person_on = persons, np.full(persons.shape, NOTHING, np.int32)  # see RoadUsers
+    bound = ("_fields", "_room", "arrays")
+
+    def __init__(self, config: EnvConfig, book: RouteBook, persons: NDArray[Any], number: NDArray[np.int32]) -> None:
+        """Make the live routes of a configuration; persons: PERSON[B, M]; number: int32[H, W], of endpoints, or -1."""
         grid = book.grid
         planner = live_planner(config)
         self.finder = planner.name
         self.plans_first = planner.name == config.planner.partition(":")[0]  # not only on the way
+        self.by_kernel = planner.name == "astar_turns" and max(grid.shape) <= _SMALL
         self._gentleness = planner.gentleness
         self._book = book
         seconds = config.action_repeat * config.time_step
         self._every, self._only_barred = max(1, round(EVERY / seconds)), config.traffic_spec.routes == "barred"
         behind = np.array([robot.rear_reach - 0.5 * robot.length for robot in config.robots], np.float32)
-        self._site = Site(np.float32(grid.cell_size), *grid.shape, STOOD_FOR, behind)
         robot, size = config.widest_body, config.widest_body.longer / grid.cell_size  # of bodies, in cells
         spread = int(0.5 * (robot.length + robot.width) / grid.cell_size)
-        self._prices = prices_for(size, spread)
-        self._hairpin = round(UNIT * HAIRPIN * size)
-        self._saving = round(UNIT * SAVING)
-        self._passing = make_occupancy(len(persons), config.num_agents, grid.occupied.size, SLOTS, spread)
-        self._laid = np.full((len(persons), config.num_agents), np.inf, np.float32)  # [m] of routes that are drivable
         fastest = max(max(kind.max_speed, -kind.min_speed) for kind in config.kinds)
-        self._reach = LAID if EVERY * fastest < _NEAR / 2 else np.inf
-        self._cells: dict[tuple[int, int], NDArray[np.int32]] = {}  # [L, 2], those that a robot's route was made of
+        each = len(persons), config.num_agents
+        self._own = {
+            "passing": make_occupancy(*each, grid.occupied.size, SLOTS, spread),
+            "persons": persons, "person_on": np.full(persons.shape, NOTHING, np.int32),
+            "laid": np.full(each, np.inf, np.float32), "cells": np.zeros((*each, _BLOCK, 2), np.int32),
+            "counts": np.zeros(each, np.int32), "changed": np.zeros(each, np.bool_),
+            "site": Site(np.float32(grid.cell_size), *grid.shape, STOOD_FOR, behind), "number": number,
+            "prices": prices_for(size, spread), "hairpin": round(UNIT * HAIRPIN * size),
+            "saving": round(UNIT * SAVING), "reach": LAID if EVERY * fastest < _NEAR / 2 else math.inf,
+        }  # fmt: skip
         self._bind()
 
     def _bind(self) -> None:
         grid = self._book.grid
-        self._fields, self._asked = CostToGo(grid, self._gentleness), make_price_cache(grid.occupied.size)
-        self._room = FINDERS[self.finder][1](*grid.shape)
+        self._fields = CostToGo(grid, self._gentleness)
+        self._room = make_price_cache(grid.occupied.size), FINDERS[self.finder][1](*grid.shape)
+        endpoints = len(grid.endpoints[2]) if self.by_kernel else 0
+        self.arrays = LiveArrays(
+            **self._own, known=np.zeros(endpoints, np.bool_), fields=np.empty((endpoints, *grid.shape), np.int32),
+            steps=self._fields.steps, floor=self._book.floor,
+        )  # fmt: skip
 
     def begin(self, world: int) -> None:
         """Forget all that is known of a world: its robots begin anew."""
-        passing = self._passing
+        arrays, passing = self.arrays, self.arrays.passing
         passing.first[world] = passing.stands_on[world] = passing.known_at[world] = passing.cell[world] = NOTHING
-        self._person_on[world] = NOTHING
+        arrays.person_on[world] = NOTHING
         passing.low[world] = passing.high[world] = passing.standing[world] = 0
         passing.waited[world] = passing.waited_in[world] = passing.period[world] = 0
-        self._laid[world] = np.inf
-        for robot in range(passing.low.shape[1]):
-            self._cells[world, robot] = _NO_CELLS
+        arrays.laid[world], arrays.counts[world] = math.inf, 0
+
+    def room(self) -> LiveRoom:
+        """Return scratch for a thread that makes routes by `find_live`."""
+        grid = self._book.grid
+        return LiveRoom(make_price_cache(grid.occupied.size), make_labels(*grid.shape))
 
     def give_up(self, world: int, robot: int) -> None:
         """Forget a robot's route, for it gets another."""
-        forget_route(self._passing, world, robot)
+        forget_route(self.arrays.passing, world, robot)
 
     def take_up(
         self, robots: NDArray[Any], routes: NDArray[np.float32], world: int, robot: int,
@@ -190,21 +296,33 @@ class LiveRoutes(Portable):
 
         robots: ROBOT[B, N]; routes: float32[B, N, R, 2] [m]; cells: int32[L, 2]; laid [m]: how much is drivable.
         """
-        self._cells[world, robot] = cells
-        self._laid[world, robot] = laid
-        keep_up(self._passing, world, robot, robots[world, robot], routes[world, robot], self._site)
+        self.make_room(len(cells))
+        list_route((world, robot), cells, laid, self._users(robots, routes), self.arrays)
 
-    def watch(self, robots: NDArray[Any], routes: NDArray[np.float32], steps: NDArray[np.int64]) -> list[list[int]]:
-        """Return [world, robot] of the robots that replan after this step. robots: ROBOT[B, N]."""
-        looks = np.empty(robots.shape, np.bool_)
-        if not find_due(robots, steps, self._every, looks):
-            return []
-        note_waiting(self._passing, robots, looks, steps, self._every, self._site)
-        if self._only_barred:
-            users = RoadUsers(robots, routes, self._persons, self._person_on)
-            keep_barred(self._passing, users, self._site, LOOK_AHEAD, self._laid, steps, looks)
-        found: list[list[int]] = np.argwhere(looks).tolist()
-        return found
+    def make_room(self, cells: int) -> None:
+        held = self.arrays.cells
+        if cells > held.shape[2]:
+            larger = np.zeros((*held.shape[:2], -(-cells // _BLOCK) * _BLOCK, 2), np.int32)
+            larger[:, :, : held.shape[2]] = held
+            self._own["cells"], self.arrays = larger, self.arrays._replace(cells=larger)
+
+    def know_all(self) -> None:
+        """Let kernels know the fields of all endpoints."""
+        for goal in self._book.grid.endpoints[2]:
+            self._around(goal, goal)
+
+    def _users(self, robots: NDArray[Any], routes: NDArray[np.float32]) -> RoadUsers:
+        return RoadUsers(robots, routes, self.arrays.persons, self.arrays.person_on)
+
+    def watch(self, robots: NDArray[Any], routes: NDArray[np.float32], steps: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Return bool[B, N]: the robots that replan after this step. robots: ROBOT[B, N]."""
+        looks, arrays = np.empty(robots.shape, np.bool_), self.arrays
+        if find_due(robots, steps, self._every, looks):
+            note_waiting(arrays.passing, robots, looks, steps, self._every, arrays.site)
+            if self._only_barred:
+                users = self._users(robots, routes)
+                keep_barred(arrays.passing, users, arrays.site, LOOK_AHEAD, arrays.laid, steps, looks)
+        return looks
 
     def route(
         self, robots: NDArray[Any], routes: NDArray[np.float32], world: int, me: int, step: int, goal: Cell,
@@ -216,33 +334,41 @@ class LiveRoutes(Portable):
         one `on_its_way` there, if a new route would save too little. robots: ROBOT[B, N]; routes: float32[B, N, R, 2]
         [m]; step: the world's env step.
         """
-        r = robots[world, me]
+        r, arrays, (asked, room) = robots[world, me], self.arrays, self._room
         pose = np.array([r["motion"]["x"], r["motion"]["y"]])
         row, column = self._book.grid.standing(pose).tolist()
         if (row, column) == goal:
             return None
-        if self._passing.known_at[world] != step:
-            users = RoadUsers(robots, routes, self._persons, self._person_on)
-            keep_all_up(self._passing, world, step, users, self._site)
-        field, box = self._fields.around((row, column), goal)
+        if arrays.passing.known_at[world] != step:
+            keep_all_up(arrays.passing, world, step, self._users(robots, routes), arrays.site)
+        field, (top, left, _, _) = self._around((row, column), goal)
         look = ReplanQuery(
-            self._passing, self._asked, robots[world], self._fields.steps, self._prices, self._site.size, world, me,
-            row, column, field, box.top, box.left, self._hairpin, UNIT * HORIZON,
+            arrays.passing, asked, robots[world], arrays.steps, arrays.prices, arrays.site.size, world, me,
+            row, column, field, top, left, arrays.hairpin, _HORIZON,
         )  # fmt: skip
-        saving = self._saving if on_its_way else -1
-        runs_out = on_its_way and bool(runs_out_of(r, self._laid[world, me]))
+        saving = arrays.saving if on_its_way else -1
+        runs_out = on_its_way and bool(runs_out_of(r, arrays.laid[world, me]))
         drawn_from = f"{step} {me} {row} {column} {goal}".encode()
         seed = 1 + int.from_bytes(hashlib.blake2b(drawn_from, digest_size=7).digest(), "little")
-        count = FINDERS[self.finder][0](look, self._cells[world, me], saving, runs_out, seed, self._room)
-        return self._book.along(self._room.path[:count].astype(np.int32), pose, self._reach, ends) if count else None
+        cells = arrays.cells[world, me, : arrays.counts[world, me]]
+        count = FINDERS[self.finder][0](look, cells, saving, runs_out, seed, room)
+        return self._book.along(room.path[:count].astype(np.int32), pose, arrays.reach, ends) if count else None
+
+    def _around(self, cell: Cell, goal: Cell) -> tuple[NDArray[np.int32], Box]:
+        """Return the field of a goal around a cell and its box, and let kernels know it."""
+        field, box = self._fields.around(cell, goal)
+        number = self.arrays.number[goal]
+        if self.by_kernel and number >= 0 and not self.arrays.known[number]:
+            self.arrays.fields[number], self.arrays.known[number] = field, True
+        return field, box
 
     def towards(self, cell: Cell, goal: Cell) -> NDArray[np.float32] | None:
         """Return the direction (x, y) of a cheapest way from a cell to a goal; None where there is none."""
-        field, box = self._fields.around(cell, goal)
+        field, (top, left, _, _) = self._around(cell, goal)
         row, column = cell
-        for move in np.flatnonzero(self._fields.steps[row, column]).tolist():
+        for move in np.flatnonzero(self.arrays.steps[row, column]).tolist():
             d_row, d_column = MOVES[move].tolist()
-            there = to_go(field, box.top, box.left, row + d_row, column + d_column)
-            if there + int(self._fields.steps[row, column, move]) == to_go(field, box.top, box.left, row, column):
+            there = to_go(field, top, left, row + d_row, column + d_column)
+            if there + int(self.arrays.steps[row, column, move]) == to_go(field, top, left, row, column):
                 return np.array([d_column, -d_row], np.float32)
         return None

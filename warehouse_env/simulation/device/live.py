@@ -1,0 +1,94 @@
+"""Goals and live routes of a device's robots, which the host gives them on a copy of the robots.
+
+A search for a route is long and branches, which a GPU does slowly, while the cores of the host would only wait.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from warehouse_env.errors import ConfigError
+from warehouse_env.simulation import state
+from warehouse_env.simulation.device.memory import Memory, tensor_of
+from warehouse_env.simulation.draws import Draws
+from warehouse_env.simulation.physics.deviation import planned_config
+from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.simulation.tasks.assignment import Assignment
+from warehouse_env.simulation.tasks.dispatch import Dispatcher
+
+
+class LiveOnHost:
+    """The Dispatcher of a device's worlds."""
+
+    def __init__(self, host: Simulator, draws: Draws, memory: Memory) -> None:
+        """Make the dispatcher of so many worlds as there are draws; ConfigError where no kernel makes live routes."""
+        if not host.dispatcher.by_live:
+            raise ConfigError(
+                "a device has live routes only for lifelong tasks to the cells' centres, by the planner astar_turns, "
+                "on floors of up to 64 x 64 cells: change that, use the CPU, or leave live routes out (--traffic none)"
+            )
+        worlds, robots = len(draws.keys), host.num_agents
+        on_gpu = memory.device.type == "cuda"
+        self._held = torch.zeros((worlds, robots, state.ROBOT.itemsize), dtype=torch.uint8, pin_memory=on_gpu)
+        self._robots = self._held.numpy().view(state.ROBOT)[..., 0]
+        self._floor, nobody = host.setup.floor, np.repeat(host.people.persons[:1], worlds, axis=0)
+        vehicles = host.setup.planned
+        parts = nobody, (vehicles.shared, vehicles.kinds), draws
+        self.dispatcher = Dispatcher(planned_config(host.config), host.route_book, self._robots, *parts)
+        assert self.dispatcher.live is not None
+        self._live = self.dispatcher.live
+
+    def begin(self, worlds: list[int], assignments: Sequence[Assignment | None]) -> None:
+        """Place the robots of worlds that begin."""
+        self._live.know_all()
+        if self.dispatcher.begins_by_kernel and not any(assignments):
+            self.dispatcher.begin_by_kernel(sorted(worlds), self._floor)
+        else:
+            for world, assignment in zip(worlds, assignments, strict=True):
+                self._robots[world] = state.fresh_robot()
+                self.dispatcher.begin(world, None, assignment, self._floor)
+        clocks, motion = self._robots["clocks"], self._robots["motion"]
+        for axis in ("x", "y"):
+            clocks[f"anchor_{axis}"][worlds] = motion[axis][worlds]
+
+    def rows_of(self, worlds: list[int]) -> NDArray[np.int64]:
+        """Return the rows of the robots of worlds."""
+        count = self._robots.shape[1]
+        return (np.array(worlds)[:, None] * count + np.arange(count)).ravel()
+
+    def give(self, steps: NDArray[np.int64], tensors: dict[str, torch.Tensor]) -> NDArray[np.int64]:
+        """Give goals and routes after a step; return the rows of the robots that changed. steps: int64[B]."""
+        self._held.copy_(tensors["robots"])
+        self.dispatcher.arrive(steps, np.argwhere(self._robots["events"]["arrived"] != 0).tolist())
+        self.dispatcher.reroute(steps)
+        return np.flatnonzero(self._live.arrays.changed)
+
+    def upload(self, rows: NDArray[np.int64], tensors: dict[str, torch.Tensor]) -> None:
+        """Copy robots in rows, their routes and what they have booked to the device."""
+        if not len(rows):
+            return
+        arrays = {"robots": self._robots, "routes": self.dispatcher.routes, "booked": self.dispatcher.booked}
+        places = torch.from_numpy(rows).to(tensors["robots"].device)
+        for name, array in arrays.items():
+            flat = array.reshape(-1, *array.shape[2:])
+            tensors[name].flatten(0, 1).index_copy_(0, places, tensor_of(flat[rows]).to(places.device))
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Return what the worlds need to continue, besides the draws and the robots."""
+        arrays = self._live.arrays
+        named = {name: array for name, array in arrays.passing._asdict().items() if name != "spread"}
+        own = {"laid": arrays.laid, "cells": arrays.cells, "counts": arrays.counts, "routes": self.dispatcher.routes}
+        return {f"live.{name}": array for name, array in (named | own | self.dispatcher.goals._asdict()).items()}
+
+    def load(self, saved: dict[str, NDArray[Any]]) -> None:
+        """Continue from a state."""
+        self._live.make_room(saved["live.cells"].shape[2])
+        self.dispatcher.make_room(saved["live.routes"].shape[2])
+        for name, array in self.state().items():
+            width = saved[name].shape[2] if name in ("live.cells", "live.routes") else None
+            (array if width is None else array[:, :, :width])[...] = saved[name]
