@@ -113,9 +113,12 @@ class DeviceWorlds(TrainingWorlds):
 
         list(self._pool.map(step, range(len(self.simulators))))
 
-    def _restart(self, number: int, worlds: NDArray[np.int64]) -> None:
-        with self._stream(number):
-            self.simulators[number].reset_worlds(worlds.tolist())
+    def _restart(self, due: Sequence[tuple[int, NDArray[np.int64]]]) -> None:
+        def restart(number: int, worlds: NDArray[np.int64]) -> None:
+            with self._stream(number):
+                self.simulators[number].reset_worlds(worlds.tolist())
+
+        list(self._pool.map(restart, *zip(*due, strict=True)) if due else ())
 
     def history(self) -> dict[str, NDArray[Any]]:
         """Return the state of all worlds, for `replay`."""

@@ -44,11 +44,15 @@ _CAREFUL = _UNSHIELDED | {
     "caution": 5 / 3,
 }  # fmt: skip
 
-# Goes on from there with fixed routes, in thousands of worlds on a GPU, which draws no floors.
-_PATIENT = _CAREFUL | {
-    "steps": 760_000_000, "traffic": "none", "layouts": ("paper46", "single_lane", *DRAWN[:5]), "rows": 393_216,
+# Goes on from there in thousands of worlds on a GPU, which draws no floors.
+_BUSY = _CAREFUL | {
+    "steps": 1_000_000_000, "layouts": ("paper46", "narrow", "single_lane", *DRAWN), "rows": 393_216,
     "start": "careful", "collision_first": -800.0, "gamma": 0.99, "rollout": 10, "minibatch": 65_536, "epochs": 1,
     "entropy_first": 0.002, "entropy_last": 0.0005, "learning_rate": 4e-4,
+}  # fmt: skip
+# The same with fixed routes.
+_PATIENT = _BUSY | {
+    "steps": 760_000_000, "traffic": "none", "layouts": ("paper46", "single_lane", *DRAWN[:5]),
 }  # fmt: skip
 
 RECIPES: dict[str, tuple[type[TrainingConfig], dict[str, Any]]] = {
@@ -60,6 +64,7 @@ RECIPES: dict[str, tuple[type[TrainingConfig], dict[str, Any]]] = {
     "fixed_routes": (ThreadedPPOConfig, _FIXED_ROUTES | _THREADED),
     "fixed_routes_reinforce": (ReinforceConfig, _FIXED_ROUTES | _THREADED),
     "fixed_routes_ppo": (PPOConfig, _FIXED_ROUTES | {"robots": (12, 16, 24), "rows": 384, "rollout": 48}),
+    "busy": (ThreadedPPOConfig, _BUSY),
     "patient": (ThreadedPPOConfig, _PATIENT),
 }
 

@@ -216,7 +216,7 @@ class TrainingWorlds:
         return self._end_worlds()
 
     def _end_worlds(self) -> list[tuple[Tensor, Tensor]]:
-        ended = []
+        ended, due = [], []
         for number, (simulator, block) in enumerate(zip(self.simulators, self._blocks, strict=True)):
             floor_ends, robots = self._floors.ends(number), simulator.num_agents
             worlds = np.flatnonzero(simulator.truncated | floor_ends)
@@ -228,15 +228,18 @@ class TrainingWorlds:
                     self._episode[self._first[number] + worlds] += 1
                     self._change_floor(number)
                 else:
-                    self._restart(number, worlds)
+                    due.append((number, worlds))
+        self._restart(due)
         if ended:
             self._observe()
         return ended
 
-    def _restart(self, number: int, worlds: NDArray[np.int64]) -> None:
-        for world in (self._first[number] + worlds).tolist():
-            self._episode[world] += 1
-            self._reset_world(world)
+    def _restart(self, due: Sequence[tuple[int, NDArray[np.int64]]]) -> None:
+        """Begin the next episodes of some worlds of some simulators."""
+        for number, worlds in due:
+            for world in (self._first[number] + worlds).tolist():
+                self._episode[world] += 1
+                self._reset_world(world)
 
     def set_reward(self, weights: RewardWeights) -> None:
         """Change the reward weights of all worlds from the next step on."""

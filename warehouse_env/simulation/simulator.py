@@ -309,7 +309,6 @@ class Simulator(Portable):
         entropy: of its shift's generator and its people's; None: these go on.
         """
         robots = self._planned[world]
-        robots[...] = state.fresh_robot()
         self._stamps[world] = self._commands[:, world] = self.steps[world] = 0
         self.arrivals = [arrival for arrival in self.arrivals if arrival.world != world]
         self.truncated[world] = self.terminated[world] = False

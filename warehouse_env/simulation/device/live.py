@@ -50,7 +50,6 @@ class LiveOnHost:
             self.dispatcher.begin_by_kernel(sorted(worlds), self._floor)
         else:
             for world, assignment in zip(worlds, assignments, strict=True):
-                self._robots[world] = state.fresh_robot()
                 self.dispatcher.begin(world, None, assignment, self._floor)
         clocks, motion = self._robots["clocks"], self._robots["motion"]
         for axis in ("x", "y"):
@@ -66,7 +65,8 @@ class LiveOnHost:
         self._held.copy_(tensors["robots"])
         self.dispatcher.arrive(steps, np.argwhere(self._robots["events"]["arrived"] != 0).tolist())
         self.dispatcher.reroute(steps)
-        return np.flatnonzero(self._live.arrays.changed)
+        rows: NDArray[np.int64] = np.flatnonzero(self._live.arrays.changed)
+        return rows
 
     def upload(self, rows: NDArray[np.int64], tensors: dict[str, torch.Tensor]) -> None:
         """Copy robots in rows, their routes and what they have booked to the device."""

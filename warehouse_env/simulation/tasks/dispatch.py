@@ -128,11 +128,9 @@ class Dispatcher(Portable):
 
         entropy: what the generator of the world's shift is seeded with; None: it goes on.
         """
-        self.tasks[world].reset(self._draws.keys[world])
+        self._forget([world])
         for robot in range(self.robots.shape[1]):
             self._told.pop((world, robot), None)
-        if self.live is not None:
-            self.live.begin(world)
         if self.shifts is not None:
             self.shifts.begin(world, entropy, self._draws.keys[world])
         if assignment is not None:
@@ -193,29 +191,43 @@ class Dispatcher(Portable):
             raise no_room(self.robots.shape[1], -1 - int(status[world]), self.book.grid)
 
     def begin_by_kernel(self, worlds: Sequence[int], floor: Floor) -> None:
-        """Place the robots of worlds, in ascending order, with live routes; by Python where the kernel cannot."""
-        assert self.live is not None
-        status, arrays, (params, kinds) = self.status, self.arrays(self.route_table.lines), self._limits
+        """Place the robots of worlds, in ascending order, with live routes by the kernel.
+
+        Python places a world in which it lacks room for a longer route, and the kernel then tries the others again.
+        """
+        while worlds:
+            self._forget(worlds)
+            self._place_by_live(worlds, floor)
+            worlds = [world for world in worlds if self.status[world] == beginning.TO_PLACE]
+            if worlds:
+                self._forget(worlds[:1])
+                self._place_all(worlds[0], floor, idle=False)
+                worlds = worlds[1:]
+
+    def _forget(self, worlds: Sequence[int]) -> None:
+        """Take all robots of worlds off the floor."""
         for world in worlds:
-            self.live.begin(world)
-            status[world], self.robots[world] = beginning.TO_PLACE, state.fresh_robot()
+            self.tasks[world].reset(self._draws.keys[world])
+            self.robots[world] = state.fresh_robot()
+            if self.live is not None:
+                self.live.begin(world)
+
+    def _place_by_live(self, worlds: Sequence[int], floor: Floor) -> None:
+        """Let the kernel place the robots of worlds, on as many threads as allowed; `status` tells what it did."""
+        assert self.live is not None
+        arrays, (params, kinds), live = self.arrays(self.route_table.lines), self._limits, self.live.arrays
+        self.status[worlds] = beginning.TO_PLACE
         threads = min(get_num_threads(), len(worlds))
 
-        def place(first: int, after: int) -> None:
+        def place(first: int, last: int) -> None:
             orders, room = self._room if threads == 1 else self._make_scratch()
             body = params[0], kinds, floor
-            self._call(beginning.place, first, after, status, orders, body, arrays, (self.live.arrays, room))
+            self._call(beginning.place, first, last + 1, self.status, orders, body, arrays, (live, room))
 
-        parts = [(part[0], part[-1] + 1) for part in np.array_split(worlds, threads)]
-        side_by_side(place, [(int(first), int(after)) for first, after in parts])
-        for world in worlds:
-            if status[world] < 0:
-                raise no_room(self.robots.shape[1], -1 - int(status[world]), self.book.grid)
-            if status[world] == beginning.TO_PLACE:
-                self.robots[world] = state.fresh_robot()
-                self.tasks[world].reset(self._draws.keys[world])
-                self.live.begin(world)
-                self._place_all(world, floor, idle=False)
+        side_by_side(place, [(int(part[0]), int(part[-1])) for part in np.array_split(worlds, threads)])
+        worst = int(self.status[worlds].min())
+        if worst < 0:
+            raise no_room(self.robots.shape[1], -1 - worst, self.book.grid)
 
     def _place_all(self, world: int, floor: Floor, idle: bool) -> None:
         """Give every robot of a world a start, a goal and a route; idle: it stands, and its goal is where."""

@@ -249,7 +249,7 @@ class LiveRoutes(Portable):
         spread = int(0.5 * (robot.length + robot.width) / grid.cell_size)
         fastest = max(max(kind.max_speed, -kind.min_speed) for kind in config.kinds)
         each = len(persons), config.num_agents
-        self._own = {
+        self._own: dict[str, Any] = {
             "passing": make_occupancy(*each, grid.occupied.size, SLOTS, spread),
             "persons": persons, "person_on": np.full(persons.shape, NOTHING, np.int32),
             "laid": np.full(each, np.inf, np.float32), "cells": np.zeros((*each, _BLOCK, 2), np.int32),
