@@ -72,11 +72,15 @@ class LiveOnHost:
         """Copy robots in rows, their routes and what they have booked to the device."""
         if not len(rows):
             return
+        device = tensors["robots"].device
         arrays = {"robots": self._robots, "routes": self.dispatcher.routes, "booked": self.dispatcher.booked}
-        places = torch.from_numpy(rows).to(tensors["robots"].device)
-        for name, array in arrays.items():
-            flat = array.reshape(-1, *array.shape[2:])
-            tensors[name].flatten(0, 1).index_copy_(0, places, tensor_of(flat[rows]).to(places.device))
+        held = {name: array.reshape(-1, *array.shape[2:])[rows] for name, array in arrays.items()}
+        places, parts = (
+            torch.from_numpy(rows).to(device),
+            {name: tensor_of(part).to(device) for name, part in held.items()},
+        )
+        for name, part in parts.items():  # after all copies, each of which would wait for a kernel before it
+            tensors[name].flatten(0, 1).index_copy_(0, places, part)
 
     def state(self) -> dict[str, NDArray[Any]]:
         """Return what the worlds need to continue, besides the draws and the robots."""

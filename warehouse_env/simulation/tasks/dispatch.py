@@ -314,7 +314,7 @@ class Dispatcher(Portable):
             grown[:, :, : self.routes.shape[2]] = self.routes
             self.routes = grown
 
-    def arrive(self, steps: NDArray[np.int64], arrived: Iterable[Sequence[int]]) -> list[Arrival]:
+    def arrive(self, steps: NDArray[np.int64], arrived: Sequence[Sequence[int]]) -> list[Arrival]:
         """Book the arrivals and return them, and give lifelong robots their next task.
 
         steps [B]: since the resets; arrived: (world, robot), in ascending order.
@@ -343,12 +343,12 @@ class Dispatcher(Portable):
                 self.give_task(world, robot, goal, self._route(world, robot, start, goal, step))
         return arrivals
 
-    def _arrive_by_kernel(self, steps: NDArray[np.int64], arrived: Iterable[Sequence[int]]) -> list[Arrival]:
+    def _arrive_by_kernel(self, steps: NDArray[np.int64], arrived: Sequence[Sequence[int]]) -> list[Arrival]:
         """Do as `arrive` does for lifelong tasks with live routes to the centres of cells."""
         assert self.live is not None
-        marks, places = np.zeros(self.robots.shape, np.bool_), [tuple(place) for place in arrived]
-        for place in places:
-            marks[place] = self.live.arrays.changed[place] = True
+        marks, places = np.zeros(self.robots.shape, np.bool_), np.array(arrived, np.int64).reshape(-1, 2)
+        marks[places[:, 0], places[:, 1]] = True
+        self.live.arrays.changed[marks] = True
 
         def set_out_by_table(world: int, robot: int) -> None:
             columns, goal = self.book.grid.shape[1], state.goal_of(self.robots[world, robot])
@@ -357,7 +357,8 @@ class Dispatcher(Portable):
             self.give_task(world, robot, goal, self._route(world, robot, start, goal, int(steps[world])))
 
         self._give_live(giving.arrive_live, steps, marks, set_out_by_table)
-        return [Arrival(*place, *self.booked[place].tolist()) for place in places]
+        booked = self.booked[places[:, 0], places[:, 1]].tolist()
+        return [Arrival(*place, *lengths) for place, lengths in zip(places.tolist(), booked, strict=True)]
 
     def _give_live(
         self, kernel: Callable[..., None], steps: NDArray[np.int64], marks: NDArray[np.bool_],

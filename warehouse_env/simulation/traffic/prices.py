@@ -187,11 +187,16 @@ def _charge_turns(look, cell):
             look.asked.leave[cell, move] += _thousandths(look.prices.boxed_turn)
 
 
-@part
+@inline
 def ask(look, cell):
     """Price a cell (flat index), unless this query has done so."""
-    if look.asked.at[cell] == look.asked.looks[0]:
-        return
+    if look.asked.at[cell] != look.asked.looks[0]:
+        _charge(look, cell)
+
+
+@part
+def _charge(look, cell):
+    """Price a cell."""
     look.asked.at[cell] = look.asked.looks[0]
     look.asked.enter[cell] = 0
     for move in range(8):
@@ -203,7 +208,7 @@ def ask(look, cell):
         _charge_turns(look, cell)
 
 
-@part
+@inline
 def price_of(look, cell, move, to):
     """Return the price of a move between two cells (flat indices) [thousandths of a cell]."""
     ask(look, cell)
