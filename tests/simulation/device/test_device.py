@@ -21,6 +21,7 @@ from warehouse_env.simulation.device.simulator import DeviceSimulator
 from warehouse_env.simulation.state import OWNER, field_of
 from warehouse_env.simulation.tasks.assignment import Assignment
 from warehouse_env.simulation.tasks.dispatch import ROUTE_BLOCK
+from warehouse_env.traffic_spec import read_traffic
 
 
 def lacking() -> str:
@@ -197,26 +198,32 @@ def test_robots_are_put_as_by_the_simulator(name: str) -> None:
     alike("the next", here.step(cruise), there.step(torch.from_numpy(cruise)).numpy())
 
 
+WIDE = ("routes", "live.routes", "live.cells")  # arrays that are as wide as a simulator ever needed
+
+
 @pytest.mark.parametrize("device", DEVICES)
-def test_a_saved_state_continues_to_the_same_bits(device: str) -> None:
-    first, second = (DeviceSimulator(config(traffic=SHIELD), WORLDS, device=device) for _ in range(2))
-    rng = np.random.default_rng(1)
-    like = Simulator(config(traffic=SHIELD), WORLDS)
+@pytest.mark.parametrize("traffic", ["none:shield=true", "routes"])
+def test_a_saved_state_continues_to_the_same_bits(device: str, traffic: str) -> None:
+    given = config(traffic=read_traffic(traffic), layout="narrow")
+    first, second = (DeviceSimulator(given, WORLDS, device=device) for _ in range(2))
+    rng, like = np.random.default_rng(1), Simulator(given, WORLDS)
     pool = [torch.from_numpy(commands(like, rng)).to(first.device) for _ in range(200)]
     first.reset(7)
     second.reset(8)
-    for given in pool[:100]:
-        first.step(given)
+    for actions in pool[:100]:
+        first.step(actions)
     saved, ends = first.save_state(), []
     for simulator in (first, second):
         simulator.load_state(saved)
-        for given in pool[100:]:
-            simulator.step(given)
+        for actions in pool[100:]:
+            simulator.step(actions)
             ended = np.flatnonzero(simulator.truncated).tolist()
             simulator.reset_worlds(ended)
-        ends.append({name: tensor.cpu().numpy().tobytes() for name, tensor in simulator.save_state().items()})
+        state = {name: tensor.cpu().numpy() for name, tensor in simulator.save_state().items()}
+        ends.append({name: array[:, :, :64] if name in WIDE else array for name, array in state.items()})
     assert simulator.steps.tolist() == [50] * WORLDS
-    assert {name for name in ends[0] if ends[0][name] != ends[1][name]} == set()
+    for name, array in ends[0].items():
+        alike(name, array, ends[1][name])
 
 
 def test_threads_share_the_worlds_and_have_scratch_of_their_own(monkeypatch: pytest.MonkeyPatch) -> None:

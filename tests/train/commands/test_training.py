@@ -70,7 +70,7 @@ def test_without_a_bar_it_says_what_it_begins_and_what_it_wrote(
         ("--layout paper46:seed=new", "layout paper46 takes no parameters; leave out seed"),
         ("--layout aisles:seed=new --traffic none --device cpu", "choose seeds, as in aisles:seed=1"),
         ("--rows 100000", "100,000 rows are for a GPU: add --device cuda, or take fewer --rows"),
-        ("--device cpu", "does not simulate live routes yet: leave that out"),
+        ("--device cpu --planner pf_aco", "does not simulate live routes by pf_aco yet: leave that out"),
     ],
 )
 def test_what_is_refused_is_refused_before_anything_is_said_or_written(

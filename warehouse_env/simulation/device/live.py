@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from warehouse_env.errors import ConfigError
 from warehouse_env.simulation import state
-from warehouse_env.simulation.device.memory import Memory, tensor_of
+from warehouse_env.simulation.device.memory import Memory
 from warehouse_env.simulation.draws import Draws
 from warehouse_env.simulation.physics.deviation import planned_config
 from warehouse_env.simulation.simulator import Simulator
@@ -26,11 +26,11 @@ class LiveOnHost:
     """The Dispatcher of a device's worlds."""
 
     def __init__(self, host: Simulator, draws: Draws, memory: Memory) -> None:
-        """Make the dispatcher of so many worlds as there are draws; ConfigError where no kernel makes live routes."""
+        """Make the dispatcher of so many worlds as there are draws; ConfigError where the floor is too large."""
         if not host.dispatcher.by_live:
             raise ConfigError(
-                "a device has live routes only for lifelong tasks to the cells' centres, by the planner astar_turns, "
-                "on floors of up to 64 x 64 cells: change that, use the CPU, or leave live routes out (--traffic none)"
+                f"a device has live routes only on floors of up to 64 x 64 cells, and map {host.grid.name!r} is "
+                "larger: leave live routes out (in commands, --traffic rules:routes=false), or use the CPU"
             )
         worlds, robots = len(draws.keys), host.num_agents
         on_gpu = memory.device.type == "cuda"
@@ -58,7 +58,8 @@ class LiveOnHost:
     def rows_of(self, worlds: list[int]) -> NDArray[np.int64]:
         """Return the rows of the robots of worlds."""
         count = self._robots.shape[1]
-        return (np.array(worlds)[:, None] * count + np.arange(count)).ravel()
+        rows: NDArray[np.int64] = (np.array(worlds)[:, None] * count + np.arange(count)).ravel()
+        return rows
 
     def give(self, steps: NDArray[np.int64], tensors: dict[str, torch.Tensor]) -> NDArray[np.int64]:
         """Give goals and routes after a step; return the rows of the robots that changed. steps: int64[B]."""
@@ -72,13 +73,11 @@ class LiveOnHost:
         """Copy robots in rows, their routes and what they have booked to the device."""
         if not len(rows):
             return
-        device = tensors["robots"].device
-        arrays = {"robots": self._robots, "routes": self.dispatcher.routes, "booked": self.dispatcher.booked}
-        held = {name: array.reshape(-1, *array.shape[2:])[rows] for name, array in arrays.items()}
-        places, parts = (
-            torch.from_numpy(rows).to(device),
-            {name: tensor_of(part).to(device) for name, part in held.items()},
-        )
+        arrays: dict[str, NDArray[Any]] = {"routes": self.dispatcher.routes, "booked": self.dispatcher.booked}
+        held = {"robots": self._held} | {name: torch.from_numpy(array) for name, array in arrays.items()}
+        device, places = tensors["robots"].device, torch.from_numpy(rows)
+        parts = {name: tensor.flatten(0, 1)[places].to(device) for name, tensor in held.items()}
+        places = places.to(device)
         for name, part in parts.items():  # after all copies, each of which would wait for a kernel before it
             tensors[name].flatten(0, 1).index_copy_(0, places, part)
 
@@ -86,7 +85,8 @@ class LiveOnHost:
         """Return what the worlds need to continue, besides the draws and the robots."""
         arrays = self._live.arrays
         named = {name: array for name, array in arrays.passing._asdict().items() if name != "spread"}
-        own = {"laid": arrays.laid, "cells": arrays.cells, "counts": arrays.counts, "routes": self.dispatcher.routes}
+        own = {"laid": arrays.laid, "cells": arrays.cells, "counts": arrays.counts}
+        own |= {"routes": self.dispatcher.routes, "booked": self.dispatcher.booked}
         return {f"live.{name}": array for name, array in (named | own | self.dispatcher.goals._asdict()).items()}
 
     def load(self, saved: dict[str, NDArray[Any]]) -> None:
@@ -94,5 +94,7 @@ class LiveOnHost:
         self._live.make_room(saved["live.cells"].shape[2])
         self.dispatcher.make_room(saved["live.routes"].shape[2])
         for name, array in self.state().items():
-            width = saved[name].shape[2] if name in ("live.cells", "live.routes") else None
-            (array if width is None else array[:, :, :width])[...] = saved[name]
+            held = saved[name]
+            array[tuple(map(slice, held.shape))] = held
+            if name in ("live.cells", "live.routes"):  # whose width only grows
+                array[:, :, held.shape[2] :] = 0

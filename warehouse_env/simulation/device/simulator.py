@@ -34,6 +34,7 @@ from warehouse_env.simulation.tasks.dispatch import no_room, width_of
 from warehouse_env.simulation.tasks.goals import GoalState
 from warehouse_env.simulation.tasks.placement import put_all
 from warehouse_env.simulation.tasks.tasks import Arrival
+from warehouse_env.simulation.traffic.live import live_planner
 from warehouse_env.simulation.traffic.path_ahead import POSES
 from warehouse_env.simulation.worlds import Setup, Worlds, make_scratch
 
@@ -41,12 +42,17 @@ MANY = 10_000  # robots that are placed at once, who will soon need all routes
 SEARCHING, SEEING = 2**32, 2**16  # bytes of scratch for searches at most, and threads that plan and observe
 
 # What a config may not have on a device, and how an error names it
-_ABSENT: tuple[tuple[str, Callable[[EnvConfig], bool]], ...] = (
+_ABSENT: tuple[tuple[str, Callable[[EnvConfig], object]], ...] = (
     ("mixed fleets that stop at poses", lambda config: bool(config.fleet) and config.arrival == "pose"),
     ("extra sensors", lambda config: config.sensor.extra is not None),
     ("own tasks", lambda config: config.tasks not in ("lifelong", "one_shot")),
     ("people", lambda config: config.people > 0),
     ("orders, services and batteries", lambda config: config.works),
+    ("live routes by pf_aco", lambda config: config.traffic_spec.routes and live_planner(config).name == "pf_aco"),
+    (
+        "live routes of one-shot tasks or to poses",
+        lambda config: config.traffic_spec.routes and (config.tasks == "one_shot" or config.arrival == "pose"),
+    ),
 )
 
 
@@ -371,6 +377,7 @@ class DeviceSimulator:
         self._fit_routes(width)
         if self._live is not None:
             self._live.load({name: saved[name].cpu().numpy() for name in self._live.state()})
+        self._tensors["routes"][:, :, width:] = 0
         for name, tensor in self._tensors.items():
             (tensor[:, :, :width] if name == "routes" else tensor).copy_(saved[name])
 
