@@ -85,9 +85,10 @@ class LiveOnHost:
         """Return what the worlds need to continue, besides the draws and the robots."""
         arrays = self._live.arrays
         named = {name: array for name, array in arrays.passing._asdict().items() if name != "spread"}
-        own = {"laid": arrays.laid, "cells": arrays.cells, "counts": arrays.counts}
-        own |= {"routes": self.dispatcher.routes, "booked": self.dispatcher.booked}
-        return {f"live.{name}": array for name, array in (named | own | self.dispatcher.goals._asdict()).items()}
+        named |= {"laid": arrays.laid, "cells": arrays.cells, "counts": arrays.counts}
+        named |= self.dispatcher.goals._asdict()
+        named |= {"routes": self.dispatcher.routes, "booked": self.dispatcher.booked}
+        return {f"live.{name}": array for name, array in named.items()}
 
     def load(self, saved: dict[str, NDArray[Any]]) -> None:
         """Continue from a state."""
