@@ -63,7 +63,7 @@ def _stand(at, here, body, arrays, live):
     start = x, y, np.float32(MOVES[move, 1]), np.float32(-MOVES[move, 0])
     if not stand_facing(arrays.robots[world], robot, start, p, kinds, floor):
         return TAKEN
-    if follow_live(at, (whole(here[0]), whole(here[1])), (whole(0), False), arrays, live) != GIVEN:
+    if follow_live(at, (whole(here[0]), whole(here[1])), (whole(0), False, whole(0)), arrays, live) != GIVEN:
         return WANTS
     row, column = goal_of(arrays.robots[at])
     take_goal(arrays.robots, arrays.routes, world, robot, row, column)

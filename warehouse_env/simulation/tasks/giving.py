@@ -241,7 +241,7 @@ def follow_live(at, here, when, arrays, live):
         return LEFT
     forget_route(own.passing, b, i)
     take_route(arrays.robots, arrays.routes, b, i, line, arrays.rules.heading)
-    list_route(at, room.labels.path[:count], own.reach, users, own)
+    list_route(at, room.path[:count], own.reach, users, own)
     return GIVEN
 
 
@@ -262,7 +262,7 @@ def arrive_live(steps, marks, left, arrays, live):
             _book(at, step, arrays)
             if r["task"]["alive"] == 0:
                 continue
-            if follow_live(at, _here(r, arrays.floor), (step, False), arrays, live) == GIVEN:
+            if follow_live(at, _here(r, arrays.floor), (step, False, whole(0)), arrays, live) == GIVEN:
                 row, column = goal_of(r)
                 take_goal(robots, arrays.routes, b, i, row, column)
             else:
@@ -281,7 +281,7 @@ def reroute_live(steps, marks, left, arrays, live):
             if not marks[b, i] or left[b] >= 0:
                 continue
             r, at, marks[b, i] = robots[b, i], (b, i), False
-            did = follow_live(at, _here(r, arrays.floor), (whole(steps[b]), True), arrays, live)
+            did = follow_live(at, _here(r, arrays.floor), (whole(steps[b]), True, whole(0)), arrays, live)
             if did == GIVEN:
                 note_reroute(r)
             elif did == LEFT:

@@ -38,7 +38,7 @@ from warehouse_env.routes.book import RouteBook
 from warehouse_env.routes.goals import Pose
 from warehouse_env.routes.lanes import drivable_line
 from warehouse_env.routes.route_table import Route
-from warehouse_env.simulation.traffic.ants import make_trails, send_ants
+from warehouse_env.simulation.traffic.ants import Trails, make_trails, send_ants
 from warehouse_env.simulation.traffic.prices import PriceCache, Prices, ReplanQuery, make_price_cache, prices_for
 from warehouse_env.simulation.traffic.replan_search import Labels, find_way, make_labels
 from warehouse_env.simulation.traffic.route_occupancy import (
@@ -55,8 +55,7 @@ from warehouse_env.simulation.traffic.route_occupancy import (
     note_waiting,
 )
 
-# Of live routes, by the name of their planner: the kernel, and what makes room for it on a floor.
-FINDERS: dict[str, tuple[Any, Any]] = {"pf_aco": (send_ants, make_trails), "astar_turns": (find_way, make_labels)}
+FINDERS = ("pf_aco", "astar_turns")  # planners of live routes
 EVERY = 4.0  # [s] between two looks of a robot for a better route
 LOOK_AHEAD = 10.0  # [m] of the route ahead that may be barred
 STOOD_FOR = 6.0  # [s] without having moved a metre after which a robot counts as standing
@@ -164,7 +163,9 @@ class LiveRoom(NamedTuple):
     """Scratch for the searches of one thread."""
 
     asked: PriceCache
-    labels: Labels
+    labels: Labels | None  # of `find_way`; None: `send_ants` looks
+    trails: Trails | None
+    path: NDArray[np.int64]  # see make_path
 
 
 @part
@@ -188,27 +189,48 @@ def first_move(live, here, goal):
     return NOTHING
 
 
-@kernel
-def find_live(at, here, goal, when, users, live, room):
-    """Return a route's line float32[R, 2] [m] around all others, and how many cells of room.labels.path it leads along.
+@inline
+def _look(look, cells, saving, runs_out, seed, labels, trails):
+    """Look for a way by the planner that has scratch."""
+    if labels is not None:
+        return find_way(look, cells, saving, runs_out, seed, labels)
+    if trails is not None:
+        return send_ants(look, cells, saving, runs_out, seed, trails)
+    return 0
 
-    at: (world, robot); here: its cell (row, column); goal: an endpoint's number; when: (the world's env step, whether
-    the robot is on its way there already). No cells: there is no way, or too little to save (LiveRoutes.route).
+
+@kernel
+def find_cells(at, here, goal, when, users, live, room):
+    """Write the cells of a route around all others to room.path; return how many, 0 if there is none, or none better.
+
+    at: (world, robot); here: the robot's cell (row, column); goal: its field int32[h, w], and the row and column at
+    which that begins; when: (the world's env step, whether the robot is on its way there already, a seed for ants).
     """
-    (b, i), (row, column), (step, on_its_way), path = at, here, when, room.labels.path
-    r, cells = users.robots[b, i], live.cells[b, i, : live.counts[b, i]]
+    (b, i), (row, column), (field, top, left), (step, on_its_way, seed) = at, here, goal, when
+    cells = live.cells[b, i, : live.counts[b, i]]
     keep_all_up(live.passing, b, step, users, live.site)
     look = ReplanQuery(
         live.passing, room.asked, users.robots[b], live.steps, live.prices, live.site.size, b, i,
-        row, column, live.fields[goal], 0, 0, live.hairpin, _HORIZON,
+        row, column, field, top, left, live.hairpin, _HORIZON,
     )  # fmt: skip
     saving = live.saving if on_its_way else -1
-    count = find_way(look, cells, saving, on_its_way and runs_out_of(r, live.laid[b, i]), 0, room.labels)
+    runs_out = on_its_way and runs_out_of(users.robots[b, i], live.laid[b, i])
+    return _look(look, cells, saving, runs_out, seed, room.labels, room.trails)
+
+
+@kernel
+def find_live(at, here, goal, when, users, live, room):
+    """Return a route's line float32[R, 2] [m], and how many cells it leads along; see `find_cells`.
+
+    goal: an endpoint's number.
+    """
+    (b, i), path = at, room.path
+    count = find_cells(at, here, (live.fields[goal], whole(0), whole(0)), when, users, live, room)
     solid, one_way, size, keep_right, wider = live.floor
-    centres = np.empty((max(count, 1), 2))
+    centres, motion = np.empty((max(count, 1), 2)), users.robots[b, i]["motion"]
     for k in range(count):
         centres[k, 0], centres[k, 1] = centre_of(path[k, 0], path[k, 1], live.steps.shape[0], size)
-    centres[0, 0], centres[0, 1] = r["motion"]["x"], r["motion"]["y"]
+    centres[0, 0], centres[0, 1] = motion["x"], motion["y"]
     return drivable_line(centres, solid, one_way, size, keep_right, live.reach, wider), count
 
 
@@ -263,7 +285,7 @@ class LiveRoutes(Portable):
     def _bind(self) -> None:
         grid = self._book.grid
         self._fields = CostToGo(grid, self._gentleness)
-        self._room = make_price_cache(grid.occupied.size), FINDERS[self.finder][1](*grid.shape)
+        self._room = self.room()
         endpoints = len(grid.endpoints[2]) if self.by_kernel else 0
         self.arrays = LiveArrays(
             **self._own, known=np.zeros(endpoints, np.bool_), fields=np.empty((endpoints, *grid.shape), np.int32),
@@ -280,9 +302,14 @@ class LiveRoutes(Portable):
         arrays.laid[world], arrays.counts[world] = math.inf, 0
 
     def room(self) -> LiveRoom:
-        """Return scratch for a thread that makes routes by `find_live`."""
-        grid = self._book.grid
-        return LiveRoom(make_price_cache(grid.occupied.size), make_labels(*grid.shape))
+        """Return scratch for a thread that makes routes."""
+        shape = self._book.grid.shape
+        asked = make_price_cache(shape[0] * shape[1])
+        if self.finder == "pf_aco":
+            trails = make_trails(*shape)
+            return LiveRoom(asked, None, trails, trails.path)
+        labels = make_labels(*shape)
+        return LiveRoom(asked, labels, None, labels.path)
 
     def give_up(self, world: int, robot: int) -> None:
         """Forget a robot's route, for it gets another."""
@@ -334,25 +361,17 @@ class LiveRoutes(Portable):
         one `on_its_way` there, if a new route would save too little. robots: ROBOT[B, N]; routes: float32[B, N, R, 2]
         [m]; step: the world's env step.
         """
-        r, arrays, (asked, room) = robots[world, me], self.arrays, self._room
-        pose = np.array([r["motion"]["x"], r["motion"]["y"]])
+        motion, arrays = robots[world, me]["motion"], self.arrays
+        pose = np.array([motion["x"], motion["y"]])
         row, column = self._book.grid.standing(pose).tolist()
         if (row, column) == goal:
             return None
-        if arrays.passing.known_at[world] != step:
-            keep_all_up(arrays.passing, world, step, self._users(robots, routes), arrays.site)
         field, (top, left, _, _) = self._around((row, column), goal)
-        look = ReplanQuery(
-            arrays.passing, asked, robots[world], arrays.steps, arrays.prices, arrays.site.size, world, me,
-            row, column, field, top, left, arrays.hairpin, _HORIZON,
-        )  # fmt: skip
-        saving = arrays.saving if on_its_way else -1
-        runs_out = on_its_way and bool(runs_out_of(r, arrays.laid[world, me]))
         drawn_from = f"{step} {me} {row} {column} {goal}".encode()
         seed = 1 + int.from_bytes(hashlib.blake2b(drawn_from, digest_size=7).digest(), "little")
-        cells = arrays.cells[world, me, : arrays.counts[world, me]]
-        count = FINDERS[self.finder][0](look, cells, saving, runs_out, seed, room)
-        return self._book.along(room.path[:count].astype(np.int32), pose, arrays.reach, ends) if count else None
+        where, when = ((row, column), (field, top, left)), (step, on_its_way, seed)
+        count = find_cells((world, me), *where, when, self._users(robots, routes), arrays, self._room)
+        return self._book.along(self._room.path[:count].astype(np.int32), pose, arrays.reach, ends) if count else None
 
     def _around(self, cell: Cell, goal: Cell) -> tuple[NDArray[np.int32], Box]:
         """Return the field of a goal around a cell and its box, and let kernels know it."""
