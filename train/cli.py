@@ -53,9 +53,8 @@ COMMANDS = {
     "train fixed_routes": Command("commands.training:Train", "train by our PPO, as in papers: fixed routes, no shield"),
     "train fixed_routes_reinforce": Command("commands.training:Train", "train so by our REINFORCE"),
     "train fixed_routes_ppo": Command("commands.training:Train", "train so by PPO of stable-baselines3"),
-    "train patient": Command(
-        "commands.training:Train", "train careful on with fixed routes, in thousands of worlds on a GPU"
-    ),
+    "train busy": Command("commands.training:Train", "train careful on in thousands of worlds on a GPU"),
+    "train patient": Command("commands.training:Train", "train careful on so, with fixed routes"),
     "evaluate": Command("commands.evaluate:Evaluate", "drive policies over held-out episodes and count collisions"),
     "compare": Command("commands.compare:Compare", "compare runs of evaluate by paired differences"),
     "benchmark": Command("commands.evaluate:Benchmark", "drive policies through the fixed benchmark set"),

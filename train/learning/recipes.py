@@ -46,7 +46,7 @@ _CAREFUL = _UNSHIELDED | {
 
 # Goes on from there in thousands of worlds on a GPU, which draws no floors.
 _BUSY = _CAREFUL | {
-    "steps": 1_000_000_000, "layouts": ("paper46", "narrow", "single_lane", *DRAWN[:8]), "rows": 393_216,
+    "steps": 802_000_000, "layouts": ("paper46", "narrow", "single_lane", *DRAWN[:8]), "rows": 393_216,
     "start": "careful", "collision_first": -800.0, "gamma": 0.99, "rollout": 10, "minibatch": 65_536, "epochs": 1,
     "entropy_first": 0.002, "entropy_last": 0.0005, "learning_rate": 4e-4,
 }  # fmt: skip
