@@ -95,10 +95,11 @@ class Dispatcher(Portable):
         self._told: dict[tuple[int, int], Goal] = {}  # points and poses that an assignment gives, up to the arrival
         self._rules = giving.rules_of(config, self._join(0), self.far)
         lifelong, alike = config.tasks == "lifelong", config.arrival != "pose" or not config.fleet
+        # kernels give goals and routes, those of a table or live ones; else Python does
         self.by_table = lifelong and alike and self.live is None
         plain = lifelong and config.arrival != "pose" and not config.works
-        self.by_live = plain and self.live is not None and self.live.by_kernel  # if not by a table; else Python does
-        self.begins_by_kernel = self.by_live and self.live is not None and self.live.plans_first
+        self.by_live = plain and self.live is not None and self.live.by_kernel
+        self.begins_by_kernel = self.by_table or (self.by_live and self.live is not None and self.live.plans_first)
         self.wanted, self.booked = np.zeros(each, np.int64), np.zeros((*each, 2))  # see giving.TaskArrays
         self.status, self._left = np.zeros(len(robots), np.int32), np.full(len(robots), -1)
         self._bind()
@@ -135,8 +136,6 @@ class Dispatcher(Portable):
             self.shifts.begin(world, entropy, self._draws.keys[world])
         if assignment is not None:
             self._assign(world, assignment, floor)
-        elif self.by_table:
-            self._place_by_table(world, floor)
         elif self.begins_by_kernel:
             self.begin_by_kernel([world], floor)
         else:
@@ -177,29 +176,22 @@ class Dispatcher(Portable):
         own = self.robots, self.routes, self._draws.keys, self.goals, self.wanted, self.booked
         return giving.TaskArrays(*own, lines, self._task_floor, self._rules)
 
-    def _place_by_table(self, world: int, floor: Floor) -> None:
-        """Give every robot of a world a start, a goal and a route, by the kernel that a device calls, too."""
-        table, status, (params, kinds) = self.route_table, self.status, self._limits
-        table.trim()
-        status[world] = beginning.TO_PLACE
-        while status[world] == beginning.TO_PLACE:
-            self.make_room(table.longest)
-            body = params[0], kinds, floor
-            self._call(beginning.place, world, world + 1, status, self._room[0], body, self.arrays(table.lines), None)
-            table.fill(self.wanted[world])
-        if status[world] < 0:
-            raise no_room(self.robots.shape[1], -1 - int(status[world]), self.book.grid)
-
     def begin_by_kernel(self, worlds: Sequence[int], floor: Floor) -> None:
-        """Place the robots of worlds, in ascending order, with live routes by the kernel.
+        """Place the robots of worlds, in ascending order, with routes of the table, or with live ones.
 
-        Python places a world in which it lacks room for a longer route, and the kernel then tries the others again.
+        The kernel begins a world again that wants a route first. Where it lacks room for a live one, Python places one
+        world, and so makes room for the others.
         """
+        table = self.route_table
+        table.trim()
         while worlds:
             self._forget(worlds)
-            self._place_by_live(worlds, floor)
+            self.make_room(table.longest)
+            self._place_by_kernel(worlds, floor)
             worlds = [world for world in worlds if self.status[world] == beginning.TO_PLACE]
-            if worlds:
+            if self.by_table:
+                table.fill(self.wanted[worlds].ravel())
+            elif worlds:
                 self._forget(worlds[:1])
                 self._place_all(worlds[0], floor, idle=False)
                 worlds = worlds[1:]
@@ -212,20 +204,19 @@ class Dispatcher(Portable):
             if self.live is not None:
                 self.live.begin(world)
 
-    def _place_by_live(self, worlds: Sequence[int], floor: Floor) -> None:
+    def _place_by_kernel(self, worlds: Sequence[int], floor: Floor) -> None:
         """Let the kernel place the robots of worlds, on as many threads as allowed; `status` tells what it did."""
-        assert self.live is not None
-        arrays, (params, kinds), live = self.arrays(self.route_table.lines), self._limits, self.live.arrays
-        self.status[worlds] = beginning.TO_PLACE
-        threads = min(get_num_threads(), len(worlds))
+        status, arrays, (params, kinds) = self.status, self.arrays(self.route_table.lines), self._limits
+        status[worlds], threads = beginning.TO_PLACE, min(get_num_threads(), len(worlds))
+        live = None if self.live is None else self.live.arrays
 
         def place(first: int, last: int) -> None:
             orders, room = self._room if threads == 1 else self._make_scratch()
-            body = params[0], kinds, floor
-            self._call(beginning.place, first, last + 1, self.status, orders, body, arrays, (live, room))
+            routes = None if live is None else (live, room)
+            self._call(beginning.place, first, last + 1, status, orders, (params[0], kinds, floor), arrays, routes)
 
         side_by_side(place, [(int(part[0]), int(part[-1])) for part in np.array_split(worlds, threads)])
-        worst = int(self.status[worlds].min())
+        worst = int(status[worlds].min())
         if worst < 0:
             raise no_room(self.robots.shape[1], -1 - worst, self.book.grid)
 
