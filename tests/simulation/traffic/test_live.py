@@ -367,6 +367,22 @@ def test_a_new_route_begins_at_the_robot_and_ends_at_the_same_goal_and_the_task_
     assert seen > 0
 
 
+@pytest.mark.parametrize("routes", [True, "barred"])
+def test_kernels_give_the_goals_and_routes_that_python_gives(routes: bool | str) -> None:
+    """Both begin with too little room for the longest routes."""
+    config = CONFIG.replace(traffic=TrafficSpec(routes=routes), layout="single_lane")
+    here, there = Simulator(config, 3), Simulator(config, 3)
+    assert here.dispatcher.by_live
+    there.dispatcher.by_live = there.dispatcher.begins_by_kernel = False
+    rng = np.random.default_rng(1)
+    assert here.reset(5).tobytes() == there.reset(5).tobytes()
+    for _ in range(STEPS):
+        given = np.where(rng.random((3, 24)) < 0.2, rng.integers(0, 20, (3, 24)), here.cruise_action)
+        assert here.step(given).tobytes() == there.step(given).tobytes()
+        assert here.arrivals == there.arrivals
+    assert here.robots["totals"]["reroutes"].sum() > 0 < here.robots["totals"]["goals"].sum()
+
+
 def test_stored_prices_are_read_where_they_are_those_of_today() -> None:
     prices = {name: value for name, value in TrafficSpec.retired.items() if name in PRICES._fields}
     assert len(prices) == 8
