@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 
 from agents.learned import LearnedPolicy, config_for
 from agents.policy import Actor, Policy, Recurrent
-from agents.potential_field import PotentialField
 from agents.reciprocal import Reciprocal
-from agents.rules import Brake, Follow, Rules
+from agents.rules import Brake, Follow, PotentialField, Rules
 from agents.weights_folder import CONFIG, Mode, Network, PolicyRecord, read_record, read_tensors, save_policy
 from warehouse_env import plugins
 from warehouse_env.config import EnvConfig

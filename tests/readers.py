@@ -15,13 +15,13 @@ from safetensors.numpy import save
 from agents import WEIGHTS_FOLDER, Network
 from agents.weights_folder import CONFIG, read_record, read_tensors
 from train.clmapf.instance import read_instance, read_solution
+from train.commands.compare import read_runs
 from train.fleet.check import check_log
 from train.fleet.driven import load_episode
-from train.fleet.factsheet import factsheet_of
+from train.fleet.messages import factsheet_of
 from train.fleet.received import hear_log
 from train.kinds import read_fleet
 from train.learning import checkpoint
-from train.reporting.comparison import read_runs
 from train.reporting.rows import read_rows, whole_rows
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, MapError, WarehouseError, WeightsError

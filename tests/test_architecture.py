@@ -71,14 +71,12 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "agents": (*PLANNING, "warehouse_env.observation", "agents"),
     "train.reporting": ("warehouse_env", "train.reporting"),
     "train.books": BELOW_TRAIN,
-    "train.own": BELOW_TRAIN,
+    "train.job_files": BELOW_TRAIN,
     "train.kinds": BELOW_TRAIN,
-    "train.job_files": (*BELOW_TRAIN, "train.own"),
     "train.learning": (
         *BELOW_TRAIN,
         "train.books",
         "train.kinds",
-        "train.own",
         "train.job_files",
         "train.reporting",
         "train.learning",
@@ -92,7 +90,6 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "train.evaluation": (
         *BELOW_TRAIN,
         "train.books",
-        "train.own",
         "train.job_files",
         "train.reporting",
         "train.evaluation",

@@ -30,6 +30,7 @@ from hypothesis import strategies as st
 from agents import Network, PolicyRecord, make_policy
 from tests.readers import EVALUATED, HALL, NETWORK, READERS, SMALL, an_episode
 from train.commands.bench import Bench
+from train.commands.compare import compare, read_runs
 from train.commands.demo import Demo
 from train.commands.evaluate import Evaluate
 from train.commands.plan import PlanCommand
@@ -39,7 +40,6 @@ from train.evaluation.rollout import make_experiment
 from train.learning.config import PPOConfig, ReinforceConfig, ThreadedPPOConfig
 from train.learning.progress import ProgressLog
 from train.live.world import read_command
-from train.reporting.comparison import compare, read_runs
 from train.reporting.rows import read_rows
 from warehouse_env.checked import from_plain, parse_named
 from warehouse_env.config import EnvConfig, RewardWeights, RobotSpec, SensorSpec
@@ -57,7 +57,7 @@ from warehouse_env.maps.movingai import read_map
 from warehouse_env.planning import PLANNERS, make_planner
 from warehouse_env.simulation.record.recording import Episode, Recorder
 from warehouse_env.simulation.simulator import Simulator
-from warehouse_env.simulation.tasks.assignment import Assignment
+from warehouse_env.simulation.tasks.given import Assignment
 from warehouse_env.traffic_spec import TrafficSpec, UncertaintySpec
 from warehouse_env.work import BatterySpec, OrderSpec, ServiceSpec
 

@@ -200,7 +200,7 @@ def _load_own(options: Any) -> None:
     values = {name: value if isinstance(value, tuple) else (value,) for name, value in given.items() if name in _PARTS}
     typed = [(_PARTS[name], text) for name, texts in values.items() for text in texts if ":" in str(text)]
     if typed:
-        from train.own import take_in
+        from train.job_files import take_in
 
         take_in(typed)
 

@@ -1,4 +1,4 @@
-"""The files that options name, and what jobs read of them, as bytes that travel to other machines."""
+"""What options name: own parts, loaded once here and in each worker; and files, as bytes that travel to machines."""
 
 from __future__ import annotations
 
@@ -6,13 +6,15 @@ import dataclasses
 import hashlib
 import os
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from agents import POLICIES, add_policy
 from agents.weights_folder import CONFIG, WEIGHTS
-from train.own import taken_in
+from warehouse_env.checked import Checked
 from warehouse_env.errors import ConfigError, WarehouseError
 from warehouse_env.files import (
     MOST,
@@ -20,6 +22,7 @@ from warehouse_env.files import (
     check_writable,
     companion,
     complete_file,
+    file_digest,
     guarded,
     is_special,
     read_bytes,
@@ -27,7 +30,52 @@ from warehouse_env.files import (
 )
 from warehouse_env.maps import discs, one_way
 from warehouse_env.maps.halls.hall import files_of, is_hall
-from warehouse_env.plugins import loaded_files, split
+from warehouse_env.maps.layouts import add_layout
+from warehouse_env.observation import add_sensor
+from warehouse_env.planning import add_planner
+from warehouse_env.plugins import LOADED, digests, loaded_files, split
+from warehouse_env.simulation.tasks.sampled import add_tasks
+
+Typed = tuple[str, str]
+"""A kind of part, and its name as typed."""
+
+_ADD: dict[str, Callable[[str], None]] = {
+    "policy": add_policy, "planner": add_planner, "layout": add_layout, "sensor": add_sensor, "tasks": add_tasks,
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class OwnSensors(Checked):
+    """The option for sensors."""
+
+    sensor: tuple[str, ...] = ()
+    """Your own sensors that the policies need, under the names they were trained with: FILE.py:CLASS or
+    MODULE:CLASS."""
+
+
+def take_in(typed: Iterable[Typed]) -> None:
+    """Put each own part into its registry; ConfigError or WeightsError if it cannot be loaded."""
+    for kind, text in typed:
+        _ADD[kind](text)
+
+
+def taken_in() -> list[Typed]:
+    """Return all own parts in the registries, for `take_in` in another process."""
+    return [(part.kind, name) for name, part in LOADED.items()]
+
+
+def versions(policy: str, *names: str, orders: str = "") -> dict[str, str]:
+    """Return name -> digest of what may change under the same name: a policy's weights, plugins (`names`), orders."""
+    found = digests(policy, *names)
+    if policy not in POLICIES:
+        path = whereabouts(policy)
+        weights = path / WEIGHTS if path.is_dir() else path
+        if weights.is_file():
+            found[policy] = file_digest(weights)
+    if orders:
+        found[orders] = file_digest(whereabouts(orders))
+    return found
+
 
 JobFiles = dict[str, dict[str, bytes]]
 """Name as typed -> its files by their names within a folder; the first is the named file or in the named folder."""

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from agents import make_policy
-from agents.potential_field import FieldGains, PotentialField
 from agents.reciprocal import Reciprocal, Reciprocity
 from agents.route_command import RouteCommand
-from agents.rules import RuleNumbers, Rules
+from agents.rules import FieldGains, PotentialField, RuleNumbers, Rules
 from tests.agents.conftest import Observe
 from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.observation import observation_layout

@@ -14,8 +14,7 @@ import pytest
 
 from agents import WEIGHTS_FOLDER, make_policy, policy_config
 from train.cli import COMMANDS, main, options_of
-from train.job_files import OUTPUTS, checked, pack, unpacked
-from train.own import take_in, versions
+from train.job_files import OUTPUTS, checked, pack, take_in, unpacked, versions
 from warehouse_env import EnvConfig, make_layout
 from warehouse_env.errors import MapError, WarehouseError, WeightsError
 from warehouse_env.files import complete_file, write_text

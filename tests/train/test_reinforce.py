@@ -21,9 +21,8 @@ from agents.weights_folder import Network, read_record
 from tests.train.trainings import SMALL
 from train.learning import checkpoint
 from train.learning.config import HELD_OUT_SEED, PPOConfig, ReinforceConfig
-from train.learning.experience import advantages
 from train.learning.progress import TrainingTally, figures_of
-from train.learning.threaded import policy_loss
+from train.learning.threaded import advantages, policy_loss
 from train.learning.worlds import TrainingSimulator, TrainingWorlds
 from train.trainers import train
 from warehouse_env.config import EnvConfig, SensorSpec

@@ -15,8 +15,8 @@ from typing import Any, NamedTuple
 from train.evaluation.jobs import Job, Result, Tick
 from train.evaluation.places import PlaceNotes
 from train.evaluation.rollout import make_experiment, run
+from train.job_files import versions
 from train.kinds import Kinds
-from train.own import versions
 from train.reporting.columns import Measure, field_of
 from train.reporting.rows import Row, plain
 from warehouse_env import __version__

@@ -29,8 +29,8 @@ from train.advice.trials import AdvicePlan, TimeBudget
 from train.commands.layouts import BY_MAP, check_connected
 from train.evaluation.jobs import Progress, Runner
 from train.evaluation.workers import GOES_ON, RowOptions
+from train.job_files import OwnSensors
 from train.kinds import Fleet, Work
-from train.own import OwnSensors
 from train.reporting.page import PagePart
 from train.reporting.report import make_console, make_progress, require_charts
 from train.reporting.rows import RowFile

@@ -16,9 +16,9 @@ from train.evaluation.places import NOTES, PAGE
 from train.evaluation.robustness import robust_table
 from train.evaluation.rollout import Experiment, make_experiment
 from train.evaluation.workers import GOES_ON, RowOptions
+from train.job_files import OwnSensors
 from train.kinds import Fleet, Work
 from train.learning.config import HELD_OUT_SEED
-from train.own import OwnSensors
 from train.reporting.report import Table, evaluation_table, require_charts
 from train.reporting.rows import Row, RowFile, read_rows, whole_rows
 from train.reporting.trainings import read_groups, regrouped

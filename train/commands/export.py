@@ -12,7 +12,7 @@ from agents import weights_of
 from agents.learned import LearnedPolicy
 from agents.onnx_model import INPUT, OUTPUT, onnx_model
 from agents.weights_folder import read_record
-from train.own import OwnSensors
+from train.job_files import OwnSensors
 from warehouse_env.errors import WarehouseError
 from warehouse_env.files import complete_file
 

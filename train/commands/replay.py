@@ -18,7 +18,7 @@ from train.commands.layouts import BY_MAP
 from train.evaluation.recorded import record, shares_of
 from train.evaluation.rollout import make_experiment
 from train.fleet.driven import load_episode
-from train.own import OwnSensors
+from train.job_files import OwnSensors
 from train.reporting.report import make_progress, require_video
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, WarehouseError

@@ -22,8 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from train.evaluation.jobs import Job, Numbered, Progress, Result, lost_jobs
-from train.job_files import JobFiles, pack, unpacked
-from train.own import Typed, take_in, taken_in
+from train.job_files import JobFiles, Typed, pack, take_in, taken_in, unpacked
 from train.reporting.report import tell
 from warehouse_env import __version__
 from warehouse_env.errors import ConfigError, WarehouseError, counted, shown

@@ -14,7 +14,7 @@ from concurrent.futures.process import BrokenProcessPool
 from multiprocessing.connection import Connection
 
 from train.evaluation.jobs import Job, Numbered, Progress, Result, lost_jobs
-from train.own import Typed, take_in, taken_in
+from train.job_files import Typed, take_in, taken_in
 
 _WAIT = 0.2  # [s] between two looks at the processes
 

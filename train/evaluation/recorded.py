@@ -17,7 +17,7 @@ from train.books import simulator_of
 from train.evaluation.disturbances import DISTURBANCES
 from train.evaluation.pictures import file_name
 from train.evaluation.rollout import Experiment, identity, play_out
-from train.own import versions
+from train.job_files import versions
 from train.reporting.page import Link
 from train.reporting.report import grouped, number
 from train.reporting.rows import Row

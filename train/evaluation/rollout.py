@@ -17,8 +17,7 @@ from agents import Actor, LearnedPolicy, make_policy, policy_config
 from agents.policy import Recurrent
 from train.books import simulator_of
 from train.evaluation.disturbances import DISTURBANCES, Breakdown, Senses
-from train.job_files import floor_digest
-from train.own import versions
+from train.job_files import floor_digest, versions
 from train.reporting.rows import Row, plain
 from warehouse_env import __version__
 from warehouse_env.config import EnvConfig

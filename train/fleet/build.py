@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from train.fleet.driven import MOST_POINTS, FleetEpisode
-from train.fleet.factsheet import body_of
 from train.fleet.figures import MOMENT, PRESENT, UNDER_WAY
+from train.fleet.messages import body_of
 from train.fleet.received import GONE, HeardFleet, HeardVehicle, Key
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, WarehouseError, counted, shown

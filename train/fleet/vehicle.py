@@ -6,8 +6,7 @@ import math
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
-from train.fleet.factsheet import factsheet_of
-from train.fleet.messages import Message, Names, Sender
+from train.fleet.messages import Message, Names, Sender, factsheet_of
 from train.fleet.orders import OrderNode, RobotOrder, Story, orders_of
 from warehouse_env.errors import ConfigError
 from warehouse_env.simulation.state import NOBODY

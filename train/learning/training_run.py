@@ -19,7 +19,7 @@ from agents.weights_folder import CONFIG, PolicyRecord, save_policy
 from train.books import simulator_of
 from train.job_files import FileDigests, file_digests
 from train.learning import checkpoint
-from train.learning.card import write_card
+from train.learning.checkpoint import write_card
 from train.learning.config import ThreadedConfig, TrainingConfig
 from train.learning.floors import HELD_OUT_FLOORS, floor_of
 from train.learning.plan_ahead import plan_ahead

@@ -13,10 +13,9 @@ from pettingzoo import AECEnv, ParallelEnv
 from pettingzoo.utils import parallel_to_aec
 
 from warehouse_env.config import EnvConfig
-from warehouse_env.envs.actions import ActionPacker
 from warehouse_env.envs.camera import FilmedWorld
 from warehouse_env.envs.infos import EPISODE_METRICS, RobotInfos, final_metrics
-from warehouse_env.envs.options import WorldOptions, build, reset, robots_of
+from warehouse_env.envs.options import ActionPacker, WorldOptions, build, reset, robots_of
 from warehouse_env.errors import ActionError, shown
 from warehouse_env.simulation.simulator import Simulator
 

@@ -10,13 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.config import EnvConfig
-from warehouse_env.envs.actions import ActionPacker
 from warehouse_env.envs.camera import FilmedWorld
 from warehouse_env.envs.infos import EPISODE_METRICS, RobotInfos, final_metrics
-from warehouse_env.envs.options import WorldOptions, build, reset
+from warehouse_env.envs.options import ActionPacker, WorldOptions, build, reset
 from warehouse_env.errors import ActionError
-from warehouse_env.simulation.given import whole_seed
 from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.simulation.tasks.given import whole_seed
 
 Others = Callable[[NDArray[np.float32]], Any]
 

@@ -12,7 +12,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from train.cli import main
-from train.clmapf.check import check
 from train.clmapf.instance import (
     Instance,
     body_gap,
@@ -22,7 +21,7 @@ from train.clmapf.instance import (
     why_impossible,
     write_solution,
 )
-from train.clmapf.jobs import solve
+from train.clmapf.jobs import check, solve
 from train.clmapf.motions import AUTHORS_STEP, extent
 from train.reporting.rows import read_rows
 from warehouse_env.errors import MapError

@@ -16,9 +16,8 @@ from tests.render.conftest import driven
 from tests.train.fleet.stories import NAMES, ORIGIN, episode_story, story, write_lines
 from train.fleet.build import episode_of
 from train.fleet.driven import FleetEpisode, load_episode, load_simulated, row_of
-from train.fleet.factsheet import body_of, factsheet_of
 from train.fleet.figures import AT_SHELF, MOMENT, PRESENT, UNDER_WAY, FleetFigures
-from train.fleet.messages import LogEntry, entry_of, moment_of, write_log
+from train.fleet.messages import LogEntry, body_of, entry_of, factsheet_of, moment_of, write_log
 from train.fleet.received import HeardFleet, hear_log
 from train.fleet.vehicle import messages_of
 from warehouse_env.config import EnvConfig, RobotSpec

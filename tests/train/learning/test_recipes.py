@@ -23,7 +23,7 @@ from agents.weights_folder import read_record, read_tensors
 from train.cli import COMMANDS, main
 from train.commands.training import Train
 from train.learning import recipes
-from train.learning.card import write_card
+from train.learning.checkpoint import write_card
 from train.learning.config import ThreadedConfig, ThreadedPPOConfig
 from train.learning.recipes import QUANTILES, RECIPES, by_recipe, reference_of, summary
 from train.learning.trainer import first_net

@@ -1,1 +1,1 @@
-"""Ant colonies: one loop (colony.py), one base (system.py), and a file for each system that fills the slots."""
+"""Ant colonies: one loop (colony.py), one base (aco.py), and a file for each system that fills the slots."""

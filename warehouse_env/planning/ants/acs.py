@@ -20,10 +20,9 @@ from numpy.typing import NDArray
 from warehouse_env.errors import ConfigError
 from warehouse_env.kernel import kernel
 from warehouse_env.maps.grid_map import MOVES, GridMap
-from warehouse_env.planning.ants.aco import power
+from warehouse_env.planning.ants.aco import STEP, AntSystem, goal_distance, power
 from warehouse_env.planning.ants.colony import Colony
 from warehouse_env.planning.ants.floor import AntFloor, Table
-from warehouse_env.planning.ants.system import STEP, AntSystem, goal_distance
 from warehouse_env.planning.ants.walks import Walks
 from warehouse_env.planning.plan import MICRO
 

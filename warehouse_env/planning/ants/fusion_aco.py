@@ -11,10 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
-from warehouse_env.planning.ants.aco import power
+from warehouse_env.planning.ants.aco import AntSystem, goal_distance, power
 from warehouse_env.planning.ants.colony import Colony
 from warehouse_env.planning.ants.floor import AntFloor, Table
-from warehouse_env.planning.ants.system import AntSystem, goal_distance
 from warehouse_env.planning.ants.walks import Walks, deposit
 from warehouse_env.planning.field_walkers import follow
 from warehouse_env.planning.potential_field import (

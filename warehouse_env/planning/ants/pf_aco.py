@@ -12,9 +12,9 @@ import numpy as np
 from warehouse_env.kernel import kernel
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning import potential_field
+from warehouse_env.planning.ants.aco import AntSystem
 from warehouse_env.planning.ants.colony import Colony
 from warehouse_env.planning.ants.floor import AntFloor, Table
-from warehouse_env.planning.ants.system import AntSystem
 from warehouse_env.planning.ants.walks import Walks, deposit
 from warehouse_env.planning.plan import MICRO
 

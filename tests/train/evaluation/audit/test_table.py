@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from train.evaluation.audit.jobs import audit_table, faults_of, sentences
+from train.commands.audit import audit_table, faults_of, sentences
 from train.evaluation.audit.watcher import Audit, solid_of
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
