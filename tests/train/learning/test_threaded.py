@@ -39,7 +39,7 @@ def test_a_resumed_run_gives_the_same_bits_as_an_unbroken_one(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
     layouts = ("open",) if device else ("open", "aisles:seed=new")
-    kind = {"threads": threads, "layouts": layouts, "late_braking": -3.0}
+    kind = {"threads": threads, "layouts": layouts, "late_braking": -3.0} | ({"traffic": "shield"} if device else {})
     config = options(out=tmp_path, device=device, **SIXTEEN | kind)
     whole = load_file(train(replace(config, name="whole")) / "weights.safetensors")
     update, calls = ThreadedTrainer.update, []
