@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.policy import Action, Observation
-from agents.route_command import RouteCommand
-from agents.surroundings import Floats, Surroundings
+from agents.route_command import Floats, RouteCommand, Surroundings
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import WarehouseError
 

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.policy import Action, Observation
-from agents.route_command import RouteCommand
-from agents.surroundings import Floats, Neighbours, Surroundings
+from agents.route_command import Floats, Neighbours, RouteCommand, Surroundings
 from warehouse_env.config import EnvConfig
 from warehouse_env.observation import observation_layout
 

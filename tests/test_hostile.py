@@ -43,8 +43,7 @@ from train.live.world import read_command
 from train.reporting.rows import read_rows
 from warehouse_env.checked import from_plain, parse_named
 from warehouse_env.config import EnvConfig, RewardWeights, RobotSpec, SensorSpec
-from warehouse_env.envs.parallel import parallel_env
-from warehouse_env.envs.single import single_env
+from warehouse_env.envs.parallel import parallel_env, single_env
 from warehouse_env.envs.vector import vec_env
 from warehouse_env.errors import MapWarning, WarehouseError
 from warehouse_env.maps.grid_map import GridMap

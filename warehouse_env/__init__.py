@@ -14,8 +14,7 @@ import gymnasium
 if TYPE_CHECKING:
     from warehouse_env.config import LEARNING, EnvConfig, FleetPart, RewardWeights, RobotSpec, SensorSpec
     from warehouse_env.envs.callback import MetricsCallback
-    from warehouse_env.envs.parallel import WarehouseParallelEnv, aec_env, parallel_env
-    from warehouse_env.envs.single import WarehouseSingleEnv, single_env
+    from warehouse_env.envs.parallel import WarehouseParallelEnv, WarehouseSingleEnv, aec_env, parallel_env, single_env
     from warehouse_env.envs.tensors import WarehouseTensorEnv, tensor_env
     from warehouse_env.envs.vector import WarehouseVecEnv, vec_env
     from warehouse_env.errors import ActionError, ConfigError, MapError, PlanError, WarehouseError, WeightsError
@@ -39,8 +38,7 @@ _HOME = {  # public name -> the module that holds it
     for module, names in {
         "config": "LEARNING EnvConfig FleetPart RewardWeights RobotSpec SensorSpec",
         "envs.callback": "MetricsCallback",
-        "envs.parallel": "WarehouseParallelEnv aec_env parallel_env",
-        "envs.single": "WarehouseSingleEnv single_env",
+        "envs.parallel": "WarehouseParallelEnv WarehouseSingleEnv aec_env parallel_env single_env",
         "envs.tensors": "WarehouseTensorEnv tensor_env",
         "envs.vector": "WarehouseVecEnv vec_env",
         "errors": "ActionError ConfigError MapError PlanError WarehouseError WeightsError",
@@ -86,4 +84,4 @@ def __dir__() -> list[str]:
 
 
 if "Warehouse-v0" not in gymnasium.registry:  # importlib.reload must not warn
-    gymnasium.register("Warehouse-v0", entry_point="warehouse_env.envs.single:WarehouseSingleEnv")
+    gymnasium.register("Warehouse-v0", entry_point="warehouse_env.envs.parallel:WarehouseSingleEnv")

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from train.advice.study import FEWEST, Team, TrialRuns, best_of, race
 from train.advice.trials import AdvicePlan, Use
 from train.advice.trips import Bottleneck, Trip, expected_cost
+from train.reporting.columns import difference_of
 from train.reporting.rows import Interval, mean_interval
-from train.reporting.trainings import difference_of
 from warehouse_env.maps.endpoints import beside, shelves
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.maps.moves import label_regions

@@ -25,7 +25,7 @@ from train.central.traffic import BEGIN, END, HEADING, X, Y, pose_at
 from train.evaluation.audit.bodies import Outline, gap, point_gap
 from warehouse_env.errors import MapError, shown
 from warehouse_env.files import as_number, path_of, write_text
-from warehouse_env.maps.plain_yaml import read_yaml
+from warehouse_env.maps.halls.map_server import read_yaml
 
 BODY = CarBody(ahead=2.0, behind=1.0, half_width=1.0, radius=3.0)
 DISC_RADIUS = 0.8

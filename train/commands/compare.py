@@ -11,10 +11,18 @@ from typing import Any, NamedTuple
 
 import tyro
 
-from train.reporting.columns import MEASURES, Measure, differing
+from train.reporting.columns import (
+    EPISODE,
+    MEASURES,
+    Measure,
+    difference_of,
+    differing,
+    note_on_groups,
+    read_groups,
+    regrouped,
+)
 from train.reporting.report import Table, difference, grouped, with_interval
 from train.reporting.rows import Interval, Row, RowFile, is_significant, read_rows, select, short_names, values_of
-from train.reporting.trainings import EPISODE, difference_of, note_on_groups, read_groups, regrouped
 from warehouse_env.checked import Checked
 from warehouse_env.errors import ConfigError, WarehouseError
 

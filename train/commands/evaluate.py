@@ -19,9 +19,9 @@ from train.evaluation.workers import GOES_ON, RowOptions
 from train.job_files import OwnSensors
 from train.kinds import Fleet, Work
 from train.learning.config import HELD_OUT_SEED
+from train.reporting.columns import read_groups, regrouped
 from train.reporting.report import Table, evaluation_table, require_charts
 from train.reporting.rows import Row, RowFile, read_rows, whole_rows
-from train.reporting.trainings import read_groups, regrouped
 from warehouse_env.checked import Checked
 from warehouse_env.config import ArrivalMode, EnvConfig
 from warehouse_env.errors import ConfigError

@@ -14,9 +14,8 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table as RichTable
 
-from train.reporting.columns import Measure, driven_with, field_of, measures_for, note_for
+from train.reporting.columns import Measure, driven_with, field_of, measures_for, note_for, note_on_groups
 from train.reporting.rows import Interval, Row, short_names, values_of
-from train.reporting.trainings import note_on_groups
 from warehouse_env.render.chart_style import check_picture
 from warehouse_env.render.extras import load
 

@@ -10,10 +10,9 @@ from typing import ClassVar
 
 from train.evaluation.episodes import EpisodesJob
 from train.evaluation.rollout import Experiment, make_experiment
-from train.reporting.columns import driven_with
+from train.reporting.columns import difference_of, driven_with
 from train.reporting.report import Table, difference, number, with_interval
 from train.reporting.rows import Row, is_significant, mean_interval, select, short_names
-from train.reporting.trainings import difference_of
 from train.tables.options import TableOptions
 from train.tables.papers.settings import movingai_warehouse
 from warehouse_env.config import EnvConfig

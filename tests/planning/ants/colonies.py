@@ -6,8 +6,7 @@ import numpy as np
 
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.planning import Plan, make_planner, validate
-from warehouse_env.planning.ants.floor import AntFloor
-from warehouse_env.planning.ants.walks import Walks, empty_walks, measure
+from warehouse_env.planning.ants.walks import AntFloor, Walks, empty_walks, measure
 
 EAST, SOUTH_EAST, SOUTH, WEST = 0, 7, 6, 4
 

@@ -14,10 +14,9 @@ from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
 from warehouse_env.maps.layouts import NAMED_TASKS, make_layout
 from warehouse_env.planning import climb, make_planner, path_length, turns, validate
 from warehouse_env.planning.ants.colony import Colony, EdgeWeights, WalkRule, cells_of, run, walk
-from warehouse_env.planning.ants.floor import AntFloor, Table, make_floor
 from warehouse_env.planning.ants.local_search import shorten, straight_runs
 from warehouse_env.planning.ants.pf_aco import PfAco, gentle_share, initial_pheromone
-from warehouse_env.planning.ants.walks import Walks, empty_walks, measure
+from warehouse_env.planning.ants.walks import AntFloor, Table, Walks, empty_walks, make_floor, measure
 
 
 def open_floor(rows: int, columns: int, height: Any = None) -> AntFloor:

@@ -13,9 +13,9 @@ from warehouse_env.maps.grid_map import MOVES, GridMap
 from warehouse_env.maps.layouts import make_layout
 from warehouse_env.planning.ants.aco import Aco, AntSystem, ApfAco
 from warehouse_env.planning.ants.acs import ShaaAcs, draw_towards_best, rise, settle
-from warehouse_env.planning.ants.floor import make_floor
 from warehouse_env.planning.ants.fusion_aco import FusionAco
 from warehouse_env.planning.ants.iaco import Iaco, smooth
+from warehouse_env.planning.ants.walks import make_floor
 from warehouse_env.planning.plan import path_length, validate, validate_line
 
 

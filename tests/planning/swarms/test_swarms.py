@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from tests.simulation.worlds import drawn
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.planning.ants.colony import cells_of
-from warehouse_env.planning.ants.floor import make_floor
+from warehouse_env.planning.ants.walks import make_floor
 from warehouse_env.planning.plan import path_length, validate
 from warehouse_env.planning.swarms.fish_swarm import FishSwarm
 from warehouse_env.planning.swarms.waypoints import Code, ParticleSwarm, Paths

@@ -10,8 +10,8 @@ import pytest
 
 from train.cli import main
 from train.commands.compare import ComparedRun, Line, compare, comparison_table, read_runs
+from train.reporting.columns import crossed_interval, difference_of, interval_of, read_groups, regrouped
 from train.reporting.rows import Interval, is_significant, mean_interval, read_rows, t_quantile, write_rows
-from train.reporting.trainings import crossed_interval, difference_of, interval_of, read_groups, regrouped
 from warehouse_env.errors import ConfigError, WarehouseError
 
 

@@ -2,7 +2,8 @@
 
 Rules of nav2_map_server: a level is p = grey / 255, occ = p with `negate`, else 1 - p. trinary: occupied from
 `occupied_thresh` on, free up to `free_thresh`, else unknown. scale: the same, and between them a share. raw: the level
-itself is the share in per cent, unknown above 100. Row 0 of a picture is the north edge.
+itself is the share in per cent, unknown above 100. Row 0 of a picture is the north edge. YAML is read safely, in time
+and memory proportional to the file.
 """
 
 from __future__ import annotations
@@ -19,8 +20,50 @@ import yaml
 from numpy.typing import NDArray
 
 from warehouse_env.errors import MapError, shown
-from warehouse_env.files import as_number, complete_file, read_bytes, write_text
-from warehouse_env.maps.plain_yaml import read_yaml
+from warehouse_env.files import as_number, complete_file, read_bytes, read_text, write_text
+
+_DEEPEST = 16  # mappings and lists within each other
+
+
+class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
+    """A safe loader, in C if available, that refuses duplicate names."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        """Return the entries of a mapping."""
+        names = [(key.tag, key.value) for key, _ in node.value if isinstance(key, yaml.ScalarNode)]
+        if len(set(names)) < len(names):
+            raise yaml.constructor.ConstructorError(None, None, "a name is given twice", node.start_mark)
+        made: dict[Any, Any] = super().construct_mapping(node, deep)
+        return made
+
+
+def read_yaml(path: Path, kind: str, most: int) -> Any:
+    """Return the content of a file of at most `most` bytes; MapError, naming the `kind` of file.
+
+    Aliases, which can make a short file endless, and more than 16 levels are refused.
+    """
+    text = read_text(path, kind, most)
+    try:
+        _check(text, path)
+        return yaml.load(text, _Loader)
+    except MapError:  # a ValueError as well
+        raise
+    except yaml.MarkedYAMLError as error:
+        line = f", line {error.problem_mark.line + 1}" if error.problem_mark else ""
+        raise MapError(f"{path}{line} is no YAML: {shown(error.problem)[1:-1]}") from None
+    except (yaml.YAMLError, ValueError, TypeError, RecursionError, OverflowError) as error:
+        raise MapError(f"{path} is no YAML: {shown(str(error))[1:-1]}") from None
+
+
+def _check(text: str, path: Path) -> None:
+    depth = 0
+    for event in yaml.parse(text, _Loader):
+        if isinstance(event, yaml.AliasEvent):
+            raise MapError(f"{path} has an alias (*name), which it does not need; write the value itself")
+        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+        if depth > _DEEPEST:
+            raise MapError(f"{path}, line {event.start_mark.line + 1} is deeper than {_DEEPEST} levels")
+
 
 YAMLS = (".yaml", ".yml")
 PICTURES = (".pgm", ".png", ".bmp")

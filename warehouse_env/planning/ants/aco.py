@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
 from warehouse_env.planning.ants.colony import Colony, cells_of, run
-from warehouse_env.planning.ants.floor import AntFloor, Table, make_floor
 from warehouse_env.planning.ants.local_search import improve, straight_runs
-from warehouse_env.planning.ants.walks import Walks, deposit
+from warehouse_env.planning.ants.walks import AntFloor, Table, Walks, deposit, make_floor
 from warehouse_env.planning.base import BasePlanner
 from warehouse_env.planning.plan import MICRO, CostMap, Plan
 from warehouse_env.planning.potential_field import descent_length, improved_potential, repulsion

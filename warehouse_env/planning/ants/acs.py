@@ -22,8 +22,7 @@ from warehouse_env.kernel import kernel
 from warehouse_env.maps.grid_map import MOVES, GridMap
 from warehouse_env.planning.ants.aco import STEP, AntSystem, goal_distance, power
 from warehouse_env.planning.ants.colony import Colony
-from warehouse_env.planning.ants.floor import AntFloor, Table
-from warehouse_env.planning.ants.walks import Walks
+from warehouse_env.planning.ants.walks import AntFloor, Table, Walks
 from warehouse_env.planning.plan import MICRO
 
 LEAST_DECAY = 4.0 + 4.0 / math.sqrt(2.0)  # the sum of the weights 1/d of 8 moves; up to it activity saturates

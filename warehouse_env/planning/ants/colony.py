@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from warehouse_env.kernel import inline, kernel, part, whole
 from warehouse_env.maps.grid_map import MOVES
-from warehouse_env.planning.ants.floor import AntFloor, Table
-from warehouse_env.planning.ants.walks import Walks, empty_walks, keep, measure
+from warehouse_env.planning.ants.walks import AntFloor, Table, Walks, empty_walks, keep, measure
 
 _SHIFT_13, _SHIFT_7, _SHIFT_17, _SHIFT_11 = np.uint64(13), np.uint64(7), np.uint64(17), np.uint64(11)
 _TO_UNIT = 2.0**-53

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
 from warehouse_env.planning.ants.aco import AntSystem, goal_distance, power
 from warehouse_env.planning.ants.colony import Colony
-from warehouse_env.planning.ants.floor import AntFloor, Table
-from warehouse_env.planning.ants.walks import Walks, deposit
+from warehouse_env.planning.ants.walks import AntFloor, Table, Walks, deposit
 from warehouse_env.planning.field_walkers import follow
 from warehouse_env.planning.potential_field import (
     alignment,

@@ -23,8 +23,7 @@ from warehouse_env.maps.clearance import distance, nearest_shelf, segment_gap
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning.ants.aco import AntSystem, goal_distance, power
 from warehouse_env.planning.ants.colony import Colony
-from warehouse_env.planning.ants.floor import AntFloor, Table
-from warehouse_env.planning.ants.walks import Walks, deposit
+from warehouse_env.planning.ants.walks import AntFloor, Table, Walks, deposit
 from warehouse_env.planning.plan import Plan, validate_line
 
 SWEEPS = 400  # at most, over all nodes of a path

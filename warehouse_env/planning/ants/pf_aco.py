@@ -14,8 +14,7 @@ from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning import potential_field
 from warehouse_env.planning.ants.aco import AntSystem
 from warehouse_env.planning.ants.colony import Colony
-from warehouse_env.planning.ants.floor import AntFloor, Table
-from warehouse_env.planning.ants.walks import Walks, deposit
+from warehouse_env.planning.ants.walks import AntFloor, Table, Walks, deposit
 from warehouse_env.planning.plan import MICRO
 
 

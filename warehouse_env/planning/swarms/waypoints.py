@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from warehouse_env.kernel import kernel
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
 from warehouse_env.planning.ants.colony import cells_of
-from warehouse_env.planning.ants.floor import AntFloor, make_floor
-from warehouse_env.planning.ants.walks import empty_walks, keep, measure
+from warehouse_env.planning.ants.walks import AntFloor, empty_walks, keep, make_floor, measure
 from warehouse_env.planning.base import BasePlanner
 from warehouse_env.planning.plan import CostMap, Plan
 
