@@ -177,7 +177,7 @@ class DeviceSimulator:
             **{name: views[name] for name in ("robots", "routes", "keys", "wanted", "booked")},
         )
         floor = mapped(tasks.floor, memory.constant)
-        orders = mapped(dispatcher.orders(), lambda array: memory.scratch(self._few, array))
+        orders = mapped(dispatcher.make_scratch()[0], lambda array: memory.scratch(self._few, array))
         return drivers.Work(
             views["steps"], tasks._replace(floor=floor), views["status"], orders, setup.planned, setup.floor,
             views["go"],

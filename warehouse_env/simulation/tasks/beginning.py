@@ -56,17 +56,20 @@ def _stand(at, here, body, arrays, live):
         return _stand_on_route(at, here, body, arrays)
     (world, robot), (p, kinds, floor) = at, body
     goal = to_goal(live[0], goal_of(arrays.robots[at]))
-    move = first_move(live[0], here, goal) if goal >= 0 else -1
+    if goal < 0:
+        return WANTS
+    row, column, none = whole(here[0]), whole(here[1]), whole(0)
+    move = first_move(live[0].fields[goal], none, none, live[0].steps, row, column)
     if move < 0:
         return WANTS
     x, y = centre_of(here[0], here[1], arrays.floor.occupied.shape[0], arrays.floor.size)
     start = x, y, np.float32(MOVES[move, 1]), np.float32(-MOVES[move, 0])
     if not stand_facing(arrays.robots[world], robot, start, p, kinds, floor):
         return TAKEN
-    if follow_live(at, (whole(here[0]), whole(here[1])), (whole(0), False, whole(0)), arrays, live) != GIVEN:
+    if follow_live(at, (row, column), (none, False, none), arrays, live) != GIVEN:
         return WANTS
-    row, column = goal_of(arrays.robots[at])
-    take_goal(arrays.robots, arrays.routes, world, robot, row, column)
+    goal_row, goal_column = goal_of(arrays.robots[at])
+    take_goal(arrays.robots, arrays.routes, world, robot, goal_row, goal_column)
     return STANDS
 
 

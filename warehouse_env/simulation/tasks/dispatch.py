@@ -107,16 +107,13 @@ class Dispatcher(Portable):
     def _bind(self) -> None:
         self._compiled: dict[Callable[..., Any], Callable[..., Any]] = {}  # kernels, once a step or a reset calls them
         self._task_floor = giving.floor_of(self.book.grid)
-        self._room = self._make_scratch()
+        self._room = self.make_scratch()
 
-    def _make_scratch(self) -> tuple[Any, LiveRoom | None]:
-        """Return scratch for a thread that places robots, and for live routes."""
-        return self.orders(), self.live.room() if self.live is not None and self.by_live else None
-
-    def orders(self) -> tuple[NDArray[np.int32], ...]:
-        """Return scratch for the orders of places."""
+    def make_scratch(self) -> tuple[tuple[NDArray[np.int32], ...], LiveRoom | None]:
+        """Return scratch for a thread that places robots: for the orders of places, and for live routes."""
         endpoints = self._task_floor.endpoints
-        return np.empty(len(endpoints.cells), np.int32), np.empty(len(endpoints.elsewhere), np.int32)
+        orders = np.empty(len(endpoints.cells), np.int32), np.empty(len(endpoints.elsewhere), np.int32)
+        return orders, self.live.room() if self.live is not None and self.by_live else None
 
     def _call(self, kernel: Callable[..., Any], *arguments: Any) -> Any:
         """Call a kernel; the types of its arguments never change."""
@@ -211,7 +208,7 @@ class Dispatcher(Portable):
         live = None if self.live is None else self.live.arrays
 
         def place(first: int, last: int) -> None:
-            orders, room = self._room if threads == 1 else self._make_scratch()
+            orders, room = self._room if threads == 1 else self.make_scratch()
             routes = None if live is None else (live, room)
             self._call(beginning.place, first, last + 1, status, orders, (params[0], kinds, floor), arrays, routes)
 

@@ -175,17 +175,15 @@ def to_goal(live, goal):
     return number if number >= 0 and len(live.fields) > 0 and live.known[number] else -1
 
 
-@part
-def first_move(live, here, goal):
-    """Return the move of MOVES that begins a cheapest way from a cell to endpoint `goal`; NOTHING if there is none."""
-    row, column = here
-    field = live.fields[goal]
+@kernel
+def first_move(field, top, left, steps, row, column):
+    """Return the move of MOVES that begins a cheapest way from a cell to a field's goal; NOTHING if there is none."""
+    rest = to_go(field, top, left, row, column)
     for move in range(8):
-        step = live.steps[row, column, move]
-        if step > 0 and field[row, column] != UNREACHABLE:
-            there = field[row + MOVES[move, 0], column + MOVES[move, 1]]
-            if there != UNREACHABLE and there + step == field[row, column]:
-                return move
+        step = steps[row, column, move]
+        there = to_go(field, top, left, row + MOVES[move, 0], column + MOVES[move, 1])
+        if step > 0 and there != UNREACHABLE and there + step == rest:
+            return move
     return NOTHING
 
 
@@ -384,10 +382,8 @@ class LiveRoutes(Portable):
     def towards(self, cell: Cell, goal: Cell) -> NDArray[np.float32] | None:
         """Return the direction (x, y) of a cheapest way from a cell to a goal; None where there is none."""
         field, (top, left, _, _) = self._around(cell, goal)
-        row, column = cell
-        for move in np.flatnonzero(self.arrays.steps[row, column]).tolist():
-            d_row, d_column = MOVES[move].tolist()
-            there = to_go(field, top, left, row + d_row, column + d_column)
-            if there + int(self.arrays.steps[row, column, move]) == to_go(field, top, left, row, column):
-                return np.array([d_column, -d_row], np.float32)
-        return None
+        move = first_move(field, top, left, self.arrays.steps, *cell)
+        if move == NOTHING:
+            return None
+        row, column = MOVES[move].tolist()
+        return np.array([column, -row], np.float32)
