@@ -383,6 +383,17 @@ def test_kernels_give_the_goals_and_routes_that_python_gives(routes: bool | str)
     assert here.robots["totals"]["reroutes"].sum() > 0 < here.robots["totals"]["goals"].sum()
 
 
+def test_waiting_fades_by_the_clock_whatever_is_simulated_beside() -> None:
+    periods = []
+    for worlds in (1, 2):
+        simulator = Simulator(CONFIG.replace(num_agents=1), worlds)
+        simulator.reset(5)
+        simulator.robots["task"]["alive"][0] = 0  # so nobody of this world looks
+        live_of(simulator).watch(simulator.robots, simulator.routes, np.full(worlds, 10_000))
+        periods.append(live_of(simulator).arrays.passing.period[0])
+    assert periods[0] == periods[1] > 0
+
+
 def test_stored_prices_are_read_where_they_are_those_of_today() -> None:
     prices = {name: value for name, value in TrafficSpec.retired.items() if name in PRICES._fields}
     assert len(prices) == 8

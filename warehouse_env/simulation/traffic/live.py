@@ -342,11 +342,11 @@ class LiveRoutes(Portable):
     def watch(self, robots: NDArray[Any], routes: NDArray[np.float32], steps: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Return bool[B, N]: the robots that replan after this step. robots: ROBOT[B, N]."""
         looks, arrays = np.empty(robots.shape, np.bool_), self.arrays
-        if find_due(robots, steps, self._every, looks):
-            note_waiting(arrays.passing, robots, looks, steps, self._every, arrays.site)
-            if self._only_barred:
-                users = self._users(robots, routes)
-                keep_barred(arrays.passing, users, arrays.site, LOOK_AHEAD, arrays.laid, steps, looks)
+        found = find_due(robots, steps, self._every, looks)
+        note_waiting(arrays.passing, robots, looks, steps, self._every, arrays.site)
+        if found and self._only_barred:
+            users = self._users(robots, routes)
+            keep_barred(arrays.passing, users, arrays.site, LOOK_AHEAD, arrays.laid, steps, looks)
         return looks
 
     def route(
