@@ -59,7 +59,7 @@ POLICIES: dict[str, PolicyEntry] = {
             ("reinforce", "our policy gradient, trained on this environment"),
             ("shielded", "our PPO, under the shield, with live routes, and right of way where robots stand"),
             ("unshielded", "our PPO with live routes only: no shield, no right of way"),
-            ("careful", "unshielded trained on, with up to 64 robots: the fewest contacts"),
+            ("careful", "unshielded trained on, with up to 64 robots, on floors drawn anew"),
             ("busy", "careful trained on, on a GPU: the fewest contacts of 64 robots"),
             ("patient", "careful trained on with fixed routes, on a GPU: the fewest jams where nobody replans"),
             ("ppo", "stable-baselines3 PPO, trained on this environment"),
