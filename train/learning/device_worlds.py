@@ -114,11 +114,12 @@ class DeviceWorlds(TrainingWorlds):
         list(self._pool.map(step, range(len(self.simulators))))
 
     def _restart(self, due: Sequence[tuple[int, NDArray[np.int64]]]) -> None:
-        def restart(number: int, worlds: NDArray[np.int64]) -> None:
+        def restart(one: tuple[int, NDArray[np.int64]]) -> None:
+            number, worlds = one
             with self._stream(number):
                 self.simulators[number].reset_worlds(worlds.tolist())
 
-        list(self._pool.map(restart, *zip(*due, strict=True)) if due else ())
+        list(self._pool.map(restart, due))
 
     def history(self) -> dict[str, NDArray[Any]]:
         """Return the state of all worlds, for `replay`."""

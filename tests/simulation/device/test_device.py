@@ -20,6 +20,7 @@ from warehouse_env.simulation.device import drivers, memory
 from warehouse_env.simulation.device.simulator import DeviceSimulator
 from warehouse_env.simulation.state import OWNER, field_of
 from warehouse_env.simulation.tasks.dispatch import ROUTE_BLOCK
+from warehouse_env.simulation.traffic.live import SMALL
 from warehouse_env.simulation.tasks.given import Assignment
 from warehouse_env.traffic_spec import read_traffic
 
@@ -137,8 +138,16 @@ def test_a_gpu_has_the_bits_of_the_simulator(changes: dict[str, Any], worlds: in
     """For 1,000 steps, or as many as there is time for."""
     side = 260 if robots > 64 else 46
     grid, given = make_layout("blocks", rows=side, columns=side), config(**changes, num_agents=robots)
+    if given.traffic_spec.routes and side > SMALL:
+        pytest.skip("floors of this size have no live routes on a device")
     there = DeviceSimulator(given, worlds, device="cuda", grid=grid)
     compare(Simulator(given, worlds, grid=grid), there, 1000, seconds=30.0)
+
+
+def test_live_routes_are_refused_on_a_floor_that_is_too_large() -> None:
+    grid = make_layout("blocks", rows=SMALL + 1, columns=20)
+    with pytest.raises(ConfigError, match=f"{SMALL} x {SMALL} cells, and map 'blocks' is larger"):
+        DeviceSimulator(config(traffic="routes", num_agents=2), 1, device="cpu", grid=grid)
 
 
 def test_all_routes_are_made_before_many_robots_begin(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -20,6 +20,7 @@ from warehouse_env.simulation.physics.deviation import planned_config
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.tasks.dispatch import Dispatcher
 from warehouse_env.simulation.tasks.given import Assignment
+from warehouse_env.simulation.traffic.live import SMALL
 
 
 class LiveOnHost:
@@ -29,8 +30,8 @@ class LiveOnHost:
         """Make the dispatcher of so many worlds as there are draws; ConfigError where the floor is too large."""
         if not host.dispatcher.by_live:
             raise ConfigError(
-                f"a device has live routes only on floors of up to 64 x 64 cells, and map {host.grid.name!r} is "
-                "larger: leave live routes out (in commands, --traffic rules:routes=false), or use the CPU"
+                f"a device has live routes only on floors of up to {SMALL} x {SMALL} cells, and map "
+                f"{host.grid.name!r} is larger: leave live routes out (in commands, --traffic rules:routes=false), or use the CPU"
             )
         worlds, robots = len(draws.keys), host.num_agents
         on_gpu = memory.device.type == "cuda"

@@ -67,7 +67,7 @@ _NEAR = 25.0  # [m] from the end of that at which it is
 HAIRPIN = 10.0  # [cells] that a turn of more than 90 degrees costs, or routes would fold back on themselves
 _HORIZON = round(UNIT * HORIZON)
 _BLOCK = 64  # cells by which the array of routes' cells grows
-_SMALL = 64  # rows and columns up to which kernels make live routes: a field there is of the whole floor
+SMALL = 64  # rows and columns up to which kernels make live routes: a field there is of the whole floor
 
 
 @kernel
@@ -259,7 +259,7 @@ class LiveRoutes(Portable):
         planner = live_planner(config)
         self.finder = planner.name
         self.plans_first = planner.name == config.planner.partition(":")[0]  # not only on the way
-        self.by_kernel = planner.name == "astar_turns" and max(grid.shape) <= _SMALL
+        self.by_kernel = planner.name == "astar_turns" and max(grid.shape) <= SMALL
         self._gentleness = planner.gentleness
         self._book = book
         seconds = config.action_repeat * config.time_step
