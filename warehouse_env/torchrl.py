@@ -16,8 +16,8 @@ from warehouse_env.envs.options import WorldOptions, build, reset
 from warehouse_env.envs.tensors import GlobalView
 from warehouse_env.errors import ConfigError
 from warehouse_env.simulation.device.simulator import DeviceSimulator
+from warehouse_env.simulation.given import whole_seed
 from warehouse_env.simulation.simulator import Simulator
-from warehouse_env.simulation.tasks.given import whole_seed
 
 GROUP = "robots"  # the key of all robots' entries
 

@@ -14,7 +14,7 @@ from warehouse_env.errors import ActionError, ConfigError, WarehouseError
 from warehouse_env.maps.layouts import make_layout
 from warehouse_env.simulation.actions import ActionDecoder
 from warehouse_env.simulation.simulator import Simulator
-from warehouse_env.simulation.tasks.given import Assignment
+from warehouse_env.simulation.tasks.assignment import Assignment
 from warehouse_env.traffic_spec import TrafficSpec
 
 

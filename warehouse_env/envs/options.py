@@ -15,8 +15,9 @@ from warehouse_env.errors import ActionError, ConfigError, shown, unknown_name
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning.plan import Planner
 from warehouse_env.routes.book import RouteBook
+from warehouse_env.simulation.given import check_count
 from warehouse_env.simulation.simulator import Simulator
-from warehouse_env.simulation.tasks.given import Assignment, check_count
+from warehouse_env.simulation.tasks.assignment import Assignment
 
 Made = TypeVar("Made")
 

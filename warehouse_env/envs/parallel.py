@@ -18,8 +18,8 @@ from warehouse_env.envs.camera import FilmedWorld
 from warehouse_env.envs.infos import EPISODE_METRICS, RobotInfos, final_metrics
 from warehouse_env.envs.options import ActionPacker, WorldOptions, build, reset, robots_of
 from warehouse_env.errors import ActionError, shown
+from warehouse_env.simulation.given import whole_seed
 from warehouse_env.simulation.simulator import Simulator
-from warehouse_env.simulation.tasks.given import whole_seed
 
 Observations = dict[str, NDArray[np.float32]]
 Infos = dict[str, dict[str, Any]]

@@ -19,8 +19,9 @@ from warehouse_env.envs.infos import EPISODE_METRICS, final_metrics, finished_ta
 from warehouse_env.envs.options import WorldOptions, assignments_of, begin, build, share_routes
 from warehouse_env.envs.rows import write_rows
 from warehouse_env.errors import ActionError, ConfigError, shown
+from warehouse_env.simulation.given import check_count, listed, whole_seed
 from warehouse_env.simulation.simulator import Simulator
-from warehouse_env.simulation.tasks.given import Assignment, check_count, listed, whole_seed
+from warehouse_env.simulation.tasks.assignment import Assignment
 
 StepResult = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]
 

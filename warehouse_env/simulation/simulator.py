@@ -20,7 +20,7 @@ from warehouse_env.observation import observation_layout
 from warehouse_env.planning.plan import Planner
 from warehouse_env.portable import Portable
 from warehouse_env.routes.book import RouteBook
-from warehouse_env.simulation import state, step
+from warehouse_env.simulation import given, state, step
 from warehouse_env.simulation.actions import ActionDecoder
 from warehouse_env.simulation.draws import Draws
 from warehouse_env.simulation.driver.manoeuvre import ARCS
@@ -38,9 +38,8 @@ from warehouse_env.simulation.senses.messages import Messages
 from warehouse_env.simulation.senses.passages import passages_of
 from warehouse_env.simulation.senses.rewards import REWARD_TERMS, weight_vector
 from warehouse_env.simulation.senses.sensing import unit_vectors
-from warehouse_env.simulation.tasks import given
+from warehouse_env.simulation.tasks.assignment import Assignment, check_assignments
 from warehouse_env.simulation.tasks.dispatch import ROUTE_BLOCK, Dispatcher
-from warehouse_env.simulation.tasks.given import Assignment, check_assignments
 from warehouse_env.simulation.tasks.orders import Order
 from warehouse_env.simulation.tasks.placement import Limits, put_all
 from warehouse_env.simulation.tasks.tasks import Arrival

@@ -19,9 +19,9 @@ from warehouse_env.maps.layouts import make_layout
 from warehouse_env.simulation.device import drivers, memory
 from warehouse_env.simulation.device.simulator import DeviceSimulator
 from warehouse_env.simulation.state import OWNER, field_of
+from warehouse_env.simulation.tasks.assignment import Assignment
 from warehouse_env.simulation.tasks.dispatch import ROUTE_BLOCK
 from warehouse_env.simulation.traffic.live import SMALL
-from warehouse_env.simulation.tasks.given import Assignment
 from warehouse_env.traffic_spec import read_traffic
 
 

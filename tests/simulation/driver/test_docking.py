@@ -21,7 +21,7 @@ from warehouse_env.simulation.driver.shots import shoot
 from warehouse_env.simulation.physics.kinematics import approach
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.state import parameters_of
-from warehouse_env.simulation.tasks.given import Assignment
+from warehouse_env.simulation.tasks.assignment import Assignment
 from warehouse_env.traffic_spec import TrafficSpec
 
 START = Assignment([(2.5, 5.5, 0.0)], [(6, 9)])

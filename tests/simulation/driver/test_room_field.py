@@ -30,7 +30,7 @@ from warehouse_env.simulation.driver.scratch import BODY, POINTS
 from warehouse_env.simulation.physics.geometry import pose_at
 from warehouse_env.simulation.physics.kinematics import approach, braking
 from warehouse_env.simulation.simulator import Simulator
-from warehouse_env.simulation.tasks.given import Assignment
+from warehouse_env.simulation.tasks.assignment import Assignment
 
 MIDDLE = POINTS // 2
 APART = np.float32(apart_of(test_manoeuvre.PARAMETERS[0]))

@@ -24,7 +24,7 @@ from warehouse_env.simulation.physics.sweep import Sweep
 from warehouse_env.simulation.physics.zones import most_speed, zones_of
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.state import ROBOT, parameters_of
-from warehouse_env.simulation.tasks.given import Assignment
+from warehouse_env.simulation.tasks.assignment import Assignment
 
 F = np.float32
 DISCS = np.array([(4.0, 3.0, 0.5), (1.2, 4.7, 0.31), (6.5, 1.0, 0.05), (6.1, 4.4, 1.1), (7.9, 2.6, 0.3)])

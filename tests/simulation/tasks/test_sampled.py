@@ -12,7 +12,7 @@ import pytest
 
 from warehouse_env import EnvConfig, GridMap, Simulator, tensor_env
 from warehouse_env.errors import ConfigError, MapError, WarehouseError
-from warehouse_env.simulation.tasks.given import Assignment
+from warehouse_env.simulation.tasks.assignment import Assignment
 from warehouse_env.simulation.tasks.sampled import TASKS
 
 CONFIG = EnvConfig(layout="open", num_agents=4, planner="astar", tasks="rows:row=7")

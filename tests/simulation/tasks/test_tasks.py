@@ -16,7 +16,7 @@ from warehouse_env.errors import ConfigError, MapError
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.maps.layouts import LAYOUTS, make_layout
 from warehouse_env.simulation.simulator import Simulator
-from warehouse_env.simulation.tasks.given import Assignment
+from warehouse_env.simulation.tasks.assignment import Assignment
 from warehouse_env.simulation.tasks.sampled import OneShotTasks, cut_off, disc_of
 from warehouse_env.simulation.tasks.tasks import Tasks
 from warehouse_env.work import OrderSpec

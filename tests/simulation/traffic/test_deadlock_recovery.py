@@ -13,7 +13,7 @@ from tests.simulation.rights import World, rectangles
 from tests.simulation.worlds import drawn, give_line, put, room
 from warehouse_env.config import EnvConfig
 from warehouse_env.simulation.simulator import Simulator
-from warehouse_env.simulation.tasks.given import Assignment
+from warehouse_env.simulation.tasks.assignment import Assignment
 from warehouse_env.simulation.traffic import deadlock_recovery, waits
 from warehouse_env.simulation.traffic.off_route import far_off
 from warehouse_env.simulation.traffic.right_of_way import NOBODY

@@ -18,8 +18,8 @@ from warehouse_env.simulation.device.memory import Memory
 from warehouse_env.simulation.draws import Draws
 from warehouse_env.simulation.physics.deviation import planned_config
 from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.simulation.tasks.assignment import Assignment
 from warehouse_env.simulation.tasks.dispatch import Dispatcher
-from warehouse_env.simulation.tasks.given import Assignment
 from warehouse_env.simulation.traffic.live import SMALL
 
 

@@ -11,8 +11,8 @@ from warehouse_env.errors import ConfigError, shown
 from warehouse_env.simulation.actions import ActionDecoder
 from warehouse_env.simulation.device.memory import field_on_device
 from warehouse_env.simulation.device.simulator import DeviceSimulator
+from warehouse_env.simulation.given import listed
 from warehouse_env.simulation.record.recording import Episode, recordable
-from warehouse_env.simulation.tasks.given import listed
 
 
 class DeviceRecorder:

@@ -23,13 +23,14 @@ from warehouse_env.simulation.device.live import LiveOnHost
 from warehouse_env.simulation.device.memory import bytes_of, field_on_device, mapped, memory_of, tensor_of
 from warehouse_env.simulation.draws import Draws
 from warehouse_env.simulation.driver.scratch import make_search_scratch
+from warehouse_env.simulation.given import check_count, seeds_of
 from warehouse_env.simulation.physics.deviation import BODY, place_bodies
 from warehouse_env.simulation.physics.poses import poses, speeds
 from warehouse_env.simulation.record.metrics import episode_rows
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.tasks import beginning
+from warehouse_env.simulation.tasks.assignment import Assignment, check_assignments
 from warehouse_env.simulation.tasks.dispatch import no_room, width_of
-from warehouse_env.simulation.tasks.given import Assignment, check_assignments, check_count, seeds_of
 from warehouse_env.simulation.tasks.goals import GoalState
 from warehouse_env.simulation.tasks.placement import put_all
 from warehouse_env.simulation.tasks.tasks import Arrival

@@ -27,9 +27,9 @@ from warehouse_env.files import complete_file, open_regular, zip_member
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.observation import SENSORS
 from warehouse_env.simulation.actions import ActionDecoder
+from warehouse_env.simulation.given import listed, whole_seed
 from warehouse_env.simulation.physics.poses import numbers, within_a_turn
 from warehouse_env.simulation.simulator import Simulator
-from warehouse_env.simulation.tasks.given import listed, whole_seed
 from warehouse_env.simulation.tasks.orders import Order, as_table, from_table
 
 FORMAT = 1

@@ -22,7 +22,7 @@ from warehouse_env.simulation.draws import Draws
 from warehouse_env.simulation.physics.floor import Floor
 from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.tasks import beginning, giving
-from warehouse_env.simulation.tasks.given import Assignment
+from warehouse_env.simulation.tasks.assignment import Assignment
 from warehouse_env.simulation.tasks.goals import GoalState, endpoints_of
 from warehouse_env.simulation.tasks.orders import Order
 from warehouse_env.simulation.tasks.placement import Limits, stand, stand_facing
