@@ -31,7 +31,8 @@ class LiveOnHost:
         if not host.dispatcher.by_live:
             raise ConfigError(
                 f"a device has live routes only on floors of up to {SMALL} x {SMALL} cells, and map "
-                f"{host.grid.name!r} is larger: leave live routes out (in commands, --traffic rules:routes=false), or use the CPU"
+                f"{host.grid.name!r} is larger: leave live routes out (in commands, --traffic rules:routes=false), or "
+                "use the CPU"
             )
         worlds, robots = len(draws.keys), host.num_agents
         on_gpu = memory.device.type == "cuda"
@@ -48,6 +49,7 @@ class LiveOnHost:
         """Place the robots of worlds that begin."""
         self._live.know_all()
         if self.dispatcher.begins_by_kernel and not any(assignments):
+            self.dispatcher.forget(worlds)
             self.dispatcher.begin_by_kernel(sorted(worlds), self._floor)
         else:
             for world, assignment in zip(worlds, assignments, strict=True):

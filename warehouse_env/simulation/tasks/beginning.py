@@ -15,13 +15,13 @@ from warehouse_env.simulation.tasks.giving import (
     follow_live,
     goal_of,
     key_between,
-    part_of,
     slot_in,
+    span_of,
 )
 from warehouse_env.simulation.tasks.goals import forget_goals
 from warehouse_env.simulation.tasks.placement import stand_facing
 from warehouse_env.simulation.tasks.tasks import take_goal
-from warehouse_env.simulation.traffic.live import first_move, to_goal
+from warehouse_env.simulation.traffic.live_search import first_move, to_goal
 
 TAKEN, STANDS, WANTS = range(3)  # on a cell there is no room for a robot; it stands there; it wants a route first
 TO_PLACE = 1  # status of a world whose robots are to be placed; 0: they stand; -k: only k - 1 found room
@@ -37,7 +37,7 @@ def _stand_on_route(at, here, body, arrays):
     if slot < 0:
         return WANTS
     x, y = centre_of(here[0], here[1], arrays.floor.occupied.shape[0], arrays.floor.size)
-    points, (first, end) = lines.points, part_of(slot, lines)
+    points, (first, end) = lines.points, span_of(slot, lines)
     second = min(first + 2, end - 1)
     dx, dy = points[second, 0] - points[first, 0], points[second, 1] - points[first, 1]
     if not stand_facing(arrays.robots[world], robot, (x, y, dx, dy), p, kinds, floor):

@@ -38,7 +38,8 @@ from warehouse_env.simulation.tasks.tasks import (
     take_goal,
     take_route,
 )  # fmt: skip
-from warehouse_env.simulation.traffic.live import LiveRoom, LiveRoutes
+from warehouse_env.simulation.traffic.live import LiveRoutes
+from warehouse_env.simulation.traffic.live_search import LiveRoom
 from warehouse_env.simulation.traffic.off_route import far_off, find_off_route
 from warehouse_env.threads import get_num_threads, side_by_side
 
@@ -126,7 +127,7 @@ class Dispatcher(Portable):
 
         entropy: what the generator of the world's shift is seeded with; None: it goes on.
         """
-        self._forget([world])
+        self.forget([world])
         for robot in range(self.robots.shape[1]):
             self._told.pop((world, robot), None)
         if self.shifts is not None:
@@ -174,7 +175,7 @@ class Dispatcher(Portable):
         return giving.TaskArrays(*own, lines, self._task_floor, self._rules)
 
     def begin_by_kernel(self, worlds: Sequence[int], floor: Floor) -> None:
-        """Place the robots of worlds, in ascending order, with routes of the table, or with live ones.
+        """Place the robots of forgotten worlds, in ascending order, with routes of the table, or with live ones.
 
         The kernel begins a world again that wants a route first. Where it lacks room for a live one, Python places one
         world, and so makes room for the others.
@@ -182,18 +183,17 @@ class Dispatcher(Portable):
         table = self.route_table
         table.trim()
         while worlds:
-            self._forget(worlds)
             self.make_room(table.longest)
             self._place_by_kernel(worlds, floor)
             worlds = [world for world in worlds if self.status[world] == beginning.TO_PLACE]
             if self.by_table:
                 table.fill(self.wanted[worlds].ravel())
             elif worlds:
-                self._forget(worlds[:1])
+                self.forget(worlds)
                 self._place_all(worlds[0], floor, idle=False)
                 worlds = worlds[1:]
 
-    def _forget(self, worlds: Sequence[int]) -> None:
+    def forget(self, worlds: Sequence[int]) -> None:
         """Take all robots of worlds off the floor."""
         for world in worlds:
             self.tasks[world].reset(self._draws.keys[world])
@@ -338,13 +338,13 @@ class Dispatcher(Portable):
         marks[places[:, 0], places[:, 1]] = True
         self.live.arrays.changed[marks] = True
 
-        def set_out_by_table(world: int, robot: int) -> None:
+        def set_off(world: int, robot: int) -> None:
             columns, goal = self.book.grid.shape[1], state.goal_of(self.robots[world, robot])
             start = divmod(int(self.wanted[world, robot]), columns)
             self.wanted[world, robot] = 0
             self.give_task(world, robot, goal, self._route(world, robot, start, goal, int(steps[world])))
 
-        self._give_live(giving.arrive_live, steps, marks, set_out_by_table)
+        self._give_live(giving.arrive_live, steps, marks, set_off)
         booked = self.booked[places[:, 0], places[:, 1]].tolist()
         return [Arrival(*place, *lengths) for place, lengths in zip(places.tolist(), booked, strict=True)]
 

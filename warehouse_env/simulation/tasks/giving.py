@@ -17,7 +17,7 @@ from warehouse_env.maps.standing import standing_cell
 from warehouse_env.routes.route_table import Lines, behind_of, key_of, slot_of
 from warehouse_env.simulation.tasks.goals import NONE, Endpoints, GoalState, endpoints_of, next_goal
 from warehouse_env.simulation.tasks.tasks import book_arrival, take_end, take_goal, take_route
-from warehouse_env.simulation.traffic.live import find_live, list_route, to_goal
+from warehouse_env.simulation.traffic.live_search import find_live, list_route, to_goal
 from warehouse_env.simulation.traffic.off_route import is_off_route
 from warehouse_env.simulation.traffic.route_occupancy import RoadUsers, forget_route
 
@@ -106,7 +106,7 @@ def _take(at, points, slot, arrays):
 
 
 @inline
-def part_of(slot, lines):
+def span_of(slot, lines):
     """Return the way-points of the route in a slot: the first, and the one after the last."""
     return lines.begins[slot], lines.begins[slot] + lines.counts[slot]
 
@@ -154,7 +154,7 @@ def draw_goal(at, here, arrays):
 @part
 def begin_task(at, slot, arrays):
     """Give a robot the route in a slot as the first to its goal."""
-    first, end = part_of(slot, arrays.lines)
+    first, end = span_of(slot, arrays.lines)
     _take(at, arrays.lines.points[first:end], slot, arrays)
     row, column = goal_of(arrays.robots[at])
     take_goal(arrays.robots, arrays.routes, at[0], at[1], row, column)
@@ -165,7 +165,7 @@ def _reroute(at, slot, arrays):
     """Give a robot the route in a slot to its goal, from where it is; in the goal's cell, straight to its end."""
     r = arrays.robots[at]
     here, goal, points = _here(r, arrays.floor), goal_of(r), arrays.lines.points
-    first, end = part_of(slot, arrays.lines)
+    first, end = span_of(slot, arrays.lines)
     if here[0] == goal[0] and here[1] == goal[1]:
         motion, line = r["motion"], arrays.routes[at]
         line[0, 0], line[0, 1] = motion["x"], motion["y"]
