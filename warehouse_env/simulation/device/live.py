@@ -24,10 +24,10 @@ from warehouse_env.simulation.traffic.live import SMALL
 
 
 class LiveOnHost:
-    """The Dispatcher of a device's worlds."""
+    """Gives a device's robots goals and live routes, by a Dispatcher of all worlds."""
 
     def __init__(self, host: Simulator, draws: Draws, memory: Memory) -> None:
-        """Make the dispatcher of so many worlds as there are draws; ConfigError where the floor is too large."""
+        """Make a dispatcher of as many worlds as there are draws; ConfigError where the floor is too large."""
         if not host.dispatcher.by_live:
             raise ConfigError(
                 f"a device has live routes only on floors of up to {SMALL} x {SMALL} cells, and map "

@@ -21,7 +21,7 @@ from warehouse_env.simulation.traffic.live_search import find_live, list_route, 
 from warehouse_env.simulation.traffic.off_route import is_off_route
 from warehouse_env.simulation.traffic.route_occupancy import RoadUsers, forget_route
 
-# Of a live route for a robot: there is none, or none better; it has got one; Python must look.
+# What came of looking for a live route: none, or none better; the robot has got one; Python must look for it.
 NONE_FOUND, GIVEN, LEFT = range(3)
 
 
@@ -249,8 +249,8 @@ def follow_live(at, here, when, arrays, live):
 def arrive_live(steps, marks, left, arrays, live):
     """Give goals and live routes to the robots in marks bool[B, N] that arrived, and take them out of it.
 
-    left: int64[B], -1, or a robot that has its goal, but whose route, from the cell `wanted`, Python must make; those
-    after it stay in `marks`. steps: int64[B], since the resets; live: see `follow_live`.
+    left: int64[B], -1, or the robot whose route Python must make. It has its goal; the route begins in the cell `wanted`.
+    The robots after it stay in `marks`. steps: int64[B], since the resets; live: see `follow_live`.
     """
     robots, columns = arrays.robots, arrays.floor.occupied.shape[1]
     for b in range(robots.shape[0]):
@@ -273,7 +273,7 @@ def arrive_live(steps, marks, left, arrays, live):
 def reroute_live(steps, marks, left, arrays, live):
     """Give better routes, if there are any, to the robots in marks bool[B, N], and take them out of it.
 
-    left: int64[B], -1, or a robot whose route Python must look for; for the rest see `arrive_live`.
+    left: int64[B], -1, or the robot for which Python must look for a route; for the rest see `arrive_live`.
     """
     robots = arrays.robots
     for b in range(robots.shape[0]):
