@@ -177,8 +177,8 @@ class Dispatcher(Portable):
     def begin_by_kernel(self, worlds: Sequence[int], floor: Floor) -> None:
         """Place the robots of forgotten worlds, in ascending order, with routes of the table, or with live ones.
 
-        A world that first wants a route of the table is begun again. If there is no room for a live route, Python places
-        one world, which makes room for the others.
+        A world that first wants a route of the table is begun again. If there is no room for a live route, Python
+        places one world, which makes room for the others.
         """
         table = self.route_table
         table.trim()

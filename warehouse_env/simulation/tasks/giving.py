@@ -249,8 +249,8 @@ def follow_live(at, here, when, arrays, live):
 def arrive_live(steps, marks, left, arrays, live):
     """Give goals and live routes to the robots in marks bool[B, N] that arrived, and take them out of it.
 
-    left: int64[B], -1, or the robot whose route Python must make. It has its goal; the route begins in the cell `wanted`.
-    The robots after it stay in `marks`. steps: int64[B], since the resets; live: see `follow_live`.
+    left: int64[B], -1, or the robot whose route Python must make. It has its goal; its route begins in the cell
+    `wanted`. The robots after it stay in `marks`. steps: int64[B], since the resets; live: see `follow_live`.
     """
     robots, columns = arrays.robots, arrays.floor.occupied.shape[1]
     for b in range(robots.shape[0]):
