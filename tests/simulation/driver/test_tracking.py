@@ -135,12 +135,24 @@ def test_backing_brings_the_nose_along_the_route(heading: float) -> None:
     assert simulator.robots["totals"]["hits_shelf"].sum() == 0
 
 
-def test_backing_stops_before_a_wall() -> None:
-    simulator = on_route(room(9, 20), (3.0, 4.5, 0.0), (1.5, 4.5), (18.0, 4.5))
+def test_backing_stops_at_the_end_of_a_one_cell_aisle() -> None:
+    simulator = on_route(drawn(["#" * 20, "." * 20, "#" * 20]), (3.0, 1.5, 0.0), (1.5, 1.5), (18.0, 1.5))
     simulator.robots["on_route"]["position"] = 1.5
     r = drive(simulator, BACK, 120)
     assert simulator.robots["totals"]["hits_shelf"].sum() == 0
     assert 0.0 <= r["motion"]["x"] - 0.75 < 0.2
+
+
+@pytest.mark.parametrize("bearing", [-1.0, -0.5, 0.0, 0.5])
+def test_it_backs_off_a_wall_whatever_its_route_does(bearing: float) -> None:
+    # The tail is 5 cm above the wall: to turn the nose down, or back straight, would push it in.
+    x, y, heading = 10.0, 0.35 + 0.75 * math.sin(2.7) + 0.3 * abs(math.cos(2.7)) - 0.3, 2.7
+    along = heading + bearing
+    corner = x + 4.0 * math.cos(along), y + 4.0 * math.sin(along)
+    simulator = on_route(room(9, 20), (x, y, heading), (x, y), corner)
+    r = drive(simulator, BACK, 60)
+    assert math.hypot(r["motion"]["x"] - x, r["motion"]["y"] - y) > 0.5
+    assert simulator.robots["totals"]["hits_shelf"].sum() == 0
 
 
 def test_it_slows_down_in_a_sharp_turn() -> None:

@@ -17,6 +17,9 @@ from warehouse_env.simulation.driver import arrival
 from warehouse_env.simulation.driver.driving import KEPT, STANDS, drive_arcs, give_up, leads_ahead
 from warehouse_env.simulation.driver.line import aim, look_ahead, room_beside, steer_for, way_point
 from warehouse_env.simulation.driver.off_shelves import may_drive
+from warehouse_env.simulation.physics.footprint import sweep_is_free
+from warehouse_env.simulation.physics.geometry import Pose
+from warehouse_env.simulation.physics.kinematics import curvature
 from warehouse_env.simulation.physics.trigonometry import ONE, ZERO
 from warehouse_env.simulation.state import ALONE, AROUND_OTHERS
 
@@ -33,6 +36,8 @@ ASIDE = np.float32(1.0)  # [rad] off the nose from which a target needs a manoeu
 AGAIN = np.float32(2.0)  # [s] from one search to the next,
 AGAIN_HELD = np.float32(5.0)  # [s] and around other robots, plus the time without progress: searches become rarer
 HELD = np.float32(2.5)  # [s] held by others after which it searches a way around them
+_BACK_ROOM = np.float32(0.6)  # [m] that it can back with the steering held
+_BACK_APART, _BACK_TRIES = np.float32(0.3), 15  # [rad] between steering angles that are tried, from lock to lock
 
 
 @inline
@@ -84,9 +89,24 @@ def _forward(r, alone, speed, steer, angle, p, floor):
 
 
 @inline
+def back_steer(r, p, floor):
+    """Return the steering angle to back with: the nearest to the route's bearing with which there is room to back."""
+    motion, most = r["motion"], p["max_steer"]
+    along = min(max(r["on_route"]["bearing"], -most), most)
+    pose = Pose(motion["x"], motion["y"], motion["heading"], motion["cos"], motion["sin"])
+    for k in range(_BACK_TRIES):
+        off = _BACK_APART * np.float32((k + 1) // 2)
+        steer = along - off if k % 2 == 0 else along + off
+        bend, way = curvature(steer, p["wheelbase"]), -_BACK_ROOM * p["length_scale"]
+        if abs(steer) <= most and sweep_is_free(pose, bend, way, MARGIN, p, floor):
+            return steer
+    return along
+
+
+@inline
 def _backwards(r, speed, p, floor):
-    """Return (speed, steering) of backing with the nose along the route, or of stopping before a shelf."""
-    steer = min(max(r["on_route"]["bearing"], -p["max_steer"]), p["max_steer"])
+    """Return (speed, steering) of backing, or of stopping before a shelf."""
+    steer = back_steer(r, p, floor)
     if may_drive(r, speed, steer, MARGIN, p, floor):
         return speed, steer
     return ZERO, _brake_steer(r, steer, MARGIN, p, floor)

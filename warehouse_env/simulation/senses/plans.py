@@ -15,7 +15,7 @@ from warehouse_env.kernel import inline, part, whole
 from warehouse_env.simulation.driver.driving import drive_arcs, leads_ahead
 from warehouse_env.simulation.driver.line import aim, locate, look_ahead, pursue, room_beside, way_point
 from warehouse_env.simulation.driver.off_shelves import may_drive
-from warehouse_env.simulation.driver.tracking import BACK_ON, MARGIN, on_bend, searches
+from warehouse_env.simulation.driver.tracking import BACK_ON, MARGIN, back_steer, on_bend, searches
 from warehouse_env.simulation.physics.geometry import Rectangle, body_of, grown, rectangles_touch, squared_distance
 from warehouse_env.simulation.physics.kinds import kind_of, many_alike
 from warehouse_env.simulation.physics.kinematics import approach, curvature, roll
@@ -92,19 +92,21 @@ def _put(path, k, body):
 
 
 @inline
-def _back(r, speed, p, path, others):
-    """Write the path of a command to stop, or to back at `speed` < 0 [m/s] with the nose turning along the route."""
-    motion, bearing = r["motion"], r["on_route"]["bearing"]
+def _back(r, speed, p, path, others, floor):
+    """Write the path of a command to stop, or to back at `speed` < 0 [m/s] as the path follower would."""
+    motion, towards = r["motion"], ZERO
+    if speed < ZERO:
+        towards = back_steer(r, p, floor)
     x, y, c, s, v, steer = motion["x"], motion["y"], motion["cos"], motion["sin"], motion["speed"], motion["steer"]
     for k in range(SAMPLES):
         wanted = r["commanded"]["follow_steer"]
         if speed < ZERO and v <= ZERO:
-            wanted = min(max(bearing, -p["max_steer"]), p["max_steer"])
+            wanted = min(max(towards, -p["max_steer"]), p["max_steer"])
         before, steer = steer, approach(steer, wanted, p["max_steer_rate"] * APART)
         way, v = driven(v, speed, p["max_acceleration"])
         turn = way * curvature(HALF * (before + steer), p["wheelbase"])
         mid_c, mid_s, c, s = turned(c, s, turn)
-        bearing -= turn
+        towards -= turn
         x, y = x + way * mid_c, y + way * mid_s
         body = body_of(x, y, c, s, p)
         _put(path, k, body)
@@ -152,14 +154,14 @@ def _along_arcs(r, ways, speed, p, path, others):
 
 
 @inline
-def off_line(r, ways, forwards, speed, p, path, others):
+def off_line(r, ways, forwards, speed, p, path, others, floor):
     """Write the path of a command that does not lead along the route; return the share of the time that it is free.
 
     ways: (route, arcs); forwards: see what_forwards; others: see touches.
     """
     if speed > ZERO and forwards == ALONG_ARCS:
         return _along_arcs(r, ways, speed, p, path, others)
-    return _back(r, min(speed, ZERO), p, path, others)
+    return _back(r, min(speed, ZERO), p, path, others, floor)
 
 
 @inline
@@ -237,7 +239,7 @@ def _plan(worlds, b, i, lane, p, floor, sights):
             sights.lane_of[lane] = i
             return 1
         speed = ZERO
-    off_line(r, (route, worlds.arcs[b, i]), forwards, speed, p, sights.plans[i], (whole(0), sights))
+    off_line(r, (route, worlds.arcs[b, i]), forwards, speed, p, sights.plans[i], (whole(0), sights), floor)
     return 0
 
 

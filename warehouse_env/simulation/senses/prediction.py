@@ -152,7 +152,7 @@ def write_predictions(worlds, at, row, starts, table, sights, p, floor):
                 sights.lane_of[count] = a
                 count += 1
             else:
-                out[a] = off_line(r, (route, worlds.arcs[at]), forwards, speed, p, sights.path, (others, sights))
+                out[a] = off_line(r, (route, worlds.arcs[at]), forwards, speed, p, sights.path, (others, sights), floor)
         if count == LANES or a + 1 == table.shape[0]:
             _try_lines(at, worlds, (count, others), sights, out, p)
             count = 0
