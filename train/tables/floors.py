@@ -1,4 +1,4 @@
-"""`warehouse tables floors`: drive policies and the rule on named floors, benchmark maps and floors drawn at random."""
+"""`warehouse tables floors`: drive policies and the rule on named floors and floors drawn at random."""
 
 from __future__ import annotations
 
@@ -14,18 +14,14 @@ from train.reporting.columns import difference_of, driven_with
 from train.reporting.report import Table, difference, number, with_interval
 from train.reporting.rows import Row, is_significant, mean_interval, select, short_names
 from train.tables.options import TableOptions
-from train.tables.papers.settings import movingai_warehouse
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
 from warehouse_env.maps.layouts import make_layout
-from warehouse_env.maps.movingai import write_map
 
 LAYOUTS = ("paper46", "narrow", "single_lane")
-AISLES = (1, 2)  # [cells] of the MovingAI warehouses
 GENERATED = "aisles:"  # how the layouts begin that are drawn at random
 DRAWN = range(701, 721)  # seeds of `aisles`: nothing was trained or chosen on these floors
-LARGE = {92: (256,), 130: (256, 512), 184: (512, 1024), 260: (1024,)}  # side of `blocks` [cells] -> robots: as dense
-# as 32 or 64 robots on paper46
+LARGE = {92: 256, 130: 512, 184: 1024}  # side of `blocks` [cells] -> robots: as dense as 64 on paper46
 RULE = "greedy"  # right of way alone
 ALONE = 25  # episodes of a single robot for each of these; all shares rest on it
 SECONDS = 600.0
@@ -44,33 +40,33 @@ HEADER = (
 
 @dataclass(frozen=True)
 class FloorsTable(TableOptions):
-    """Drive policies and the rule with 16 to 128 robots on named floors, benchmark maps and 20 floors drawn at random,
-    and with 256 to 1,024 on large floors.
+    """Drive policies and the rule with 32 to 128 robots on named floors and 20 floors drawn at random, and with 256 to
+    1,024 on large floors.
     """
 
     name: ClassVar[str] = "floors"
 
     policy: tuple[str, ...] = ("shielded",)
     """Policies to compare with the rule: names, or folders of trained ones."""
-    robots: tuple[int, ...] = (16, 32, 64, 128)
+    robots: tuple[int, ...] = (32, 64, 128)
     """Numbers of robots, except on large floors."""
     runs: int = 4
-    """Episodes of each floor; one each on drawn floors, half as many on large ones."""
+    """Episodes of each floor; one each on drawn and large floors."""
     maps: tuple[str, ...] = ()
     """Layouts to drive on, instead of all floors."""
 
     def run(self) -> None:
         """Drive what is missing, then write the tables."""
-        rows = self.rows_of([EpisodesJob(one) for one in self.experiments(self.folder)])
+        rows = self.rows_of([EpisodesJob(one) for one in self.experiments()])
         table = floors_table(rows, self.policy)
         table.print()
         self.write("Policies on many floors", [table])
 
-    def experiments(self, folder: Path) -> Iterator[Experiment]:
+    def experiments(self) -> Iterator[Experiment]:
         """Yield what is driven: on every floor one robot alone by the rule, then the rule and every policy."""
         if not self.robots or min(self.robots) < 2:
             raise ConfigError(f"--robots {self.robots} must be numbers of at least 2")
-        for place, (layout, fleets, many) in enumerate(self._floors(folder)):
+        for place, (layout, fleets, many) in enumerate(self._floors()):
             seed = SEED + self.seed + place * layout.startswith(GENERATED)
             alone = EnvConfig(layout, num_agents=1)
             yield make_experiment(RULE, alone, ALONE * many, SECONDS, seed)
@@ -78,20 +74,14 @@ class FloorsTable(TableOptions):
                 env = EnvConfig(layout, num_agents=robots)
                 yield make_experiment(policy, env, many, SECONDS, seed)
 
-    def _floors(self, folder: Path) -> Iterator[tuple[str, tuple[int, ...], int]]:
-        """Yield each layout with its numbers of robots and episodes; benchmark maps are written to `folder`."""
+    def _floors(self) -> Iterator[tuple[str, tuple[int, ...], int]]:
+        """Yield each layout with its numbers of robots and episodes."""
         for layout in self.maps or (*LAYOUTS, *(f"{GENERATED}seed={seed}" for seed in DRAWN)):
             make_layout(layout)  # a wrong name is refused before anything drives
             yield layout, self.robots, 1 if layout.startswith(GENERATED) else self.runs
-        if self.maps:
-            return
-        for aisle in AISLES:
-            grid = movingai_warehouse(aisle)
-            path = folder / f"{grid.name}.map"
-            write_map(grid, path)
-            yield str(path), self.robots, self.runs
-        for side, fleets in LARGE.items():
-            yield f"blocks:rows={side},columns={side}", fleets, max(1, self.runs // 2)
+        large = {} if self.maps else LARGE
+        for side, robots in large.items():
+            yield f"blocks:rows={side},columns={side}", (robots,), 1
 
 
 def _with_rule(policies: Sequence[str]) -> list[str]:

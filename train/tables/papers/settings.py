@@ -237,17 +237,16 @@ def shares_of_obstacles() -> Settings:
 PAIRS = 200
 
 
-def movingai_warehouse(aisle: int = 2) -> GridMap:
-    """Return the MovingAI map warehouse-10-20-10-2-AISLE (Stern et al. 2019), cell for cell.
+def movingai_warehouse() -> GridMap:
+    """Return the MovingAI map warehouse-10-20-10-2-2 (Stern et al. 2019), cell for cell: 170 x 84.
 
-    It has 20 rows of 10 shelves of 10 x 2 cells each, aisles and two rims 1 or 2 wide, two wide rims, and a wall
-    around: 161 x 63 or 170 x 84 cells.
+    It has 20 rows of 10 shelves of 10 x 2 cells each, aisles and two rims of 2, two wide rims, and a wall around.
     """
     inner = blocks(
-        40 + 21 * aisle, 150 + 9 * aisle, block_rows=2, block_columns=10, aisle=aisle, cross=aisle, zone_rows=20,
-        zone_columns=10, rim_rows=aisle, rim_columns=25, corridor_stations=False,
+        82, 168, block_rows=2, block_columns=10, aisle=2, cross=2, zone_rows=20, zone_columns=10, rim_rows=2,
+        rim_columns=25, corridor_stations=False,
     )  # fmt: skip
-    return GridMap(np.pad(inner.occupied, 1, constant_values=True), name=f"warehouse-10-20-10-2-{aisle}")
+    return GridMap(np.pad(inner.occupied, 1, constant_values=True), name="warehouse-10-20-10-2-2")
 
 
 def _clutter(share: float, name: str) -> GridMap:
