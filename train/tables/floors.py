@@ -33,8 +33,7 @@ NOTE = (
     "stayed within a metre."
 )
 HEADER = (
-    "floor", "robots", "policy", "late goals/h", "% of alone", "above the rule", "in %", "stuck %", "stood s",
-    "contacts", "km",
+    "floor", "robots", "policy", "late goals/h", "% of alone", "above the rule", "stuck %", "stood s", "contacts", "km",
 )  # fmt: skip
 
 
@@ -116,13 +115,12 @@ def _late(row: Row) -> float:
 def _line(rows: Sequence[Row], rule: Sequence[Row], free: float) -> tuple[str, ...]:
     late = mean_interval(map(_late, rows))
     late = late._replace(low=max(late.low, 0.0))  # goals cannot be negative; NaN stays NaN
-    above, share, base = "", "", mean_interval(map(_late, rule)).mean
+    above = ""
     if rows and rows is not rule:
         found = difference_of(rows, rule, _late, ("layout", "seed"))
         above = difference(found) + ("" if is_significant(found) else ", may be chance")
-        share = f"{100 * found.mean / base:+.1f}" if base else ""
     return (
-        with_interval(late), f"{100 * late.mean / free:.0f}" if free else "", above, share,
+        with_interval(late), f"{100 * late.mean / free:.0f}" if free else "", above,
         number(100 * mean_interval(row["stuck"] for row in rows).mean, 2),
         number(max((row["longest_standing_s"] for row in rows), default=0.0), 3),
         number(sum(row["collisions_robot"] + row["collisions_shelf"] for row in rows)),
