@@ -39,9 +39,7 @@ HEADER = (
 
 @dataclass(frozen=True)
 class FloorsTable(TableOptions):
-    """Drive policies and the rule with 32 to 128 robots on named floors and 20 floors drawn at random, and with 256 to
-    1,024 on large floors.
-    """
+    """Drive policies and the rule with 32 to 128 robots on named and 20 drawn floors, and 1,024 on large ones."""
 
     name: ClassVar[str] = "floors"
 
@@ -67,25 +65,17 @@ class FloorsTable(TableOptions):
             raise ConfigError(f"--robots {self.robots} must be numbers of at least 2")
         for place, (layout, fleets, many) in enumerate(self._floors()):
             seed = SEED + self.seed + place * layout.startswith(GENERATED)
-            alone = EnvConfig(layout, num_agents=1)
-            yield make_experiment(RULE, alone, ALONE * many, SECONDS, seed)
-            for robots, policy in itertools.product(fleets, _with_rule(self.policy)):
-                env = EnvConfig(layout, num_agents=robots)
-                yield make_experiment(policy, env, many, SECONDS, seed)
+            yield make_experiment(RULE, EnvConfig(layout, num_agents=1), ALONE * many, SECONDS, seed)
+            for robots, policy in itertools.product(fleets, dict.fromkeys((RULE, *self.policy))):
+                yield make_experiment(policy, EnvConfig(layout, num_agents=robots), many, SECONDS, seed)
 
     def _floors(self) -> Iterator[tuple[str, tuple[int, ...], int]]:
         """Yield each layout with its numbers of robots and episodes."""
         for layout in self.maps or (*LAYOUTS, *(f"{GENERATED}seed={seed}" for seed in DRAWN)):
             make_layout(layout)  # a wrong name is refused before anything drives
             yield layout, self.robots, 1 if layout.startswith(GENERATED) else self.runs
-        large = {} if self.maps else LARGE
-        for side, robots in large.items():
-            yield f"blocks:rows={side},columns={side}", (robots,), 1
-
-
-def _with_rule(policies: Sequence[str]) -> list[str]:
-    """Return the rule and the policies, each once."""
-    return list(dict.fromkeys((RULE, *policies)))
+        if not self.maps:
+            yield from ((f"blocks:rows={side},columns={side}", (robots,), 1) for side, robots in LARGE.items())
 
 
 def _floor(row: Row) -> str:
@@ -102,7 +92,7 @@ def floors_table(rows: Sequence[Row], policies: Sequence[str]) -> Table:
         alone = mean_interval(map(_late, select(own, robots=1))).mean
         for robots in sorted({row["robots"] for row in own} - {1}):
             rule = select(own, robots=robots, policy=RULE)
-            for policy in _with_rule(policies):
+            for policy in dict.fromkeys((RULE, *policies)):
                 driven = rule if policy == RULE else select(own, robots=robots, policy=policy)
                 cells.append((floor, str(robots), names[policy], *_line(driven, rule, alone)))
     return Table("Policies on many floors", HEADER, tuple(cells), driven_with(rows) + NOTE)
