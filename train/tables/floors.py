@@ -39,7 +39,7 @@ HEADER = (
 
 @dataclass(frozen=True)
 class FloorsTable(TableOptions):
-    """Drive policies and the rule with 32 to 128 robots on named and 20 drawn floors, and 1,024 on large ones."""
+    """Drive policies and the rule: 32 to 128 robots on named and 20 drawn floors, 256 to 1,024 on large ones."""
 
     name: ClassVar[str] = "floors"
 

@@ -146,7 +146,7 @@ def test_backing_stops_at_the_end_of_a_one_cell_aisle() -> None:
 @pytest.mark.parametrize("bearing", [-1.0, -0.5, 0.0, 0.5])
 def test_it_backs_off_a_wall_whatever_its_route_does(bearing: float) -> None:
     # The tail is 5 cm above the wall: to turn the nose down, or back straight, would push it in.
-    x, y, heading = 10.0, 0.35 + 0.75 * math.sin(2.7) + 0.3 * abs(math.cos(2.7)) - 0.3, 2.7
+    x, y, heading = 10.0, 0.05 + 0.75 * math.sin(2.7) + 0.3 * abs(math.cos(2.7)), 2.7
     along = heading + bearing
     corner = x + 4.0 * math.cos(along), y + 4.0 * math.sin(along)
     simulator = on_route(room(9, 20), (x, y, heading), (x, y), corner)
