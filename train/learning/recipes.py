@@ -41,7 +41,6 @@ _CAREFUL = _UNSHIELDED | {
     "steps": 36_864_000, "layouts": ("paper46", "narrow", "single_lane", *("aisles:seed=new",) * 12),
     "robots": (32, 64), "rows": 1920, "start": "unshielded", "collision_first": -300.0,
     "collision_last": -800.0, "late_braking": -40.0, "entropy_first": 0.003, "learning_rate": 3e-4,
-    "caution": 5 / 3,
 }  # fmt: skip
 
 # Goes on from there in thousands of worlds on a GPU, which draws no floors.

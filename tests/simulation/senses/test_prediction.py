@@ -93,9 +93,9 @@ def test_an_offset_leads_past_a_robot_on_the_route_but_not_where_there_is_no_roo
     assert got[FAST, 0] < 1
 
 
-def plan(simulator: Simulator, robot: int) -> Points:
-    """Where others think that a robot's body [12, 4, 2] will be."""
-    plans = simulator._scratch.step.sights.plans[robot].astype(np.float64)
+def plan(simulator: Simulator, robot: int, which: str = "plans") -> Points:
+    """Where others think that a robot's body [12, 4, 2] will be, if it goes on, or in its "stops"."""
+    plans = getattr(simulator._scratch.step.sights, which)[robot].astype(np.float64)
     return np.array([rectangle(x, y, math.atan2(s, c), 0.45, 0.3) for x, y, c, s in plans])
 
 
@@ -116,6 +116,33 @@ def test_a_neighbour_without_a_route_stops_unless_it_backs() -> None:
     way = -0.4 * TIMES
     backs = bodies(30.0 + way * math.cos(1.0), 30.0 + way * math.sin(1.0), np.full(12, 1.0))
     np.testing.assert_allclose(plan(simulator, 2), backs, atol=1e-3)
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 10**6))
+def test_a_robot_that_brakes_stands_where_others_expect(seed: int) -> None:
+    """It holds its steering, whatever lateral offset the command names."""
+    rng = np.random.default_rng(seed)
+    own = (14.0, 20 + rng.uniform(-0.5, 0.5), rng.uniform(-0.5, 0.5), rng.uniform(0.1, 1.5))
+    simulator = scene(own, (30.0, 30.0, 0.0))
+    write(simulator.robots[0, 0], steer=rng.uniform(-1, 1), wanted_speed=1.3)
+    simulator._observe()
+    expected = plan(simulator, 0, "stops")
+    drives = drive(simulator, STAND * len(SIDES) + int(rng.integers(len(SIDES))))
+    np.testing.assert_allclose(expected, drives, atol=5e-3)
+
+
+def test_a_command_conflicts_if_the_robot_could_not_stop_before_another_that_brakes_now() -> None:
+    """The other passes in time if it goes on, but would come to rest in the way."""
+    simulator = scene((12.0, 20.0, 0.0, 1.3), (13.5, 20.17, math.pi / 2, 1.3))
+    lay(simulator, (13.5, 17.0), (13.5, 25.0), robot=1)
+    write(simulator.robots[0, 1], position=3.17, wanted_speed=1.3)
+    simulator._observe()
+    goes, passes = plan(simulator, 0), plan(simulator, 1)
+    assert all(separation(goes[k], passes[k][None]) > 0.03 + 0.05 * TIMES[k] for k in range(12))
+    got = predictions(simulator)
+    assert got[FAST, 0] < 1
+    assert got[STAND, 0] == 1
 
 
 def reverses(simulator: Simulator) -> Simulator:
@@ -179,7 +206,7 @@ def test_a_neighbour_that_has_been_told_to_drive_is_expected_to() -> None:
     own = (12.0, 20.0, 0.0)
     simulator = scene(own)
     stands = plan(simulator, 0)
-    write(simulator.robots[0, 0], target_speed=1.3)
+    write(simulator.robots[0, 0], wanted_speed=1.3)
     simulator._observe()
     np.testing.assert_allclose(stands, np.broadcast_to(bodies(*own), stands.shape), atol=1e-3)
     np.testing.assert_allclose(plan(simulator, 0), drive(scene(own), FAST * len(SIDES)), atol=0.1)
@@ -188,7 +215,7 @@ def test_a_neighbour_that_has_been_told_to_drive_is_expected_to() -> None:
 def test_a_manoeuvre_is_foreseen_to_its_end_and_on_along_the_route() -> None:
     simulator = reverses(scene((12.0, 20.0, 0.0)))
     simulator.arcs[0, 0, :2] = (-0.4, -0.6), (0.3, 0.0)
-    write(simulator.robots[0, 0], arc_left=-0.4, target_speed=1.3)
+    write(simulator.robots[0, 0], arc_left=-0.4, wanted_speed=1.3)
     simulator._observe()
     drives = drive(simulator, FAST * len(SIDES))
     np.testing.assert_allclose(plan(simulator, 0), drives, atol=0.25)

@@ -99,8 +99,8 @@ def seen_by(sets, b, seen, t):
         (guards[0][b], guards[1][b], guards[2][b], guards[3][b]),
         sets.own[b],
         Sights(
-            seen.turned[t], sights.plans[b], seen.who[t], seen.gaps[t], seen.sides[t], seen.asked[t],
-            seen.path[t], seen.probe[t], seen.lanes[t], seen.lane_of[t],
+            seen.turned[t], sights.plans[b], sights.stops[b], seen.who[t], seen.gaps[t], seen.sides[t],
+            seen.asked[t], seen.path[t], seen.probe[t], seen.lanes[t], seen.lane_of[t],
             sights.coming[b], sights.free_ways[b],
         ),
         sets.order[b], sets.found[b],

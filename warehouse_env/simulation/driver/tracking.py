@@ -153,7 +153,7 @@ def follow(r, route, arcs, wanted_speed, offset, stopping, p, floor):
     commanded, on_route, manoeuvre = r["commanded"], r["on_route"], r["manoeuvre"]
     tx, ty, ux, uy, angle = aim(r, route, p)
     manoeuvre["search_wait"] = max(manoeuvre["search_wait"] - p["time_step"], ZERO)
-    steer = commanded["follow_steer"]
+    commanded["wanted_speed"], steer = wanted_speed, commanded["follow_steer"]
     if offset != ZERO:
         to_go = np.float32(on_route["points"] - 1) * on_route["spacing"] - on_route["position"]
         offset = room_beside(tx, ty, ux, uy, offset, to_go, floor, p)
@@ -178,7 +178,8 @@ def follow(r, route, arcs, wanted_speed, offset, stopping, p, floor):
     elif speed > ZERO:
         speed, steer = _forward(r, alone, on_line, steer, angle, p, floor)
     elif r["motion"]["speed"] > ZERO or speed == ZERO:
-        speed, steer = ZERO, _brake_steer(r, steer, MARGIN, p, floor)
+        held = p["field"] == 0 and r["motion"]["speed"] != ZERO  # others know best where it will stand
+        speed, steer = ZERO, r["motion"]["steer"] if held else _brake_steer(r, steer, MARGIN, p, floor)
     else:
         speed, steer = _backwards(r, speed, p, floor)
     commanded["target_speed"] = speed

@@ -87,3 +87,10 @@ def settle(lanes, k, on_route, route):
     along, way = lanes[ALONG * LANES + k], lanes[WAY * LANES + k]
     x, y = lanes[X * LANES + k], lanes[Y * LANES + k]
     lanes[ALONG * LANES + k] = along_after(route, on_route["points"], on_route["spacing"], along, way, x, y)
+
+
+@inline
+def state_of(lanes, k):
+    """Return x, y [m], the heading's cosine and sine, speed [m/s] and steering [rad] of lane k."""
+    x, y, c, s = lanes[X * LANES + k], lanes[Y * LANES + k], lanes[COS * LANES + k], lanes[SIN * LANES + k]
+    return x, y, c, s, lanes[SPEED * LANES + k], lanes[STEER * LANES + k]

@@ -1,7 +1,8 @@
 """Plans: where each robot will be in the next seconds if it goes on as it does, which robots tell each other.
 
-A robot goes on at its speed, or at the higher one that it has been told to drive, as the path follower would drive it:
-along its route or its manoeuvre, back, or to a stop, which it also comes to before a shelf.
+A robot goes on at its speed, or at the higher one that it wants, as the path follower would drive it: along its route
+or its manoeuvre, back, or to a stop, which it also comes to before a shelf. It may also brake at any time. Without the
+shield, a command conflicts unless the robot and others that it may meet can still brake after it.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from warehouse_env.kernel import inline, part, whole
 from warehouse_env.simulation.driver.driving import drive_arcs, leads_ahead
 from warehouse_env.simulation.driver.line import aim, locate, look_ahead, pursue, room_beside, way_point
 from warehouse_env.simulation.driver.off_shelves import may_drive
-from warehouse_env.simulation.driver.tracking import BACK_ON, MARGIN, back_steer, on_bend, searches
+from warehouse_env.simulation.driver.tracking import BACK_ON, MARGIN, PATIENCE, back_steer, on_bend, searches
 from warehouse_env.simulation.physics.geometry import Rectangle, body_of, grown, rectangles_touch, squared_distance
 from warehouse_env.simulation.physics.kinds import kind_of, many_alike
 from warehouse_env.simulation.physics.kinematics import approach, curvature, roll
@@ -38,6 +39,7 @@ class Sights(NamedTuple):
 
     turned: NDArray[np.float32]  # see sensing.scan_shelves
     plans: NDArray[np.float32]  # [N, SAMPLES, POSE]
+    stops: NDArray[np.float32]  # [N, SAMPLES, POSE] if all brake now; without the shield
     who: NDArray[np.int32]  # [neighbours] robots in the slice `neighbours`; then those that the robot may meet,
     gaps: NDArray[np.float32]  # [neighbours] and the gaps to them [m]
     sides: NDArray[np.float32]  # [K] [m] of each command's lateral offset that there is room for
@@ -50,10 +52,19 @@ class Sights(NamedTuple):
     free_ways: NDArray[np.float32]  # [N] [m] that each robot may drive before a passage that another comes along
 
 
+class Met(NamedTuple):
+    """The robots that one may meet: the first `count` of sights.who, of them the first `braking` even if all brake."""
+
+    count: Any
+    braking: Any
+    sights: Sights
+
+
 def make_sights(robots: int, rays: int, neighbours: int, commands: int, passages: int) -> Sights:
     """Return the scratch of sensing and predictions; commands, passages: 0 if there are no predictions."""
     return Sights(
         np.empty((TURNED, rays), np.float32),
+        np.empty((robots if commands else 0, SAMPLES, POSE), np.float32),
         np.empty((robots if commands else 0, SAMPLES, POSE), np.float32),
         np.empty(neighbours, np.int32),
         np.empty(neighbours, np.float32),
@@ -69,13 +80,12 @@ def make_sights(robots: int, rays: int, neighbours: int, commands: int, passages
 
 
 @inline
-def touches(k, body, others, p):
-    """Whether the Rectangle `body` at time k touches one of the robots that it may meet; others: (count, Sights)."""
-    count, sights = others
+def touches(k, body, plans, count, sights, p):
+    """Whether the Rectangle `body` at time k touches one of the first `count` robots in sights.who, as in `plans`."""
     margin = p["caution"] * (KEPT + KEPT_RATE * APART * np.float32(k + 1))
     far = p["radius"] + p["widest"] + DIAGONAL * margin
     for n in range(count):
-        plans, j = sights.plans, sights.who[n]
+        j = sights.who[n]
         other = Rectangle(
             plans[j, k, 0], plans[j, k, 1], plans[j, k, 2], plans[j, k, 3], p["widest_length"], p["widest_width"]
         )
@@ -92,38 +102,63 @@ def _put(path, k, body):
 
 
 @inline
-def _back(r, speed, p, path, others, floor):
-    """Write the path of a command to stop, or to back at `speed` < 0 [m/s] as the path follower would."""
-    motion, towards = r["motion"], ZERO
-    if speed < ZERO:
-        towards = back_steer(r, p, floor)
-    x, y, c, s, v, steer = motion["x"], motion["y"], motion["cos"], motion["sin"], motion["speed"], motion["steer"]
+def can_brake(state, met, p):
+    """Return the share of the time until a robot touches another if both brake; state: x, y, cos, sin, speed, steering.
+
+    The other brakes now, the robot after a step, in which it comes to this state.
+    """
+    x, y, c, s, v, steer = state
+    bend = curvature(steer, p["wheelbase"])
     for k in range(SAMPLES):
-        wanted = r["commanded"]["follow_steer"]
-        if speed < ZERO and v <= ZERO:
-            wanted = min(max(towards, -p["max_steer"]), p["max_steer"])
-        before, steer = steer, approach(steer, wanted, p["max_steer_rate"] * APART)
-        way, v = driven(v, speed, p["max_acceleration"])
-        turn = way * curvature(HALF * (before + steer), p["wheelbase"])
-        mid_c, mid_s, c, s = turned(c, s, turn)
-        towards -= turn
-        x, y = x + way * mid_c, y + way * mid_s
-        body = body_of(x, y, c, s, p)
-        _put(path, k, body)
-        if touches(k, body, others, p):
+        if touches(k, body_of(x, y, c, s, p), met.sights.stops, met.braking, met.sights, p):
             return np.float32(k) / np.float32(SAMPLES)
+        way, v = driven(v, ZERO, p["max_acceleration"])
+        mid_c, mid_s, c, s = turned(c, s, way * bend)
+        x, y = x + way * mid_c, y + way * mid_s
     return ONE
 
 
 @inline
-def _drive_on(r, route, arcs, speed, p):
+def _back(r, speed, p, path, met, floor):
+    """Write the path of a command to stop, or to back at `speed` < 0 [m/s] as the path follower would."""
+    motion, bearing, aside, most = r["motion"], ZERO, ZERO, p["max_steer"]
+    if speed < ZERO:
+        bearing = r["on_route"]["bearing"]
+        aside = back_steer(r, p, floor) - min(max(bearing, -most), most)
+    x, y, c, s, v, steer = motion["x"], motion["y"], motion["cos"], motion["sin"], motion["speed"], motion["steer"]
+    free = ONE
+    for k in range(SAMPLES):
+        wanted = r["commanded"]["follow_steer"] if p["field"] != 0 else steer
+        if speed < ZERO and v <= ZERO:
+            wanted = min(max(min(max(bearing, -most), most) + aside, -most), most)
+        before, steer = steer, approach(steer, wanted, p["max_steer_rate"] * APART)
+        way, v = driven(v, speed, p["max_acceleration"])
+        turn = way * curvature(HALF * (before + steer), p["wheelbase"])
+        mid_c, mid_s, c, s = turned(c, s, turn)
+        bearing -= turn
+        x, y = x + way * mid_c, y + way * mid_s
+        body = body_of(x, y, c, s, p)
+        _put(path, k, body)
+        if k == 0 and met.braking > 0:
+            free = can_brake((x, y, c, s, v, steer), met, p)
+        if touches(k, body, met.sights.plans, met.count, met.sights, p):
+            return min(free, np.float32(k) / np.float32(SAMPLES))
+    return free
+
+
+@inline
+def _drive_on(r, route, arcs, speed, p, floor):
     """Drive a copy of a robot on for APART, along its manoeuvre until that leads to the line, then along the route."""
     motion, manoeuvre = r["motion"], r["manoeuvre"]
     if manoeuvre["arcs"] == 0 or leads_ahead(r, arcs):
         locate(r, route)
         _, _, _, _, angle = aim(r, route, p)
-        if max(abs(angle), abs(r["on_route"]["bearing"])) < BACK_ON:
-            manoeuvre["arcs"] = 0
+        aligned = max(abs(angle), abs(r["on_route"]["bearing"])) < BACK_ON and r["clocks"]["stalled_time"] < PATIENCE
+        if manoeuvre["arcs"] > 0 and aligned and speed > ZERO:
+            steer = r["commanded"]["follow_steer"]
+            on_line = on_bend(speed, steer, motion["steer"], p["max_speed"])
+            if may_drive(r, on_line, steer, MARGIN, p, floor):
+                manoeuvre["arcs"] = 0
     target, steer = ZERO, motion["steer"]
     if manoeuvre["arcs"] > 0:
         target, steer = drive_arcs(r, arcs, speed, None, p)
@@ -139,29 +174,32 @@ def _drive_on(r, route, arcs, speed, p):
 
 
 @inline
-def _along_arcs(r, ways, speed, p, path, others):
-    """Write the path of a command forwards in a manoeuvre."""
-    probe, (route, arcs) = others[1].probe, ways
+def _along_arcs(r, ways, speed, p, path, met, floor):
+    """Write the path of a command in a manoeuvre that does not back."""
+    probe, (route, arcs), free = met.sights.probe, ways, ONE
     probe[0] = r
     for k in range(SAMPLES):
-        _drive_on(probe[0], route, arcs, speed, p)
+        _drive_on(probe[0], route, arcs, speed, p, floor)
         motion = probe[0]["motion"]
-        body = body_of(motion["x"], motion["y"], motion["cos"], motion["sin"], p)
+        x, y, c, s = motion["x"], motion["y"], motion["cos"], motion["sin"]
+        body = body_of(x, y, c, s, p)
         _put(path, k, body)
-        if touches(k, body, others, p):
-            return np.float32(k) / np.float32(SAMPLES)
-    return ONE
+        if k == 0 and met.braking > 0:
+            free = can_brake((x, y, c, s, motion["speed"], motion["steer"]), met, p)
+        if touches(k, body, met.sights.plans, met.count, met.sights, p):
+            return min(free, np.float32(k) / np.float32(SAMPLES))
+    return free
 
 
 @inline
-def off_line(r, ways, forwards, speed, p, path, others, floor):
+def off_line(r, ways, forwards, speed, p, path, met, floor):
     """Write the path of a command that does not lead along the route; return the share of the time that it is free.
 
-    ways: (route, arcs); forwards: see what_forwards; others: see touches.
+    ways: (route, arcs); forwards: see what_forwards; met: a Met.
     """
-    if speed > ZERO and forwards == ALONG_ARCS:
-        return _along_arcs(r, ways, speed, p, path, others)
-    return _back(r, min(speed, ZERO), p, path, others, floor)
+    if speed >= ZERO and forwards == ALONG_ARCS:
+        return _along_arcs(r, ways, speed, p, path, met, floor)
+    return _back(r, min(speed, ZERO), p, path, met, floor)
 
 
 @inline
@@ -222,14 +260,17 @@ def _plan_lines(worlds, b, count, p, sights):
 @inline
 def _plan(worlds, b, i, lane, p, floor, sights):
     """Write the plan of robot i, or put it into a lane if it drives along its route; return whether it does."""
-    r, route, told = worlds.robots[b, i], worlds.routes[b, i], worlds.robots[b, i]["commanded"]["target_speed"]
+    r, route, wanted = worlds.robots[b, i], worlds.routes[b, i], worlds.robots[b, i]["commanded"]["wanted_speed"]
+    ways, nobody = (route, worlds.arcs[b, i]), Met(whole(0), whole(0), sights)
     speed, forwards = r["motion"]["speed"], what_forwards(r, route, p)
+    if p["field"] == 0:
+        off_line(r, ways, forwards, ZERO, p, sights.stops[i], nobody, floor)
     if r["task"]["alive"] == 0:
         speed = ZERO
-    elif forwards == ALONG_ARCS:
-        speed = max(abs(speed), abs(told))
-    elif forwards == ALONG_LINE and told > ZERO:
-        speed = max(speed, told)
+    elif forwards == ALONG_ARCS and wanted >= ZERO:
+        speed = max(abs(speed), wanted)
+    elif forwards == ALONG_LINE and wanted > ZERO:
+        speed = max(speed, wanted)
     if forwards == ALONG_LINE and speed > ZERO:
         ahead = point_ahead(r, route, p)
         side = side_room(r, ahead, r["on_route"]["lateral"], p, floor)
@@ -239,7 +280,7 @@ def _plan(worlds, b, i, lane, p, floor, sights):
             sights.lane_of[lane] = i
             return 1
         speed = ZERO
-    off_line(r, (route, worlds.arcs[b, i]), forwards, speed, p, sights.plans[i], (whole(0), sights), floor)
+    off_line(r, ways, forwards, speed, p, sights.plans[i], nobody, floor)
     return 0
 
 

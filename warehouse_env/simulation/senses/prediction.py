@@ -24,7 +24,9 @@ from warehouse_env.simulation.senses.plans import (
     KEPT,
     KEPT_RATE,
     SAMPLES,
+    Met,
     body_in,
+    can_brake,
     off_line,
     point_ahead,
     side_room,
@@ -38,12 +40,12 @@ LOST = np.float32(0.01)  # [m] of a small gap that may be lost, or that bodies i
 
 
 @inline
-def _may_meet(motion, plan, p):
-    """Whether a robot may meet one that drives as planned, wherever it drives itself."""
+def _may_meet(motion, plan, most, p):
+    """Whether a robot may meet one that drives as planned, wherever it drives itself, `most` [m] at most."""
     x, y, v = motion["x"], motion["y"], abs(motion["speed"])
     for k in range(SAMPLES):
         t = APART * np.float32(k + 1)
-        driven = min(v + HALF * p["max_acceleration"] * t, p["max_speed"]) * t
+        driven = min(min(v + HALF * p["max_acceleration"] * t, p["max_speed"]) * t, most)
         reach = driven + p["far"] + p["widest"] + DIAGONAL * p["caution"] * (KEPT + KEPT_RATE * t)
         dx, dy = plan[k, 0] - x, plan[k, 1] - y
         if dx * dx + dy * dy < reach * reach:
@@ -53,19 +55,25 @@ def _may_meet(motion, plan, p):
 
 @inline
 def _keep_near(motion, seen, sights, p):
-    """Keep of the neighbours `seen` in `sights.who` those that the robot may meet; return how many."""
-    count, own = 0, body_at(ZERO, ZERO, ONE, ZERO, p)
+    """Keep of the neighbours `seen` in `sights.who` those that the robot may meet, first if all brake; return a Met."""
+    count, braking, own = 0, 0, body_at(ZERO, ZERO, ONE, ZERO, p)
+    fastest = min(abs(motion["speed"]) + p["max_acceleration"] * APART, p["max_speed"])
+    to_stop = fastest * (APART + HALF * fastest / p["max_acceleration"])
+    who, gaps = sights.who, sights.gaps
     for n in range(p["neighbours"]):
-        at, j = n * NEIGHBOUR, sights.who[n]
+        at, j = n * NEIGHBOUR, who[n]
         if seen[at + 6] == ZERO:
             break
-        if _may_meet(motion, sights.plans[j], p):
+        if _may_meet(motion, sights.plans[j], FAR, p):
             ahead, left = seen[at] * p["lidar_range"], seen[at + 1] * p["lidar_range"]
             other = Rectangle(ahead, left, seen[at + 2], seen[at + 3], p["widest_length"], p["widest_width"])
             gap = separation(own, other) / DIAGONAL
-            sights.who[count], sights.gaps[count] = j, gap - (min(LOST, gap) if gap > ZERO else LOST)
+            who[count], gaps[count] = j, gap - (min(LOST, gap) if gap > ZERO else LOST)
+            if p["field"] == 0 and _may_meet(motion, sights.stops[j], to_stop, p):
+                who[count], who[braking], gaps[count], gaps[braking] = who[braking], j, gaps[braking], gaps[count]
+                braking += 1
             count += 1
-    return count
+    return Met(count, braking, sights)
 
 
 @inline
@@ -104,9 +112,10 @@ def _twin(sides, k, on_line):
 
 
 @inline
-def _try_lines(at, worlds, counts, sights, out, p):
-    """Write the free shares of the commands in the lanes into `out`; counts: of these, and of robots to be met."""
-    on_route, route, lanes, (count, others) = worlds.robots[at]["on_route"], worlds.routes[at], sights.lanes, counts
+def _try_lines(at, worlds, count, met, out, p):
+    """Write the free shares of the `count` commands in the lanes into `out`."""
+    sights = met.sights
+    on_route, route, lanes = worlds.robots[at]["on_route"], worlds.routes[at], sights.lanes
     last = on_route["position"] + sights.free_ways[at[1]]
     for k in range(SAMPLES):
         for n in range(count):
@@ -116,9 +125,11 @@ def _try_lines(at, worlds, counts, sights, out, p):
         for n in range(count):
             a = sights.lane_of[n]
             on_routes.settle(lanes, n, on_route, route)
-            if out[a] == ONE:
+            if k == 0 and met.braking > 0:
+                out[a] = can_brake(on_routes.state_of(lanes, n), met, p)
+            if k < out[a] * SAMPLES:
                 barred = lanes[on_routes.ALONG * LANES + n] > last
-                if (k >= TOWARDS and barred) or touches(k, body_in(lanes, n, p), (others, sights), p):
+                if (k >= TOWARDS and barred) or touches(k, body_in(lanes, n, p), sights.plans, met.count, sights, p):
                     out[a] = np.float32(k) / np.float32(SAMPLES)
                 else:
                     free += 1
@@ -134,10 +145,10 @@ def write_predictions(worlds, at, row, starts, table, sights, p, floor):
     (speed, offset), all offsets of a speed, then those of the next; sights: with the plans of all robots.
     """
     r, route, out, sides = worlds.robots[at], worlds.routes[at], row[starts.predictions :], sights.sides
-    forwards, others = what_forwards(r, route, p), _keep_near(r["motion"], row[starts.neighbours :], sights, p)
+    forwards, met = what_forwards(r, route, p), _keep_near(r["motion"], row[starts.neighbours :], sights, p)
     for a in range(table.shape[0]):
         out[a] = ONE
-    if others == 0 and sights.free_ways[at[1]] == FAR:
+    if met.count == 0 and sights.free_ways[at[1]] == FAR:
         return
     ahead, count, asked = point_ahead(r, route, p), 0, 0
     offsets = _write_sides(r, ahead, table, sights, p, floor)
@@ -152,9 +163,9 @@ def write_predictions(worlds, at, row, starts, table, sights, p, floor):
                 sights.lane_of[count] = a
                 count += 1
             else:
-                out[a] = off_line(r, (route, worlds.arcs[at]), forwards, speed, p, sights.path, (others, sights), floor)
+                out[a] = off_line(r, (route, worlds.arcs[at]), forwards, speed, p, sights.path, met, floor)
         if count == LANES or a + 1 == table.shape[0]:
-            _try_lines(at, worlds, (count, others), sights, out, p)
+            _try_lines(at, worlds, count, met, out, p)
             count = 0
     for a in range(table.shape[0]):
         k = a % offsets
