@@ -63,7 +63,7 @@ def test_the_recipe_is_what_the_shipped_weights_were_trained_by(name: str) -> No
 
 
 def test_caution_is_for_driving_not_for_training() -> None:
-    careful = by_recipe("careful")
+    careful = by_recipe("careful", caution=5 / 3)
     trained = careful.env("open", 2)
     assert (trained.sensor.caution, careful.driven(trained).sensor.caution) == (1.0, 5 / 3)
 
