@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.simulation.worlds import drawn, give_line, lay, room, stage
+from tests.simulation.worlds import drawn, give_line, lay, room, stage, write
 from warehouse_env.config import EnvConfig
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import LAYOUTS, make_layout
@@ -196,6 +196,20 @@ def test_in_a_manoeuvre_it_stops_or_backs_when_told_and_goes_on(told: int) -> No
     assert abs(r["on_route"]["bearing"]) < 0.3
     assert r["on_route"]["position"] > 0.5
     assert simulator.robots["totals"]["hits_shelf"].sum() == 0
+
+
+@pytest.mark.parametrize("past", [0.6, 0.65, 0.7])
+def test_it_does_not_leave_its_arcs_while_its_tail_would_swing_into_a_shelf(past: float) -> None:
+    """Its tail is still beside a corner, .1 mm off, when its route turns away."""
+    grid = drawn(["." * 24] * 3 + ["#" * 12 + "." * 12] + ["." * 24] * 4)  # a shelf at y from 4 to 5, up to x = 12
+    simulator = on_route(grid, (12 + past, 3.6999, 0.0, 0.3), (11.0, 3.45), (20.0, 3.45))
+    simulator.arcs[0, 0, :2] = (0.6, 0.0), (0.3, 0.0)
+    r = simulator.robots[0, 0]
+    write(r, arcs=2, arc=0, arc_x=12 + past, arc_y=3.6999, arc_heading=0.0, arc_left=0.6)
+    write(r, arc_margin=5e-5, arc_planned=5e-5)
+    drive(simulator, int(simulator.cruise_action), 5)
+    assert r["totals"]["hits_shelf"] == 0
+    assert r["motion"]["x"] > 12 + past + 0.2
 
 
 def test_it_comes_back_to_its_arcs_from_where_it_was_pushed() -> None:

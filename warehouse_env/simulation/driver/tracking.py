@@ -14,7 +14,7 @@ import numpy as np
 
 from warehouse_env.kernel import inline
 from warehouse_env.simulation.driver import arrival
-from warehouse_env.simulation.driver.driving import KEPT, STANDS, drive_arcs, give_up, leads_ahead
+from warehouse_env.simulation.driver.driving import KEPT, NARROW, STANDS, drive_arcs, give_up, leads_ahead
 from warehouse_env.simulation.driver.line import aim, look_ahead, room_beside, steer_for, way_point
 from warehouse_env.simulation.driver.off_shelves import may_drive
 from warehouse_env.simulation.physics.footprint import sweep_is_free
@@ -171,6 +171,8 @@ def follow(r, route, arcs, wanted_speed, offset, stopping, p, floor):
         aligned = max(abs(angle), abs(on_route["bearing"])) < BACK_ON and r["clocks"]["stalled_time"] < PATIENCE
         if stopping is not None:
             aligned = aligned and manoeuvre["docks"] == 0
+        # closer to a shelf than MARGIN sees at its start, the tail may swing into it
+        aligned = aligned and (manoeuvre["arc_margin"] >= NARROW or may_drive(r, on_line, steer, ZERO, p, floor))
         if aligned and leads_ahead(r, arcs) and may_drive(r, on_line, steer, MARGIN, p, floor):
             give_up(r)
     if manoeuvre["arcs"] > 0 and speed >= ZERO:  # a robot that backs keeps its manoeuvre for later
