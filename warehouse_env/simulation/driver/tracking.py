@@ -171,9 +171,9 @@ def follow(r, route, arcs, wanted_speed, offset, stopping, p, floor):
         aligned = max(abs(angle), abs(on_route["bearing"])) < BACK_ON and r["clocks"]["stalled_time"] < PATIENCE
         if stopping is not None:
             aligned = aligned and manoeuvre["docks"] == 0
-        # closer to a shelf than MARGIN sees at its start, the tail may swing into it
-        aligned = aligned and (manoeuvre["arc_margin"] >= NARROW or may_drive(r, on_line, steer, ZERO, p, floor))
-        if aligned and leads_ahead(r, arcs) and may_drive(r, on_line, steer, MARGIN, p, floor):
+        leaves = aligned and leads_ahead(r, arcs) and may_drive(r, on_line, steer, MARGIN, p, floor)
+        # MARGIN is not checked at the start, where the tail may swing into a shelf
+        if leaves and (manoeuvre["arc_margin"] >= NARROW or may_drive(r, on_line, steer, ZERO, p, floor)):
             give_up(r)
     if manoeuvre["arcs"] > 0 and speed >= ZERO:  # a robot that backs keeps its manoeuvre for later
         speed, steer = _manoeuvre(r, arcs, speed, stopping, p, floor)
