@@ -222,6 +222,19 @@ def test_a_manoeuvre_is_foreseen_to_its_end_and_on_along_the_route() -> None:
     assert drives[:, :, 0].max() > drives[0, :, 0].max() + 0.1  # it has turned back
 
 
+def test_a_manoeuvre_is_expected_to_go_on_where_a_shelf_keeps_the_follower_from_its_route() -> None:
+    aisle = drawn(["#" * 40] * 19 + ["." * 40] + ["#" * 40] * 20)  # y from 20 to 21
+    simulator = scene((12.0, 20.66, 0.0, 0.5), grid=aisle, y=20.9)
+    simulator.arcs[0, 0, :1] = (3.0, 0.0)
+    r = simulator.robots[0, 0]
+    write(r, arcs=1, arc=0, arc_x=12.0, arc_y=20.66, arc_heading=0.0, arc_left=3.0, wanted_speed=1.3)
+    write(r, arc_margin=0.01, arc_planned=0.01)
+    simulator._observe()
+    drives = drive(simulator, FAST * len(SIDES))
+    assert abs(drives[-1, :, 1].mean() - 20.66) < 0.02
+    np.testing.assert_allclose(plan(simulator, 0), drives, atol=0.05)
+
+
 def test_a_robot_is_expected_to_stop_where_the_follower_stops_before_a_shelf() -> None:
     aisle = drawn(["#" * 40] * 19 + ["." * 40] + ["#" * 40] * 20)  # y from 20 to 21
     own = (12.0, 20.6, 0.35, 1.0)
