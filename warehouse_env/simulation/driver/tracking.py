@@ -180,7 +180,7 @@ def follow(r, route, arcs, wanted_speed, offset, stopping, p, floor):
     elif speed > ZERO:
         speed, steer = _forward(r, alone, on_line, steer, angle, p, floor)
     elif r["motion"]["speed"] > ZERO or speed == ZERO:
-        held = p["field"] == 0 and r["motion"]["speed"] != ZERO  # others know best where it will stand
+        held = p["field"] == 0 and r["motion"]["speed"] != ZERO  # so that others know where it will stand
         speed, steer = ZERO, r["motion"]["steer"] if held else _brake_steer(r, steer, MARGIN, p, floor)
     else:
         speed, steer = _backwards(r, speed, p, floor)

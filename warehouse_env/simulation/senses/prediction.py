@@ -55,7 +55,10 @@ def _may_meet(motion, plan, most, p):
 
 @inline
 def _keep_near(motion, seen, sights, p):
-    """Keep of the neighbours `seen` in `sights.who` those that the robot may meet, first if all brake; return a Met."""
+    """Keep of the neighbours `seen` in `sights.who` those that the robot may meet; return a Met.
+
+    Those that it may meet even if all brake come first.
+    """
     count, braking, own = 0, 0, body_at(ZERO, ZERO, ONE, ZERO, p)
     fastest = min(abs(motion["speed"]) + p["max_acceleration"] * APART, p["max_speed"])
     to_stop = fastest * (APART + HALF * fastest / p["max_acceleration"])
