@@ -175,13 +175,16 @@ def follow(r, route, arcs, wanted_speed, offset, stopping, p, floor):
         # MARGIN is not checked at the start, where the tail may swing into a shelf
         if leaves and (manoeuvre["arc_margin"] >= NARROW or may_drive(r, on_line, steer, ZERO, p, floor)):
             give_up(r)
-    if manoeuvre["arcs"] > 0 and speed >= ZERO:  # a robot that backs keeps its manoeuvre for later
+    moving = r["motion"]["speed"]
+    stops = speed == ZERO or speed < ZERO < moving
+    if stops and p["field"] == 0 and moving != ZERO:
+        speed, steer = ZERO, r["motion"]["steer"]  # so that others know where it will stand
+    elif manoeuvre["arcs"] > 0 and speed >= ZERO:  # a robot that backs keeps its manoeuvre for later
         speed, steer = _manoeuvre(r, arcs, speed, stopping, p, floor)
     elif speed > ZERO:
         speed, steer = _forward(r, alone, on_line, steer, angle, p, floor)
-    elif r["motion"]["speed"] > ZERO or speed == ZERO:
-        held = p["field"] == 0 and r["motion"]["speed"] != ZERO  # so that others know where it will stand
-        speed, steer = ZERO, r["motion"]["steer"] if held else _brake_steer(r, steer, MARGIN, p, floor)
+    elif stops:
+        speed, steer = ZERO, _brake_steer(r, steer, MARGIN, p, floor)
     else:
         speed, steer = _backwards(r, speed, p, floor)
     commanded["target_speed"] = speed

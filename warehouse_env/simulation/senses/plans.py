@@ -197,7 +197,7 @@ def off_line(r, ways, forwards, speed, p, path, met, floor):
 
     ways: (route, arcs); forwards: see what_forwards; met: a Met.
     """
-    if speed >= ZERO and forwards == ALONG_ARCS:
+    if forwards == ALONG_ARCS and (speed > ZERO or (speed == ZERO and p["field"] != 0)):
         return _along_arcs(r, ways, speed, p, path, met, floor)
     return _back(r, min(speed, ZERO), p, path, met, floor)
 
