@@ -87,7 +87,7 @@ def shoot(pose, steer, goals, margin, most, around, arcs):
                 for k in range(SHOT):
                     way = lengths[k]
                     if abs(way) >= _LEAST:
-                        arcs[count, 0] = np.float32(np.round(way / _GRAIN) * _GRAIN)
+                        arcs[count, 0] = np.float32(np.rint(way / _GRAIN) * _GRAIN)
                         arcs[count, 1] = to_steering(np.float32(TURNS[n, k] / radius), p["wheelbase"], p["max_steer"])
                         count += 1
     return count, least
