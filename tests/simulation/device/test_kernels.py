@@ -84,7 +84,7 @@ def test_a_kernel_rounds_as_the_cpu_does_and_takes_what_is_launched(name: str, m
     done = set(re.findall(rf"\b(?:add|sub|mul|div|fma|mad|sqrt|rcp|rsqrt|sin|cos|ex2|lg2)\.[a-z.]*f(?:{kinds})", ptx))
     assert "add.rn.f32" in done or name in NOISE + TASKS
     assert [one for one in done if not re.fullmatch(r"(add|sub|mul|div|sqrt|rcp)\.rn\.f(32|64)", one)] == []
-    sizes = [int(bits) // 8 for bits in re.findall(r"\.param \.[a-z](\d+) \w+_param_\d+[,\n]", ptx)]
+    sizes = [int(bits) // 8 for bits in re.findall(rf"\.param \.[a-z](\d+) {name}_param_\d+[,\n]", ptx)]
     given = [getattr(one, "nbytes", 8) for one in shim.parameters_of(launch)]
     assert given == sizes
     assert sum(sizes) < 32764  # the most that a GPU takes
