@@ -169,15 +169,13 @@ def follow(r, route, arcs, wanted_speed, offset, stopping, p, floor):
             if manoeuvre["arcs"] == 0 and manoeuvre["search_wait"] <= ZERO and arrival.wants_to_dock(r):
                 manoeuvre["seeks"], manoeuvre["search_wait"] = ALONE if alone else AROUND_OTHERS, AGAIN
         aligned = max(abs(angle), abs(on_route["bearing"])) < BACK_ON and r["clocks"]["stalled_time"] < PATIENCE
-        if stopping is not None:
-            aligned = aligned and manoeuvre["docks"] == 0
+        aligned = aligned and manoeuvre["docks"] == 0
         leaves = aligned and leads_ahead(r, arcs) and may_drive(r, on_line, steer, MARGIN, p, floor)
         # MARGIN is not checked at the start, where the tail may swing into a shelf
         if leaves and (manoeuvre["arc_margin"] >= NARROW or may_drive(r, on_line, steer, ZERO, p, floor)):
             give_up(r)
-    moving = r["motion"]["speed"]
-    stops = speed == ZERO or speed < ZERO < moving
-    if stops and p["field"] == 0 and moving != ZERO:
+    stops = speed == ZERO or speed < ZERO < r["motion"]["speed"]
+    if stops and p["field"] == 0 and r["motion"]["speed"] != ZERO:
         speed, steer = ZERO, r["motion"]["steer"]  # so that others know where it will stand
     elif manoeuvre["arcs"] > 0 and speed >= ZERO:  # a robot that backs keeps its manoeuvre for later
         speed, steer = _manoeuvre(r, arcs, speed, stopping, p, floor)
@@ -187,5 +185,4 @@ def follow(r, route, arcs, wanted_speed, offset, stopping, p, floor):
         speed, steer = ZERO, _brake_steer(r, steer, MARGIN, p, floor)
     else:
         speed, steer = _backwards(r, speed, p, floor)
-    commanded["target_speed"] = speed
-    commanded["target_steer"] = steer
+    commanded["target_speed"], commanded["target_steer"] = speed, steer
