@@ -97,20 +97,20 @@ class FleetPart(CheckedPart):
 class SensorSpec(Checked):
     """A robot's perception: lidar, its nearest robots, the route ahead, and an extra sensor."""
 
+    retired: ClassVar[dict[str, Any]] = {"caution": 1.0}
+
     rays: int = 32  # of the lidar, evenly all round; or 0
     lidar_range: float = 6.0  # [m], from the body's centre
     neighbours: int = 6  # nearest robots within lidar_range; or 0
     route_points: int = 5  # of the route ahead; or 0
     route_spacing: float = 1.0  # [m] between route points ahead
     predictions: bool = False  # also the time to a predicted conflict of every (speed level, lateral offset)
-    caution: float = 1.0  # how many times the usual gap predictions keep; more: fewer contacts and fewer goals
     extra: str | None = None  # also an extra sensor's numbers: a name of SENSORS, or your own, FILE.py:CLASS
 
     def __post_init__(self) -> None:
         super().__post_init__()
         self._between(0, 4096, "rays", "neighbours", "route_points")
         self._between(_LEAST, _MOST, "lidar_range", "route_spacing")
-        self._between(0.0, 10.0, "caution")
         self._require(self.neighbours > 0 or not self.predictions, "predictions", "False without neighbours")
 
 

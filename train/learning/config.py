@@ -96,8 +96,6 @@ class TrainingConfig(Checked):
     """Physics steps between two decisions in training; the finished policy decides at every step."""
     predictions: bool = True
     """Observe for every action the time to a conflict; the untrained policy then avoids conflicts."""
-    caution: float = 1.0
-    """How many times the usual gap predictions keep when the finished policy drives; in the training it is 1."""
     tasks: str = "lifelong"
     """Starts and goals in training: lifelong, or by your own sampler, FILE.py:CLASS."""
     sensor: str | None = None
@@ -121,12 +119,13 @@ class TrainingConfig(Checked):
     """Threads of torch and of the simulator."""
     progress: bool = True
     """Show the progress bar; otherwise, or without a terminal, print a line every minute."""
+    retired: ClassVar[dict[str, Any]] = {"caution": 1.0}
     ranges: ClassVar = {
         "steps": (1, 10**15), "rows": (1, 10**7), "robots": (1, 10**7), "action_repeat": (1, 10**7),
         "threads": (1, 1024), "seed": (0, 2**32 - 1), "hidden": (1, 16_384), "minibatch": (1, _MOST_SAMPLES),
         "minutes": (1e-9, 1e9), "episode_seconds": (1e-9, 1e9), "jam_seconds": (1e-9, 1e9),
         "checkpoint_seconds": (0.0, 1e9), "evaluation_seconds": (0.0, 1e9), "entropy_first": (0.0, 1e9),
-        "entropy_last": (0.0, 1e9), "cruise_bias": (0.0, 1e9), "keep_right": (0.0, 1e9), "caution": (0.0, 10.0),
+        "entropy_last": (0.0, 1e9), "cruise_bias": (0.0, 1e9), "keep_right": (0.0, 1e9),
         "reward_scale": (1e-30, 1e9), "learning_rate": (1e-30, 1e9), "gradient_clip": (1e-30, 1e9),
         "gamma": (0.0, 1.0), "gae_lambda": (0.0, 1.0), "shared": (0.0, 1.0), "collision_first": (-1e9, 1e9),
         "collision_last": (-1e9, 1e9), "contact": (-1e9, 1e9),
@@ -189,12 +188,11 @@ class TrainingConfig(Checked):
         return env.replace(action_type=self.action_type, max_steps=steps, reward=self.reward(0.0))
 
     def driven(self, env: EnvConfig) -> EnvConfig:
-        """Return an environment of the training as the policy is driven in: all robots replan, with CAUTION, and it
-        decides at every physics step, which brought 1 to 6% more goals on trial seeds, or half of the contacts.
+        """Return an environment of the training as the policy is driven in: all robots replan, and it decides at every
+        physics step, which brought 1 to 6% more goals on trial seeds, or half of the contacts.
         """
-        steps, sensor = env.max_steps * env.action_repeat, dataclasses.replace(env.sensor, caution=self.caution)
-        traffic = self.traffic_spec
-        return env.replace(action_repeat=1, max_steps=steps, traffic=traffic, sensor=sensor, quick_searches=False)
+        steps, traffic = env.max_steps * env.action_repeat, self.traffic_spec
+        return env.replace(action_repeat=1, max_steps=steps, traffic=traffic, quick_searches=False)
 
     @property
     def mode(self) -> Mode:

@@ -80,7 +80,7 @@ QUANTILES = {"low": 0.05, "median": 0.5, "high": 0.95}
 _FIGURES = ("goals_per_robot_hour", "collisions_per_km", "stuck", "reward", "entropy")
 _POINTS = 20  # parts of the budget
 _FREE = {  # options that do not change what a training learns
-    "name", "recipe", "out", "resume", "seed", "caution", "checkpoint_seconds", "evaluation_seconds", "threads",
+    "name", "recipe", "out", "resume", "seed", "checkpoint_seconds", "evaluation_seconds", "threads",
     "progress",
 }  # fmt: skip
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
@@ -13,7 +12,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from agents import policy_config, policy_tensors
+from agents import policy_tensors
 from agents.networks import ActorCritic, begin_with, first_actor_critic
 from agents.weights_folder import Network
 from train.learning import checkpoint
@@ -113,10 +112,7 @@ def first_net(config: ThreadedConfig, env: EnvConfig) -> ActorCritic:
     """Return the network that a training begins with; ConfigError or WeightsError if its `start` does not fit."""
     net = first_actor_critic(network_of(env, config.hidden), env, config.cruise_bias)
     if config.start is not None and config.resume is None:
-        driven = config.driven(env)
-        caution = policy_config(config.start, driven).sensor.caution  # of driving, not of what was learned
-        sensor = dataclasses.replace(driven.sensor, caution=caution)
-        begin_with(net, policy_tensors(config.start, driven.replace(sensor=sensor)))
+        begin_with(net, policy_tensors(config.start, config.driven(env)))
     return net
 
 

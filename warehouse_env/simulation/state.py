@@ -125,7 +125,6 @@ PARAMETERS = np.dtype(
         ("arrival_radius", F), ("arrival_angle", F), ("beyond", F),  # [m], [rad], and [m] aimed at beyond a route
         ("near_miss_gap", F), ("pair_range", F), ("stride", F), ("blur", F),
         ("cell", F), ("lidar_range", F), ("rays", I), ("neighbours", I), ("route_points", I), ("route_spacing", F),
-        ("caution", F),
         ("most_pairs", I), ("bucket", F), ("bucket_rows", I), ("bucket_columns", I),  # [m]; set by the Simulator
         ("right_of_way", B), ("right_of_way_after", F),  # [s]
         ("field", B), ("field_margin", F), ("stop_samples", I), ("swing", F), ("far", F), ("field_range", F),
@@ -194,7 +193,6 @@ def _parameters_of_one(config: EnvConfig, robot: RobotSpec, cell: float) -> NDAr
         "pair_range": 2 * radius + GAP_HORIZON + 2 * stride, "stride": stride, "blur": blur,
         "cell": cell, "lidar_range": sensor.lidar_range, "rays": sensor.rays, "neighbours": sensor.neighbours,
         "route_points": sensor.route_points, "route_spacing": sensor.route_spacing,
-        "caution": sensor.caution,
         "right_of_way": traffic.right_of_way, "right_of_way_after": traffic.right_of_way_after,
         "field": traffic.shield is not False, "field_margin": traffic.margin,
         "stop_samples": _stop_samples(config, robot), "swing": wide,

@@ -27,11 +27,9 @@ TIMES = 0.2 * np.arange(1, 13)  # [s] looked at
 ROOM = room(40, 40)
 
 
-def scene(
-    own: tuple[float, ...], *others: tuple[float, ...], grid: GridMap = ROOM, y: float = 20.0, caution: float = 1.0
-) -> Simulator:
+def scene(own: tuple[float, ...], *others: tuple[float, ...], grid: GridMap = ROOM, y: float = 20.0) -> Simulator:
     """The own robot with a route due east along y from x = 10, then north; others anywhere."""
-    options: dict[str, Any] = {"speed_levels": SPEEDS, "sensor": SensorSpec(predictions=True, caution=caution)}
+    options: dict[str, Any] = {"speed_levels": SPEEDS, "sensor": SensorSpec(predictions=True)}
     simulator = stage(grid, own, *others, action_type="discrete", **options)
     lay(simulator, (10.0, y), (17.0, y), (17.0, 30.0))
     write(simulator.robots[0, 0], position=own[0] - 10.0, lateral=own[1] - y, bearing=-own[2])
@@ -252,8 +250,8 @@ def test_no_part_of_a_very_small_gap_may_be_lost(gap: float) -> None:
     assert 0 <= simulator._scratch.step.sights.gaps[0] <= gap
 
 
-@pytest.mark.parametrize(("caution", "free"), [(0.0, True), (1.0, True), (4.0, False)])
-def test_caution_widens_the_gap_that_commands_must_keep(caution: float, free: bool) -> None:
-    passed = (13.5, 20.6 + 0.3, 0.0)  # .3 m beside the route; with caution 1 gaps reach .15 m
-    got = predictions(scene((12.0, 20.0, 0.0, 1.3), passed, caution=caution))
+@pytest.mark.parametrize(("gap", "free"), [(0.3, True), (0.1, False)])
+def test_commands_must_keep_a_gap_that_grows_with_time(gap: float, free: bool) -> None:
+    passed = (13.5, 20.6 + gap, 0.0)  # beside the route; gaps reach .15 m
+    got = predictions(scene((12.0, 20.0, 0.0, 1.3), passed))
     assert (got[FAST, 0] == 1) == free

@@ -40,7 +40,6 @@ FREE = {
 # options than some weights, which had them off
 NEWER = {
     "fleet": None, "device": None, "late_braking": 0.0, "start": None, "tasks": "lifelong", "sensor": None,
-    "caution": 1.0,
 }  # fmt: skip
 
 
@@ -62,15 +61,8 @@ def test_the_recipe_is_what_the_shipped_weights_were_trained_by(name: str) -> No
     assert {key: made[key] for key in made.keys() - FREE} == {key: given[key] for key in given.keys() - FREE}
 
 
-def test_caution_is_for_driving_not_for_training() -> None:
-    careful = by_recipe("careful", caution=5 / 3)
-    trained = careful.env("open", 2)
-    assert (trained.sensor.caution, careful.driven(trained).sensor.caution) == (1.0, 5 / 3)
-
-
 @pytest.mark.parametrize("name", [name for name, (kind, _) in RECIPES.items() if issubclass(kind, ThreadedConfig)])
 def test_a_recipe_can_begin(name: str) -> None:
-    """What it begins with fits, though it may have been driven with other caution."""
     config = by_recipe(name, **{"device": "cpu"} if RECIPES[name][1].get("rows", 0) > 10_000 else {})
     env = config.env("open", config.robots[0])
     net = first_net(config, env)
@@ -172,7 +164,7 @@ def test_only_a_training_by_the_same_options_has_a_reference(tmp_path: Path, mon
     usual = by_recipe("careful", seed=3)
     assert reference_of(usual) is None
     (tmp_path / "careful").mkdir()
-    old = {name: value for name, value in usual.to_dict().items() if name not in ("recipe", "caution", "tasks")}
+    old = {name: value for name, value in usual.to_dict().items() if name not in ("recipe", "tasks")}
     made = summary([run_of(0.0), run_of(1.0)], old)
     (tmp_path / "careful" / "curves.json").write_text(json.dumps(made._asdict()))
     free = {"name": "mine", "seed": 7, "threads": 3, "evaluation_seconds": 0.0, "progress": False}

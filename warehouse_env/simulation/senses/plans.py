@@ -28,7 +28,7 @@ from warehouse_env.simulation.state import ROBOT
 
 SAMPLES = 12  # times looked at, APART of each other: at 0.3 s, bodies that met passed unseen between two
 KEPT = np.float32(0.03)  # [m] from others at first, and
-KEPT_RATE = np.float32(0.05)  # [m/s] added to it over time, each times SensorSpec.caution
+KEPT_RATE = np.float32(0.05)  # [m/s] added to it over time
 DIAGONAL = np.float32(1.4143)  # of a unit square, rounded up
 STAND, ALONG_ARCS, ALONG_LINE = range(3)  # what a command forwards does
 POSE = 4  # x, y [m] of a body's centre, cosine and sine of its heading
@@ -82,7 +82,7 @@ def make_sights(robots: int, rays: int, neighbours: int, commands: int, passages
 @inline
 def touches(k, body, plans, count, sights, p):
     """Whether the Rectangle `body` at time k touches one of the first `count` robots in sights.who, as in `plans`."""
-    margin = p["caution"] * (KEPT + KEPT_RATE * APART * np.float32(k + 1))
+    margin = KEPT + KEPT_RATE * APART * np.float32(k + 1)
     far = p["radius"] + p["widest"] + DIAGONAL * margin
     for n in range(count):
         j = sights.who[n]

@@ -46,7 +46,7 @@ def _may_meet(motion, plan, most, p):
     for k in range(SAMPLES):
         t = APART * np.float32(k + 1)
         driven = min(min(v + HALF * p["max_acceleration"] * t, p["max_speed"]) * t, most)
-        reach = driven + p["far"] + p["widest"] + DIAGONAL * p["caution"] * (KEPT + KEPT_RATE * t)
+        reach = driven + p["far"] + p["widest"] + DIAGONAL * (KEPT + KEPT_RATE * t)
         dx, dy = plan[k, 0] - x, plan[k, 1] - y
         if dx * dx + dy * dy < reach * reach:
             return True
