@@ -36,7 +36,7 @@ MOTION = _record(
 ROBOT = _record(
     ("motion", MOTION),
     ("commanded", _record(
-        ("wanted_speed", F),  # [m/s] of the action
+        ("wanted_speed", F), ("wanted_offset", F),  # [m/s] and [m] of the action
         ("target_speed", F), ("target_steer", F),  # [m/s], [rad], by the path follower
         ("previous_speed", F), ("previous_steer", F),  # of the previous env step, for smoothness
         ("follow_steer", F),  # [rad], by the path follower without a lateral offset

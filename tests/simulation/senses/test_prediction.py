@@ -107,6 +107,14 @@ def test_a_neighbour_is_expected_along_its_route() -> None:
     assert abs(seen[STAND, 0] * 12 - meets) <= 1
 
 
+@pytest.mark.parametrize("side", range(len(SIDES)))
+def test_a_neighbour_is_expected_at_the_lateral_offset_that_it_wants(side: int) -> None:
+    simulator = scene((12.0, 20.0, 0.0, 0.5), (30.0, 30.0, 0.0))
+    write(simulator.robots[0, 0], wanted_speed=SPEEDS[SLOWLY], wanted_offset=SIDES[side])
+    simulator._observe()
+    np.testing.assert_allclose(plan(simulator, 0), drive(simulator, SLOWLY * len(SIDES) + side), atol=0.1)
+
+
 def test_a_neighbour_without_a_route_stops_unless_it_backs() -> None:
     simulator = scene((12.0, 20.0, 0.0), (14.0, 22.0, 2.0, 1.0), (30.0, 30.0, 1.0, -0.4))
     stopped = bodies(14.0 + 0.5 * math.cos(2.0), 22.0 + 0.5 * math.sin(2.0), 2.0)

@@ -153,12 +153,12 @@ def follow(r, route, arcs, wanted_speed, offset, stopping, p, floor):
     commanded, on_route, manoeuvre = r["commanded"], r["on_route"], r["manoeuvre"]
     tx, ty, ux, uy, angle = aim(r, route, p)
     manoeuvre["search_wait"] = max(manoeuvre["search_wait"] - p["time_step"], ZERO)
-    commanded["wanted_speed"], steer = wanted_speed, commanded["follow_steer"]
+    commanded["wanted_speed"], commanded["wanted_offset"] = wanted_speed, offset
+    steer, speed, on_line = commanded["follow_steer"], wanted_speed, wanted_speed
     if offset != ZERO:
         to_go = np.float32(on_route["points"] - 1) * on_route["spacing"] - on_route["position"]
         offset = room_beside(tx, ty, ux, uy, offset, to_go, floor, p)
         steer, angle = steer_for(r, tx - offset * uy, ty + offset * ux, p)
-    speed = on_line = wanted_speed
     alone = _alone(r, p)
     if speed > ZERO:
         if not alone and manoeuvre["search_wait"] <= ZERO:

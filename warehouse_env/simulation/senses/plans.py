@@ -1,8 +1,9 @@
 """Plans: where each robot will be in the next seconds if it goes on as it does, which robots tell each other.
 
 A robot goes on at its speed, or at the higher one that it wants, as the path follower would drive it: along its route
-or its manoeuvre, back, or to a stop, which it also comes to before a shelf. It may also brake at any time. Without the
-shield, a command conflicts unless the robot and others that it may meet can still brake after it.
+at the lateral offset that it has, or wants without the shield, along its manoeuvre, back, or to a stop, which it also
+comes to before a shelf. It may also brake at any time. Without the shield, a command conflicts unless the robot and
+others that it may meet can still brake after it.
 """
 
 from __future__ import annotations
@@ -272,8 +273,10 @@ def _plan(worlds, b, i, lane, p, floor, sights):
     elif forwards == ALONG_LINE and wanted > ZERO:
         speed = max(speed, wanted)
     if forwards == ALONG_LINE and speed > ZERO:
-        ahead = point_ahead(r, route, p)
-        side = side_room(r, ahead, r["on_route"]["lateral"], p, floor)
+        ahead, offset = point_ahead(r, route, p), r["on_route"]["lateral"]
+        if p["field"] == 0:
+            offset = r["commanded"]["wanted_offset"]
+        side = side_room(r, ahead, offset, p, floor)
         next_speed, next_steer = step_towards(r, ahead, speed, side, p)
         if may_drive(r, next_speed, next_steer, MARGIN, p, floor):
             on_routes.begin(sights.lanes, lane, r, speed, side)
