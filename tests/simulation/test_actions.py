@@ -133,14 +133,15 @@ def test_who_is_put_somewhere_sees_what_one_that_drove_there_sees() -> None:
     for _ in range(40):
         driven.step(np.tile(driven.cruise_action, (1, 8)))
     assert standing.put(driven.state.pose, driven.state.speed).tolist() == [True]
-    ego, predictions = driven.layout.slices["ego"].start, driven.layout.slices["predictions"]
-    # the wheels', which turn on, and what they change; the follower's, which is that of a step before
-    steering = [ego + 1, ego + 2, *range(predictions.start, predictions.stop)]
+    ego = driven.layout.slices["ego"].start
+    steering = [ego + 1, ego + 2]  # the wheels', which turn on; the follower's, which is that of a step before
     kept = np.setdiff1d(np.arange(driven.layout.size), steering)
-    assert np.array_equal(standing.observation[..., kept], driven.observation[..., kept])
     straight = np.abs(driven.state.steer[0]) < 2e-3
     assert straight.sum() >= 5
     np.testing.assert_allclose(standing.observation[0, straight], driven.observation[0, straight], atol=2e-3)
+    standing.robots["motion"]["steer"] = driven.robots["motion"]["steer"]  # which predictions look at
+    standing._observe()
+    assert np.array_equal(standing.observation[..., kept], driven.observation[..., kept])
     assert np.abs(driven.robots["on_route"]["lateral"]).min() > 1e-3
 
 
