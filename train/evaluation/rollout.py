@@ -24,7 +24,7 @@ from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, counted
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning.plan import Planner
-from warehouse_env.simulation.record.deadlocks import DeadlockCounter
+from warehouse_env.simulation.record.waiting import WaitingRecord
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.traffic_spec import read_traffic, written_traffic
 
@@ -130,20 +130,21 @@ def play_out(
     metrics: dict[int, dict[str, Any]] = {}
     after = DISTURBANCES[experiment.disturbance].breakdown if experiment.disturbance else None
     watch = watch if after is None else [*watch, Breakdown(after, experiment.seeds)]
-    deadlocks = DeadlockCounter(simulator)
+    waiting = WaitingRecord(simulator)
     seconds: list[float] = []
     for steps in range(experiment.config.max_steps + 1):
         if steps:
             begin = time.perf_counter()
             step(decide(simulator, generators))
             seconds.append((time.perf_counter() - begin) / (simulator.num_worlds - len(metrics)))
-            deadlocks(simulator, steps)
+            waiting(simulator, steps)
         for watcher in watch:
             watcher(simulator, steps)
         # A world is measured as soon as it is over; then it idles until the last one is over.
         over = simulator.terminated.all(axis=1) | (steps == experiment.config.max_steps)
         for world in [world for world in np.flatnonzero(over).tolist() if world not in metrics]:
-            metrics[world] = {**simulator.episode_metrics(world), "deadlocks": float(deadlocks.counts[world])}
+            kept = {"deadlocks": float(waiting.deadlocks[world]), "longest_standing": waiting.longest[world].why}
+            metrics[world] = {**simulator.episode_metrics(world), **kept}
         if len(metrics) == simulator.num_worlds:
             break
     return [metrics[world] for world in range(simulator.num_worlds)], 1000 * statistics.median(seconds)

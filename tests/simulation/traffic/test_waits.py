@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -16,9 +17,9 @@ from tests.simulation.rights import World
 from tests.simulation.worlds import Pose, room, stage, write
 from warehouse_env.config import EnvConfig
 from warehouse_env.simulation.driver import tracking
-from warehouse_env.simulation.record.deadlocks import DeadlockCounter
+from warehouse_env.simulation.record.waiting import WaitingRecord, why_it_waits
 from warehouse_env.simulation.simulator import Simulator
-from warehouse_env.simulation.state import NOBODY, field_of
+from warehouse_env.simulation.state import NOBODY, ROBOT, field_of
 from warehouse_env.simulation.traffic import live, pedestrian_yield, waits
 from warehouse_env.simulation.traffic.waits import MOVES, SEEKS, STUCK, WAITS, find_wait_cycles
 
@@ -197,13 +198,13 @@ def test_cycles_are_those_of_a_plain_walk(waits_for: list[int]) -> None:
 def deadlocks(waits_at: range, end: Any = None) -> int:
     """Count deadlocks of two robots nose to nose that wait at these steps of 0.1 s; `end(simulator)` is done at 6 s."""
     simulator = on_routes((4.5, 5.5, EAST), (5.5, 5.5, WEST), goals=[(6, 10), (6, 0)])
-    counter = DeadlockCounter(simulator)
+    record = WaitingRecord(simulator)
     for step in range(1, 91):
         simulator.robots["clocks"]["waiting_time"] = 1.0 if step in waits_at else 0.0
         if step == 60 and end is not None:
             end(simulator)
-        counter(simulator, step)
-    return counter.counts[0]
+        record(simulator, step)
+    return record.deadlocks[0]
 
 
 def away_and_back(simulator: Simulator) -> None:
@@ -221,6 +222,39 @@ def test_a_deadlock_counts_once_until_a_member_gets_away() -> None:
     assert deadlocks(range(20, 91), goal) == 2
     assert deadlocks(range(20, 91, 20)) == 0  # a cycle of one look is no deadlock
     assert deadlocks(range(20, 91), away_and_back) == 2
+
+
+@given(st.integers(1, 9).flatmap(lambda n: st.lists(st.integers(NOBODY, n - 1), min_size=n, max_size=n)))
+def test_a_chain_is_told_to_its_end(waits_for: list[int]) -> None:
+    robots = np.zeros(len(waits_for), ROBOT)
+    robots["task"]["alive"] = 1
+    told = why_it_waits(0, np.array(waits_for, np.int32), robots)
+    named = [0, *(int(word) for word in re.findall(r"waits for (\d+)", told))]
+    assert all(waits_for[one] == other for one, other in pairwise(named))
+    in_cycle = named[-1] in named[:-1]
+    assert told.endswith(": a wait cycle" if in_cycle else "stands by itself")
+    assert in_cycle or waits_for[named[-1]] == NOBODY
+
+
+def test_why_a_robot_stands() -> None:
+    robots = np.zeros(4, ROBOT)
+    robots["task"]["alive"] = 1, 1, 1, 0
+    robots["motion"]["speed"] = 0, 0, 0.5, 0
+    said = [why_it_waits(0, np.array(who, np.int32), robots) for who in ((1, 2, -1, -1), (3, -1, -1, -1), (1, 0, 0, 0))]
+    assert said == [
+        "robot 0 waits for 1, which waits for 2, which drives",
+        "robot 0 waits for 3, which is parked",
+        "robot 0 waits for 1, which waits for 0: a wait cycle",
+    ]
+
+
+def test_the_longest_stand_is_kept_with_its_chain() -> None:
+    simulator = on_routes((4.5, 5.5, EAST), (5.5, 5.5, WEST), goals=[(6, 10), (6, 0)])
+    record, clocks = WaitingRecord(simulator), simulator.robots["clocks"][0]
+    for step, standing in ((5, 50.0), (10, 40.0), (20, 30.0)):  # it looks at every tenth step
+        clocks["standing_time"], clocks["waiting_time"] = (standing, standing - 1), 2.0
+        record(simulator, step)
+    assert record.longest[0] == (40.0, "robot 0 waits for 1, which waits for 0: a wait cycle")
 
 
 def test_standing_counts_rocking_within_a_metre() -> None:

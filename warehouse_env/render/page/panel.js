@@ -140,6 +140,18 @@ function showRobot(app) {
   document.querySelector("#span").parentElement.hidden = !chosen;
 }
 
+// Whom a robot waits for, whom that one waits for, and so on to the first that waits for nobody.
+function chainOf(episode, robot, frame) {
+  const chain = [robot];
+  let next = episode.get("waits_for", robot, frame);
+  while (next >= 0 && !chain.includes(next)) {
+    chain.push(next);
+    next = episode.get("waits_for", next, frame);
+  }
+  const links = chain.slice(1).map((other) => `waits for ${other}`);
+  return links.join(", which ") + (next >= 0 ? `, which waits for ${next}: a wait cycle` : "");
+}
+
 // One sentence about what a robot does now.
 function stateOf(episode, robot) {
   const k = episode.moment;
@@ -148,7 +160,7 @@ function stateOf(episode, robot) {
   const waits = episode.get("waits_for", robot, k), held = episode.get("held_by", robot, k);
   const yields = episode.get("yields_to", robot, k);
   if (episode.flag("touching", robot, k)) said.push("touches something");
-  if (waits >= 0) said.push(`waits for ${waits}${episode.flag("deadlocked", robot, k) ? ", in a wait cycle" : ""}`);
+  if (waits >= 0) said.push(chainOf(episode, robot, k));
   else if (episode.flag("served", robot, k)) said.push("is served at its place");
   else said.push(Math.abs(episode.now[5 * robot + 3]) > 0.05 ? "drives" : "stands");
   if (yields >= 0 && yields !== waits) said.push(`gives way to ${yields}`);

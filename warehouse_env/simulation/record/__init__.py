@@ -1,1 +1,1 @@
-"""Records of an episode: metrics, recordings, the count of deadlocks."""
+"""Records of an episode: metrics, recordings, who waited for whom."""
