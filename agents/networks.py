@@ -161,7 +161,8 @@ def first_actor_critic(network: Network, env: EnvConfig, cruise_bias: float) -> 
 def begin_with(net: ActorCritic, tensors: Mapping[str, NDArray[np.float32]]) -> None:
     """Copy a policy's tensors into a network; where they lack the critic, it stays untrained.
 
-    Raises ConfigError where anything else differs.
+    The last slices of an observation may be missing in the policy's: it begins by ignoring them. Raises ConfigError
+    where anything else differs.
     """
     for name, own in net.state_dict().items():
         if name not in tensors and name.startswith("critic."):
@@ -169,9 +170,11 @@ def begin_with(net: ActorCritic, tensors: Mapping[str, NDArray[np.float32]]) -> 
         if name not in tensors:
             raise ConfigError(f"--start: the policy has no {name}")
         given = torch.from_numpy(tensors[name])
+        if name.endswith(".0.weight") and given.shape[1] < own.shape[1]:
+            given = nn.functional.pad(given, (0, own.shape[1] - given.shape[1]))
         if given.shape != own.shape:
-            shapes = f"{list(given.shape)}, not {list(own.shape)}"
-            raise ConfigError(f"--start: {name} of the policy is {shapes}; give its --hidden and --traffic")
+            shapes, remedy = f"{list(given.shape)}, not {list(own.shape)}", "give its --hidden and --traffic"
+            raise ConfigError(f"--start: {name} of the policy is {shapes}; {remedy}, or --start None")
         own.copy_(given)
 
 

@@ -192,7 +192,7 @@ OLD: list[tuple[dict[str, Any], dict[str, Any]]] = [  # stored fields -> fields 
     ({"protective_field": True, "right_of_way": True, "reroute": True}, {"traffic": "rules"}),
     (
         {"protective_field": True, "right_of_way": True, "right_of_way_after": 12.0, "reroute": True},
-        {"traffic": "assist"},
+        {"traffic": TrafficSpec(shield=True, routes=True, right_of_way=True, right_of_way_after=12.0)},
     ),
     ({"reroute": True}, {"traffic": "routes"}),
     ({"reroute": True, "reroute_spec": {"only_barred": True, "every": 4.0}}, {"traffic": TrafficSpec(routes="barred")}),

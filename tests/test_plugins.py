@@ -296,7 +296,7 @@ def test_a_sensor_that_cannot_be_used_is_named(name: str, sentence: str) -> None
 SMALL = "--robots 2 --rows 4 --rollout 6 --minibatch 24 --hidden 24 --episode-seconds 3 --threads 1 --no-progress"
 
 
-@pytest.mark.parametrize("trainer", ["reinforce", "shielded", "ppo"])
+@pytest.mark.parametrize("trainer", ["reinforce", "unshielded", "ppo"])
 def test_a_policy_trained_with_a_sensor_is_driven_recorded_and_exported_with_it(
     trainer: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -47,7 +47,7 @@ COMMANDS = {
     "planners": Command("commands.layouts:Planners", "list the planners"),
     "train reinforce": Command("commands.training:Train", "train by our REINFORCE, with live routes"),
     "train ppo": Command("commands.training:Train", "train by PPO of stable-baselines3, with live routes"),
-    "train shielded": Command("commands.training:Train", "train by our PPO, under the shield, with live routes"),
+    "train shielded": Command("commands.training:Train", "train by our PPO, from busy on, under the shield"),
     "train unshielded": Command("commands.training:Train", "train by our PPO, with live routes, for few contacts"),
     "train careful": Command("commands.training:Train", "train by our PPO, from unshielded on, for fewer contacts"),
     "train fixed_routes": Command("commands.training:Train", "train by our PPO, as in papers: fixed routes, no shield"),

@@ -165,7 +165,7 @@ class EnvConfig(Checked):
     keep_right: float = 0.5
     people: int = 0  # on foot, among the robots (simulation/physics/people.py)
     # how robots meet. none: they ignore each other; routes: they replan around others; shield: also brake before a
-    # possible contact; rules: also have right of way; assist: rules only near robots that have stood for 12 s
+    # possible contact; rules: also have right of way; assist: rules only near robots that have stood for 30 s
     traffic: TrafficMode | TrafficSpec = "none"
     uncertainty: UncertaintySpec | None = None  # lost and late messages, and errors; None: none
     service: ServiceSpec | None = None  # robots stand to be loaded and unloaded; None: an arrival takes no time

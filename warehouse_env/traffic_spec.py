@@ -41,7 +41,7 @@ TRAFFIC: dict[str, TrafficSpec] = {
     "routes": TrafficSpec(routes=True),
     "shield": TrafficSpec(shield=True, routes=True),
     "rules": TrafficSpec(shield=True, routes=True, right_of_way=True),
-    "assist": TrafficSpec(shield=True, routes=True, right_of_way=True, right_of_way_after=12.0),
+    "assist": TrafficSpec(shield=True, routes=True, right_of_way=True, right_of_way_after=30.0),
 }
 
 

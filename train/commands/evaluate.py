@@ -39,7 +39,7 @@ class Drive(OwnSensors):
     """Planner of the routes: a name of `warehouse planners`, or one of your own, FILE.py:CLASS or MODULE:CLASS."""
     traffic: str = OWN
     """How robots meet. own: as the policy needs; none; routes: replan around others; shield: also brake before a
-    contact; assist: also right of way near robots that have stood for 12 s; rules: right of way everywhere. Switches of
+    contact; assist: also right of way near robots that have stood for 30 s; rules: right of way everywhere. Switches of
     TrafficSpec may follow, as in own:routes=false or rules:margin=0.1."""
     people: int | None = None
     """Number of people who walk among the robots (default: none)."""

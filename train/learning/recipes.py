@@ -49,7 +49,13 @@ _BUSY = _CAREFUL | {
     "start": "careful", "collision_first": -800.0, "gamma": 0.99, "rollout": 10, "minibatch": 65_536, "epochs": 1,
     "entropy_first": 0.002, "entropy_last": 0.0005, "learning_rate": 4e-4,
 }  # fmt: skip
-# The same with fixed routes.
+# Goes on from there in crowds under the shield.
+_SHIELDED = {
+    "steps": 18_000_000, "layouts": ("paper46", "narrow", "single_lane", *("aisles:seed=new",) * 8),
+    "robots": (64, 128), "rows": 2112, "planner": "astar_turns", "start": "busy", "hidden": (128, 128), "gamma": 0.99,
+    "entropy_first": 0.002, "entropy_last": 0.0005, "learning_rate": 4e-4,
+}  # fmt: skip
+# The same as busy with fixed routes.
 _PATIENT = _BUSY | {
     "steps": 760_000_000, "traffic": "none", "layouts": ("paper46", "single_lane", *DRAWN[:5]),
 }  # fmt: skip
@@ -57,7 +63,7 @@ _PATIENT = _BUSY | {
 RECIPES: dict[str, tuple[type[TrainingConfig], dict[str, Any]]] = {
     "reinforce": (ReinforceConfig, {}),
     "ppo": (PPOConfig, {}),
-    "shielded": (ThreadedPPOConfig, {}),
+    "shielded": (ThreadedPPOConfig, _SHIELDED),
     "unshielded": (ThreadedPPOConfig, _UNSHIELDED),
     "careful": (ThreadedPPOConfig, _CAREFUL),
     "fixed_routes": (ThreadedPPOConfig, _FIXED_ROUTES | _THREADED),

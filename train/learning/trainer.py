@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
@@ -12,9 +13,9 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from agents import policy_tensors
+from agents import policy_tensors, weights_of
 from agents.networks import ActorCritic, begin_with, first_actor_critic
-from agents.weights_folder import Network
+from agents.weights_folder import Network, read_record
 from train.learning import checkpoint
 from train.learning.config import ThreadedConfig
 from warehouse_env.config import EnvConfig
@@ -112,7 +113,10 @@ def first_net(config: ThreadedConfig, env: EnvConfig) -> ActorCritic:
     """Return the network that a training begins with; ConfigError or WeightsError if its `start` does not fit."""
     net = first_actor_critic(network_of(env, config.hidden), env, config.cruise_bias)
     if config.start is not None and config.resume is None:
-        begin_with(net, policy_tensors(config.start, config.driven(env)))
+        seen = config.driven(env)
+        if read_record(weights_of(config.start)).env.sensor.extra is None:
+            seen = seen.replace(sensor=dataclasses.replace(seen.sensor, extra=None))
+        begin_with(net, policy_tensors(config.start, seen))
     return net
 
 

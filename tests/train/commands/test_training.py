@@ -198,7 +198,7 @@ def test_where_nothing_can_be_written_it_is_said_at_once(
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 
-@pytest.mark.parametrize("trainer", ["reinforce", "shielded", "ppo"])
+@pytest.mark.parametrize("trainer", ["reinforce", "unshielded", "ppo"])
 def test_robots_of_other_kinds_are_trained_with_and_gone_on_with(
     trainer: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
