@@ -57,7 +57,7 @@ POLICIES: dict[str, PolicyEntry] = {
         name: PolicyEntry(summary, weights=WEIGHTS_FOLDER / name)
         for name, summary in (
             ("reinforce", "our policy gradient, trained on this environment"),
-            ("shielded", "our PPO, under the shield, with live routes, and right of way where robots stand"),
+            ("shielded", "busy trained on in crowds under the shield; right of way where robots stand"),
             ("unshielded", "our PPO with live routes only: no shield, no right of way"),
             ("careful", "unshielded trained on, with up to 64 robots, on floors drawn anew"),
             ("busy", "careful trained on, on a GPU: the fewest contacts of 64 robots"),

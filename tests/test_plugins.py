@@ -17,6 +17,8 @@ from train.cli import main
 from train.evaluation.fixed_set import Case, benchmark_tables, experiments
 from train.job_files import pack
 from train.learning import checkpoint
+from train.learning.recipes import by_recipe
+from train.learning.trainer import first_net
 from train.reporting.rows import read_rows
 from warehouse_env import LAYOUTS, PLANNERS, EnvConfig, SensorSpec, Simulator, make_layout, make_planner, plugins
 from warehouse_env.errors import ConfigError
@@ -291,6 +293,16 @@ def test_a_sensor_that_cannot_be_used_is_named(name: str, sentence: str) -> None
     with pytest.raises(ConfigError) as refused:
         Simulator(config).reset(0)
     assert sentence in str(refused.value)
+
+
+def test_a_training_goes_on_from_a_policy_that_lacks_its_sensor() -> None:
+    add_sensor("my_sensor.py:Pace:far=20")
+    config = by_recipe("shielded", sensor="my_sensor.py:Pace:far=20", layouts=("open",), robots=(2,), rows=2)
+    env = config.env("open", 2)
+    parts, own = observation_layout(env).slices, first_net(config, env).state_dict()["actor.0.weight"].numpy()
+    assert list(parts)[-2:] == ["extra", "field"]
+    assert own[:, : parts["extra"].start].any()
+    assert not own[:, parts["extra"].start :].any()
 
 
 SMALL = "--robots 2 --rows 4 --rollout 6 --minibatch 24 --hidden 24 --episode-seconds 3 --threads 1 --no-progress"
