@@ -214,7 +214,7 @@ def note_for(shown: Sequence[Measure]) -> str:
 _LONG = 60.0  # [s] from which a note says why a robot stood
 
 
-def longest_standing(rows: Sequence[Row]) -> str:
+def who_stood(rows: Sequence[Row]) -> str:
     """Return a note about the robot that stood longest: where, and whom it waited for; empty if none stood _LONG."""
     told = [row for row in rows if row.get("longest_standing") and row["longest_standing_s"] >= _LONG]
     if not told:

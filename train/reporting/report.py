@@ -14,15 +14,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table as RichTable
 
-from train.reporting.columns import (
-    Measure,
-    driven_with,
-    field_of,
-    longest_standing,
-    measures_for,
-    note_for,
-    note_on_groups,
-)
+from train.reporting.columns import Measure, driven_with, field_of, measures_for, note_for, note_on_groups, who_stood
 from train.reporting.rows import Interval, Row, short_names, values_of
 from warehouse_env.render.chart_style import check_picture
 from warehouse_env.render.extras import load
@@ -215,6 +207,6 @@ def evaluation_table(rows: Sequence[Row]) -> Table:
         cells.append((*(short[str(line[name])] for name in names), str(line["episodes"]), *texts))
     shared = ", ".join(f"{name} {rows[0][name]}" for name in constant)
     header = (*names, "episodes", *(m.heading for m in shown))
-    note = driven_with(rows) + note_for(shown) + longest_standing(rows) + note_on_groups(rows)
+    note = driven_with(rows) + note_for(shown) + who_stood(rows) + note_on_groups(rows)
     note += _FREE_FLOW_NOTE if flow else ""
     return Table(f"Evaluation ({shared})" if shared else "Evaluation", header, tuple(cells), note)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,17 +17,14 @@ AWAY = 1.0  # [m] that a member must move from where it stood to end a deadlock
 Cycles = dict[tuple[int, ...], NDArray[Any]]  # members -> their records ROBOT[K] when the cycle was first seen
 
 
-class Stand(NamedTuple):
-    """The longest time that a robot stood within a metre of one place."""
-
-    seconds: float = 0.0
-    why: str = ""  # see `why_it_waits`
-
-
 class WaitingRecord:
-    """Count each world's deadlocks of one episode, and find its longest Stand. Call it after every step.
+    """Count each world's deadlocks of one episode, and find why a robot stood longest. Call it after every step.
 
     A deadlock ends when a member moves AWAY or reaches a goal. Until then its members are in no other.
+
+    Attributes:
+        deadlocks: of each world.
+        longest: of each world, the longest time that a robot stood within a metre of one place [s], and why.
     """
 
     def __init__(self, simulator: Simulator) -> None:
@@ -36,7 +33,7 @@ class WaitingRecord:
         self._seen: list[Cycles] = [{} for _ in range(simulator.num_worlds)]  # at the last look
         self._open: list[Cycles] = [{} for _ in range(simulator.num_worlds)]
         self.deadlocks = [0] * simulator.num_worlds
-        self.longest = [Stand()] * simulator.num_worlds
+        self.longest = [(0.0, "")] * simulator.num_worlds
 
     def __call__(self, simulator: Simulator, steps: int) -> None:
         """Look at the wait-for graph once a PERIOD."""
@@ -46,8 +43,8 @@ class WaitingRecord:
                 self._count(world, robots, jams.cycle[world])
                 robot = int(robots["clocks"]["standing_time"].argmax())
                 seconds = float(robots["clocks"]["standing_time"][robot])
-                if seconds > self.longest[world].seconds:
-                    self.longest[world] = Stand(seconds, why_it_waits(robot, jams.waits_for[world], robots))
+                if seconds > self.longest[world][0]:
+                    self.longest[world] = seconds, why_it_waits(robot, jams.waits_for[world], robots)
 
     def _count(self, world: int, robots: NDArray[Any], cycle: NDArray[np.int32]) -> None:
         going_on = {members: then for members, then in self._open[world].items() if not _ended(members, then, robots)}
