@@ -254,7 +254,13 @@ def test_the_longest_stand_is_kept_with_its_chain() -> None:
     for step, standing in ((5, 50.0), (10, 40.0), (20, 30.0)):  # it looks at every tenth step
         clocks["standing_time"], clocks["waiting_time"] = (standing, standing - 1), 2.0
         record(simulator, step)
-    assert record.longest[0] == (40.0, "robot 0 waits for 1, which waits for 0: a wait cycle")
+    kept = (40.0, "robot 0 waits for 1, which waits for 0: a wait cycle")
+    assert record.longest[0] == kept
+    simulator.robots["motion"]["speed"] = 0.5  # they get away from each other
+    clocks["standing_time"], clocks["waiting_time"] = 45.0, 0.0
+    simulator.robots["motion"]["x"] += (-5.0, 5.0)
+    record(simulator, 30)
+    assert record.longest[0] == kept
 
 
 def test_standing_counts_rocking_within_a_metre() -> None:

@@ -41,10 +41,14 @@ class WaitingRecord:
             jams = simulator.jams()
             for world, robots in enumerate(simulator.robots):
                 self._count(world, robots, jams.cycle[world])
-                robot = int(robots["clocks"]["standing_time"].argmax())
-                seconds = float(robots["clocks"]["standing_time"][robot])
-                if seconds > self.longest[world][0]:
-                    self.longest[world] = seconds, why_it_waits(robot, jams.waits_for[world], robots)
+                self._note_longest(world, robots, jams.waits_for[world])
+
+    def _note_longest(self, world: int, robots: NDArray[Any], waits_for: NDArray[np.int32]) -> None:
+        leaves = (waits_for == NOBODY) & (abs(robots["motion"]["speed"]) >= SLOW)  # within the metre, but on its way
+        standing = np.where(leaves, 0.0, robots["clocks"]["standing_time"])
+        robot = int(standing.argmax())
+        if standing[robot] > self.longest[world][0]:
+            self.longest[world] = float(standing[robot]), why_it_waits(robot, waits_for, robots)
 
     def _count(self, world: int, robots: NDArray[Any], cycle: NDArray[np.int32]) -> None:
         going_on = {members: then for members, then in self._open[world].items() if not _ended(members, then, robots)}
