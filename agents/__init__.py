@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from agents.learned import LearnedPolicy, config_for
 from agents.policy import Actor, Policy, Recurrent
 from agents.reciprocal import Reciprocal
-from agents.rules import Brake, Follow, PotentialField, Rules
+from agents.rules import Brake, Follow, Rules
 from agents.weights_folder import CONFIG, Mode, Network, PolicyRecord, read_record, read_tensors, save_policy
 from warehouse_env import plugins
 from warehouse_env.config import EnvConfig
@@ -50,7 +50,6 @@ POLICIES: dict[str, PolicyEntry] = {
     "follow": PolicyEntry("follows its route and ignores other robots", rule=Follow),
     "brake": PolicyEntry("follows its route and stops for a robot ahead", rule=Brake),
     "greedy": PolicyEntry("follows its route by right of way alone", rule=Follow, needs={"traffic": "rules"}),
-    "apf": PolicyEntry("potential field: attracted by its route, repelled by obstacles", rule=PotentialField),
     "orca": PolicyEntry("reciprocal velocity obstacles of discs, by the library pyrvo", rule=Reciprocal),
     "rules": PolicyEntry("paper 001's coordinator: waits by priority, steps aside, backs", rule=Rules),
     **{

@@ -150,10 +150,6 @@ class Surroundings:
         """Return how long the robot has been standing [s], at most 20."""
         return np.asarray(self._ego(observation, EGO - 1) * 20.0)
 
-    def to_go(self, observation: Observation) -> Floats:
-        """Return the way left to the goal [m], at most 20."""
-        return np.asarray(self._ego(observation, EGO - 3) * 20.0)
-
     def towards_route(self, observation: Observation, ahead: float) -> Floats:
         """Return float64[..., 2], unit vector from the front axle to the route's point about `ahead` [m] away."""
         k = self._slices["route"].start + 2 * int(np.argmin(np.abs(self._ahead - ahead)))

@@ -1,4 +1,4 @@
-"""Rules on hand-made observations: `follow`, `brake`, forces of `apf`, paper 001's conflicts, velocities of `orca`."""
+"""Rules on hand-made observations: `follow`, `brake`, paper 001's conflicts, velocities of `orca`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import pytest
 from agents import make_policy
 from agents.reciprocal import Reciprocal, Reciprocity
 from agents.route_command import RouteCommand
-from agents.rules import FieldGains, PotentialField, RuleNumbers, Rules
+from agents.rules import RuleNumbers, Rules
 from tests.agents.conftest import Observe
 from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.observation import observation_layout
@@ -99,44 +99,11 @@ def seen(observe: Observe, config: EnvConfig, route: tuple[float, float] = (2.0,
     return observation
 
 
-def test_alone_it_is_drawn_to_the_route_point_and_cruises(observe: Observe) -> None:
-    config = EnvConfig()
-    policy = PotentialField(config)
-    assert policy.force(seen(observe, config, (1.2, 1.6)))[0, 0] == pytest.approx([0.6, 0.8])
-    assert policy.act(seen(observe, config, (1.2, 1.6)), RNG).tolist() == [[15]]  # 1.5 m/s, offset 0
-
-
-def test_a_robot_repels_by_paper_001s_formula(observe: Observe) -> None:
-    config = EnvConfig()
-    gains = FieldGains(robots=0.2, robots_range=2.0)
-    force = PotentialField(config, gains).force(seen(observe, config, other=(0.0, 1.4)))[0, 0]
-    gap = 1.4 - 0.9
-    assert force == pytest.approx([1.0, -0.2 * (1 / gap - 1 / 2.0) / gap**2], rel=1e-5)
-
-
-def test_a_shelf_repels_within_its_range_only(observe: Observe) -> None:
-    config = EnvConfig()
-    policy = PotentialField(config, FieldGains(lidar=0.32, lidar_range=1.0))
-    for gap, push in ((0.5, 0.32 * (2 - 1) / 0.25 / 32), (1.1, 0.0)):
-        observation = seen(observe, config)
-        observation[..., 8] = 1 / (1 + 0.3 + gap)  # the ray to the left; the body reaches 0.3 m there
-        assert policy.force(observation)[0, 0] == pytest.approx([1.0, -push], abs=1e-5)
-
-
-def test_one_ahead_brakes_it_and_one_aside_shifts_it(observe: Observe) -> None:
-    config = EnvConfig()
-    policy = PotentialField(config, FieldGains(robots=0.15))
-    speed = lambda action: config.speed_levels[int(action[0, 0]) // 5]  # noqa: E731
-    assert speed(policy.act(seen(observe, config, other=(1.4, 0.0)), RNG)) <= 0.0
-    aside = int(policy.act(seen(observe, config, other=(1.0, 1.0)), RNG)[0, 0]) % 5
-    assert config.lateral_offsets[aside] < 0  # to the right of a robot on the left
-
-
 @pytest.mark.parametrize("action_type", ["discrete", "continuous", "raw"])
 def test_actions_stay_within_their_bounds(action_type: str) -> None:
     config = EnvConfig(action_type=action_type)  # type: ignore[arg-type]
     observation = np.random.default_rng(1).uniform(-1, 1, (1, 200, observation_layout(config).size)).astype(np.float32)
-    action = PotentialField(config).act(observation, RNG)
+    action = Rules(config).act(observation, RNG)
     assert np.isfinite(action).all()
     assert action_type == "discrete" or np.abs(action).max() <= 1.0
 

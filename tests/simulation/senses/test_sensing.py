@@ -226,7 +226,7 @@ def test_goals_and_fields_are_seen_alike_with_and_without_needs(shield: bool) ->
 def test_a_rule_names_the_slice_that_it_needs() -> None:
     needs = {
         "follow": (), "greedy": (), "brake": ("neighbours",), "rules": ("rays", "neighbours"),
-        "orca": ("neighbours", "route_points"), "apf": ("rays", "neighbours", "route_points"),
+        "orca": ("neighbours", "route_points"),
     }  # fmt: skip
     for policy, name in itertools.product(needs, SEEN):
         config = EnvConfig(sensor=SensorSpec(**{name: 0}))

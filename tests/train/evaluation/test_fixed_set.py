@@ -45,7 +45,7 @@ def test_shipped_policies_drove_the_whole_set() -> None:
 
 
 def test_a_track_sets_the_same_traffic_for_all() -> None:
-    for policy in ("follow", "greedy", "ppo", "shielded", "orca", "apf"):
+    for policy in ("follow", "greedy", "ppo", "shielded", "orca"):
         spec = config_of(policy, EnvConfig(), fixed_set.options(policy, "with_shield")).traffic_spec
         assert (spec.shield, spec.right_of_way, spec.routes) == (True, True, True)
         assert config_of(policy, EnvConfig(), fixed_set.options(policy, "routes_only")).traffic == "routes"
