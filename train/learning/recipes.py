@@ -31,11 +31,7 @@ _FIXED_ROUTES: dict[str, Any] = {
 }  # fmt: skip
 _THREADED = {"robots": (16, 24, 32), "rows": 768, "hidden": (64, 64)}
 # Live routes only, and large contact penalties.
-_UNSHIELDED = {
-    "steps": 100_000_000, "layouts": ("paper46", "narrow", "single_lane", *DRAWN[:4]),
-    "robots": (16, 32), "rows": 1056, "planner": "astar_turns", "collision_last": -300.0, "hidden": (128, 128),
-    "traffic": "routes",
-}  # fmt: skip
+_UNSHIELDED = {"steps": 100_000_000, "collision_last": -300.0, "traffic": "routes"}
 # Goes on from there on floors drawn anew.
 _CAREFUL = _UNSHIELDED | {
     "steps": 36_864_000, "layouts": ("paper46", "narrow", "single_lane", *("aisles:seed=new",) * 12),
@@ -45,15 +41,15 @@ _CAREFUL = _UNSHIELDED | {
 
 # Goes on from there in thousands of worlds on a GPU, which draws no floors.
 _BUSY = _CAREFUL | {
-    "steps": 802_000_000, "layouts": ("paper46", "narrow", "single_lane", *DRAWN[:8]), "rows": 393_216,
+    "steps": 802_000_000, "layouts": ("paper46", "narrow", "single_lane", *DRAWN), "rows": 393_216,
     "start": "careful", "collision_first": -800.0, "gamma": 0.99, "rollout": 10, "minibatch": 65_536, "epochs": 1,
     "entropy_first": 0.002, "entropy_last": 0.0005, "learning_rate": 4e-4,
 }  # fmt: skip
 # Goes on from there in crowds under the shield.
 _SHIELDED = {
     "steps": 18_000_000, "layouts": ("paper46", "narrow", "single_lane", *("aisles:seed=new",) * 8),
-    "robots": (64, 128), "rows": 2112, "planner": "astar_turns", "start": "busy", "hidden": (128, 128), "gamma": 0.99,
-    "entropy_first": 0.002, "entropy_last": 0.0005, "learning_rate": 4e-4,
+    "robots": (64, 128), "rows": 2112, "start": "busy", "gamma": 0.99, "entropy_first": 0.002, "entropy_last": 0.0005,
+    "learning_rate": 4e-4,
 }  # fmt: skip
 # The same as busy with fixed routes.
 _PATIENT = _BUSY | {
