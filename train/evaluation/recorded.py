@@ -101,7 +101,7 @@ def why(row: Row) -> str:
     return (
         f"{hits or 'no'} collision{'s' * (hits != 1)}, {stuck or 'no'} robot{'s' * (stuck != 1)} stuck at the end, "
         f"{number(row['longest_standing_s'], 2)} s the longest standing"
-        + (f": {told}" if (told := row.get("longest_standing")) else "")
+        + (f": {told}" if (told := row.get("longest_standing_why")) else "")
     )
 
 

@@ -143,7 +143,7 @@ def play_out(
         # A world is measured as soon as it is over; then it idles until the last one is over.
         over = simulator.terminated.all(axis=1) | (steps == experiment.config.max_steps)
         for world in [world for world in np.flatnonzero(over).tolist() if world not in metrics]:
-            kept = {"deadlocks": float(waiting.deadlocks[world]), "longest_standing": waiting.longest[world][1]}
+            kept = {"deadlocks": float(waiting.deadlocks[world]), "longest_standing_why": waiting.longest[world][1]}
             metrics[world] = {**simulator.episode_metrics(world), **kept}
         if len(metrics) == simulator.num_worlds:
             break

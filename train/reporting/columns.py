@@ -216,13 +216,13 @@ _LONG = 60.0  # [s] from which a note says why a robot stood
 
 def who_stood(rows: Sequence[Row]) -> str:
     """Return a note about the robot that stood longest: where, and whom it waited for; empty if none stood _LONG."""
-    told = [row for row in rows if row.get("longest_standing") and row["longest_standing_s"] >= _LONG]
+    told = [row for row in rows if row.get("longest_standing_why") and row["longest_standing_s"] >= _LONG]
     if not told:
         return ""
     row = max(told, key=lambda row: float(row["longest_standing_s"]))
     short = short_names({str(row[name]) for row in rows for name in ("policy", "layout")})
     where = f"{short[str(row['policy'])]} on {short[str(row['layout'])]}, {row['robots']} robots, seed {row['seed']}"
-    return f" Longest of all, {row['longest_standing_s']:.0f} s ({where}): {row['longest_standing']}."
+    return f" Longest of all, {row['longest_standing_s']:.0f} s ({where}): {row['longest_standing_why']}."
 
 
 _PLACE = ("layout", "num_agents")  # fields of a configuration that tables show

@@ -139,6 +139,7 @@ def test_the_worst_of_each_policy_come_in_turn() -> None:
     assert [(row["policy"], row["seed"]) for row in found] == [("a", 1), ("b", 1), ("a", 2), ("b", 2), ("a", 0)]
     assert why(found[0]) == "8 collisions, no robots stuck at the end, 5 s the longest standing"
     assert why(found[1]) == "no collisions, 2 robots stuck at the end, 5 s the longest standing"
+    assert why(found[1] | {"longest_standing_why": "robot 0 drives"}).endswith(" standing: robot 0 drives")
     assert worst_episodes([], 5) == []
 
 

@@ -106,9 +106,9 @@ def test_the_table_says_what_each_policy_drove_with() -> None:
 def test_the_table_says_why_a_robot_stood_longest() -> None:
     waits = "robot 3 waits for 1, which drives"
     short, long = row("greedy", 0) | {"longest_standing_s": 59.0}, row("follow", 2) | {"longest_standing_s": 534.4}
-    long |= {"longest_standing": waits, "robots": 64, "seed": 9}
+    long |= {"longest_standing_why": waits, "robots": 64, "seed": 9}
     assert f"534 s (follow on paper46, 64 robots, seed 9): {waits}." in evaluation_table([short, long]).note
-    assert "Longest of all" not in evaluation_table([short | {"longest_standing": waits}]).note
+    assert "Longest of all" not in evaluation_table([short | {"longest_standing_why": waits}]).note
 
 
 def test_markdown_and_print(capsys: pytest.CaptureFixture[str]) -> None:
