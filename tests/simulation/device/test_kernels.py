@@ -80,9 +80,8 @@ def test_a_kernel_rounds_as_the_cpu_does_and_takes_what_is_launched(name: str, m
     pytest.importorskip("numba_cuda")
     ((driver, launch),) = ((one, launch) for one, launch in once(4, 3, **more).items() if one.__name__ == name)
     ptx = shim.compile_ptx(driver, (9, 0), *launch)
-    kinds = (
-        "32" if name == "search" and more == POSES else "32|64"
-    )  # curves to poses are rounded after double-precision sines (shots.py)
+    # the search of curves to poses rounds after double-precision sines (shots.py)
+    kinds = "32" if name == "search" and more == POSES else "32|64"
     done = set(re.findall(rf"\b(?:add|sub|mul|div|fma|mad|sqrt|rcp|rsqrt|sin|cos|ex2|lg2)\.[a-z.]*f(?:{kinds})", ptx))
     assert "add.rn.f32" in done or name in NOISE + TASKS
     assert [one for one in done if not re.fullmatch(r"(add|sub|mul|div|sqrt|rcp)\.rn\.f(32|64)", one)] == []

@@ -76,7 +76,7 @@ def test_three_ways_to_run_a_shipped_policy_agree(name: str) -> None:
     own = LearnedPolicy(directory, config).output(observation)
     (runtime,) = run(onnx_model(directory).SerializeToString(), observation)
     np.testing.assert_allclose(runtime, own, atol=1e-5, rtol=1e-5)
-    # as README opens a folder, but in double precision, so that the bound is for what the policy's own sums lose
+    # in double precision: the bound is for what the policy's own sums lose, not for those compared with
     tensors, x = load_file(directory / "weights.safetensors"), observation.astype(np.float64)
     for k in range(3):
         x = x @ tensors[f"actor.{k}.weight"].T + tensors[f"actor.{k}.bias"]
