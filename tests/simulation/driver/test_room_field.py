@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from tests.simulation.driver import test_manoeuvre
@@ -15,8 +17,8 @@ from tests.simulation.worlds import drawn, put, raw, room, stage
 from warehouse_env.config import EnvConfig
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import make_layout
-from warehouse_env.simulation.driver.bodies import CENTRE_X, CENTRE_Y, COS
-from warehouse_env.simulation.driver.manoeuvre import ARCS
+from warehouse_env.simulation.driver.bodies import CENTRE_X, CENTRE_Y, COS, arc_is_free
+from warehouse_env.simulation.driver.manoeuvre import ARCS, TOO_NEAR
 from warehouse_env.simulation.driver.off_shelves import may_drive
 from warehouse_env.simulation.driver.room_field import (
     BARRED,
@@ -184,10 +186,10 @@ def test_what_may_be_driven_touches_no_shelf_and_little_else_is_refused() -> Non
             2.0 - half + back * math.sin(heading) - rng.uniform(1e-5, 1e-3)
         )  # a corner at the shelf
         speed, steer = rng.uniform(-0.5, 0.5), rng.uniform(-1.0, 1.0)
-        test_manoeuvre.around = simulator._floor
+        floor = simulator._floor
         r, p = simulator.robots[0, 0], simulator._params[0]
-        may = may_drive(r, np.float32(speed), np.float32(steer), np.float32(1.7e-4), p, test_manoeuvre.around)
-        loose = may_drive(r, np.float32(speed), np.float32(steer), np.float32(0.03), p, test_manoeuvre.around)
+        may = may_drive(r, np.float32(speed), np.float32(steer), np.float32(1.7e-4), p, floor)
+        loose = may_drive(r, np.float32(speed), np.float32(steer), np.float32(0.03), p, floor)
         touches = drive_and_stop(simulator, speed, steer) > 0
         counts[int(may), int(touches)] += 1
         coarse += loose and not may
@@ -219,12 +221,32 @@ def test_a_corner_that_is_passed_between_two_samples_is_not_driven(overlap: floa
     assert drive_and_stop(simulator, speed, steer) == touches
 
 
+@given(st.floats(-1e-3, 1e-3), st.floats(0.1, 0.9), st.floats(0.6, math.pi / 3))
+def test_however_narrow_the_margin_a_search_sees_a_corner_that_is_passed(
+    overlap: float, share: float, steer: float
+) -> None:
+    """The right rear corner of a body that turns left by .1 rad passes a shelf's corner at a share of its way."""
+    grid, corner, turn = drawn([".....", "...#.", ".....", ".....", "....."]), np.array([3.0, 3.0]), 0.1
+    radius = WHEELBASE / math.tan(steer)
+    centre = corner - (math.hypot(REAR, WIDTH / 2 + radius) - overlap) * math.sqrt(0.5)
+    first = math.pi / 4 - math.atan2(-WIDTH / 2 - radius, -REAR) - share * turn
+    headings = first + np.linspace(0.0, turn, 4001)
+    x, y = centre[:, None] + radius * np.stack([np.sin(headings), -np.cos(headings)])
+    apart = separation(bodies(x, y, headings)[:, None], shelves(grid.occupied)[None]).min()
+    pose = pose_at(np.float32(x[0]), np.float32(y[0]), np.float32(first))
+    area = test_manoeuvre.around(grid)
+    free = arc_is_free(pose, np.float32(1.0 / radius), np.float32(radius * turn), TOO_NEAR, area)
+    assert free or apart < 2.0 * TOO_NEAR
+    assert not free or apart > 0.0
+
+
 @pytest.mark.parametrize(
     ("floor", "pose", "goal"),
     [
         (83, (28.339151, 15.833553, 2.0613728), (30, 4)),  # only arcs of less than .1 m are free there
         (67, (8.256474, 11.171541, -0.75123733), (40, 40)),  # a corner .1 mm off a shelf
         (4, (38.406998, 18.282705, -0.043283675), (4, 4)),
+        (709, (15.793388, 6.1104198, -0.25221914), (4, 4)),  # a corner passes another between two samples of an arc
     ],
 )
 def test_who_stands_wedged_a_tenth_of_a_millimetre_off_a_shelf_gets_out(

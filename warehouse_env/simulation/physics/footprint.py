@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from warehouse_env.kernel import inline
+from warehouse_env.kernel import inline, part
 from warehouse_env.simulation.physics.discs import meets_disc, reached_rows, touches_disc
 from warehouse_env.simulation.physics.floor import FINE, UNIT
-from warehouse_env.simulation.physics.geometry import Rectangle, half_box, rectangles_touch, square_at
-from warehouse_env.simulation.physics.sweep import touches_cell
+from warehouse_env.simulation.physics.geometry import Rectangle, body_of, grown, half_box, rectangles_touch, square_at
+from warehouse_env.simulation.physics.kinematics import arc_end
+from warehouse_env.simulation.physics.sweep import Sweep, touches_cell
 from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO, sin_cos
 
 _FINE = np.float32(FINE)
@@ -133,4 +134,31 @@ def sweep_is_free(start, bend, distance, margin, p, floor):
             return True
         if room <= ZERO and body_touches_shelf(body, floor):
             return False
+    return True
+
+
+@part
+def sweep_is_clear(start, bend, distance, margin, p, floor):
+    """Return the same as `sweep_is_free`, of every pose on the way: no corner of the body passes another in between.
+
+    A body nearer than `margin` at the start is not checked until the first pose.
+    """
+    count = int(abs(distance) * max(abs(bend) / _LEAST_TURN, ONE / _SWEEP_STEP)) + 1
+    step = distance / np.float32(count)
+    most = abs(step) * (ONE + p["far"] * abs(bend))
+    x, y, heading = start.x, start.y, start.heading
+    body = grown(body_of(x, y, start.c, start.s, p), margin)
+    room, leaves = ZERO, body_touches_shelf(body, floor)
+    for _ in range(count):
+        x, y, heading = arc_end(x, y, heading, step, bend)
+        s, c = sin_cos(heading)
+        before, body = body, grown(body_of(x, y, c, s, p), margin)
+        room -= most
+        if room > ZERO:
+            continue
+        room_before, room = max(room + most, ZERO), body_room(body, floor)
+        between = room_before + max(room, ZERO) <= most and not leaves
+        if (between or room <= ZERO) and touches_obstacle(Sweep(before, body, ZERO), most, between, p, floor):
+            return False
+        leaves = False
     return True
