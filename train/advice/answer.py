@@ -18,7 +18,9 @@ from train.advice.trials import FELL, GOALS, AdvicePlan, Aim, Drive, TimeBudget,
 from train.advice.trips import Bottleneck, bottlenecks, draw_trips, plan_trips, traffic
 from train.evaluation.places import FloorNotes, floor_of_notes
 from train.kinds import described
+from train.reporting.columns import longest_stand
 from train.reporting.report import difference, number, with_interval
+from train.reporting.rows import Row
 from warehouse_env.config import RobotSpec
 from warehouse_env.errors import counted
 from warehouse_env.maps.grid_map import GridMap
@@ -39,6 +41,7 @@ class Advice(NamedTuple):
     visits: NDArray[np.float64]  # share of trips over each cell
     effects: list[Effect]
     sought: bool  # whether there was time for changes
+    stands: dict[int, Row]  # number of robots -> episode of their longest stand
 
 
 def advise(plan: AdvicePlan, drive: Drive, clock: TimeBudget) -> Advice:
@@ -56,7 +59,9 @@ def advise(plan: AdvicePlan, drive: Drive, clock: TimeBudget) -> Advice:
         study.repeat([found.team], Use.CONFIRM, _MOST, 1.0)
         found = found._replace(goals=confirmed(study, found.team))
     effects = changes.effects(study, chosen, team)
-    return Advice(plan, team, found, answered, *_places(study, team, visits), visits, effects, most > 0)
+    counts = (team.robots, found.jam.robots if found.jam else 0)
+    stands = {count: row for count in counts if (row := longest_stand(study.of(Team(team.policy, count))))}
+    return Advice(plan, team, found, answered, *_places(study, team, visits), visits, effects, most > 0, stands)
 
 
 def _places(study: TrialRuns, team: Team, visits: NDArray[np.float64]) -> tuple[FloorNotes, list[Bottleneck]]:
@@ -142,7 +147,16 @@ def _jam(advice: Advice) -> str:
     text = f"**With {counted(jam.robots, 'robot')} it jams**: {how} ({counted(jam.episodes, 'episode')})."
     if below and not below[-1].jammed:
         text += f" With {below[-1].robots} it does not."
-    return text
+    return text + _stood(advice, jam.robots)
+
+
+def _stood(advice: Advice, robots: int) -> str:
+    """Say who stood longest among so many robots, and for whom it waited; nothing if nobody stood for long."""
+    row = advice.stands.get(robots)
+    if row is None:
+        return ""
+    seconds, why = row["longest_standing_s"], row["longest_standing_why"]
+    return f" The longest stand took {seconds:.0f} s (seed {row['seed']}): {why}."
 
 
 def _policy(advice: Advice) -> str:
@@ -163,7 +177,8 @@ def _bottlenecks(advice: Advice) -> str:
         f"{100 * place.trips:.0f}% of all trips)"
         for k, place in enumerate(advice.bottlenecks[:NAMED], start=1)
     ]
-    return f"{counted(advice.team.robots, 'robot')} wait most at {', '.join(places)}."
+    robots = advice.team.robots
+    return f"{counted(robots, 'robot')} wait most at {', '.join(places)}.{_stood(advice, robots)}"
 
 
 def _change(advice: Advice, kind: Kind) -> str:

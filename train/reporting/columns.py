@@ -214,12 +214,17 @@ def note_for(shown: Sequence[Measure]) -> str:
 _LONG = 60.0  # [s] from which a note says why a robot stood
 
 
+def longest_stand(rows: Sequence[Row]) -> Row | None:
+    """Return the row of the episode with the longest stand, None if nobody stood _LONG."""
+    told = [row for row in rows if row.get("longest_standing_why") and row["longest_standing_s"] >= _LONG]
+    return max(told, key=lambda row: float(row["longest_standing_s"]), default=None)
+
+
 def who_stood(rows: Sequence[Row]) -> str:
     """Return a note about the robot that stood longest: where, and whom it waited for; empty if none stood _LONG."""
-    told = [row for row in rows if row.get("longest_standing_why") and row["longest_standing_s"] >= _LONG]
-    if not told:
+    row = longest_stand(rows)
+    if row is None:
         return ""
-    row = max(told, key=lambda row: float(row["longest_standing_s"]))
     short = short_names({str(row[name]) for row in rows for name in ("policy", "layout")})
     where = f"{short[str(row['policy'])]} on {short[str(row['layout'])]}, {row['robots']} robots, seed {row['seed']}"
     return f" Longest of all, {row['longest_standing_s']:.0f} s ({where}): {row['longest_standing_why']}."

@@ -112,7 +112,7 @@ def advice(asked: RobotsNeeded | None = None, **changes: Any) -> Advice:
     plan = AdvicePlan(RACKS, ("greedy", "shielded"), "astar_turns", 300.0, 0, None, 64)
     floor = FloorNotes(np.ones((7, 6)), np.empty((0, 2)), 1.0)
     worst = [Bottleneck((3, 3), 3.5, 3.5, 30.0, 0.75, 0.25)]
-    known = Advice(plan, CAPACITY.team, CAPACITY, asked, floor, worst, np.zeros((7, 6)), effects, True)
+    known = Advice(plan, CAPACITY.team, CAPACITY, asked, floor, worst, np.zeros((7, 6)), effects, True, {})
     return known._replace(**changes)
 
 
@@ -134,6 +134,18 @@ def test_the_answer_says_what_was_found() -> None:
         "may be chance, +5.0",
     ):  # fmt: skip
         assert says in text
+
+
+def test_the_answer_names_who_stood_longest_and_for_whom_it_waited() -> None:
+    stood = {"longest_standing_s": 93.2, "seed": 7, "longest_standing_why": "robot 3 waits for 5, which is parked"}
+    said = " The longest stand took 93 s (seed 7): robot 3 waits for 5, which is parked."
+    wait, jam = (
+        next(part for part in answer(advice(stands={robots: stood})) if words in part)
+        for robots, words in ((16, "wait most"), (32, "it jams"))
+    )
+    assert wait.endswith(said)
+    assert jam.endswith(said)
+    assert said not in "\n".join(answer(advice(stands={8: stood})))
 
 
 def test_the_answer_if_less_was_found() -> None:
