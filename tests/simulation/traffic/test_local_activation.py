@@ -34,7 +34,9 @@ def test_who_has_stood_for_long_and_who_is_near_are_settled() -> None:
     for beside, after, near in ((4.9, 1.0, True), (5.1, 1.0, False), (7.9, 3.0, True), (8.1, 3.0, False)):
         assert min(LONGER * after, AROUND) in (5.0, 8.0)  # [m]: a metre a second, 8 m at most
         world = three(beside)
-        world.robots["clocks"]["standing_time"] = LONGER * after - 0.1
+        world.robots["shield"]["vetoed_by"][0] = 2  # which drives
+        world.robots["clocks"]["waiting_time"][0] = 3.0
+        world.robots["clocks"]["standing_time"][0] = LONGER * after - 0.1
         assert not said(world, after)
         world.robots["clocks"]["standing_time"][0] = LONGER * after
         assert said(world, after)
@@ -49,11 +51,11 @@ def held(holders: list[int]) -> World:
     return world
 
 
-def test_a_ring_is_settled_and_a_queue_is_not() -> None:
+def test_a_ring_is_settled_and_of_a_queue_only_its_head() -> None:
     for holders, expected in (
-        ([1, 0, NOBODY, NOBODY, NOBODY], [True, True, False, False, False]),  # two wait for each other
+        ([1, 0, NOBODY, NOBODY, 3], [True, True, True, True, False]),  # two wait for each other, two for nobody
         ([2, 0, 1, 4, 2], [True, True, True, False, False]),  # a ring of three, and two that queue for it
-        ([1, 2, 3, 4, NOBODY], [False] * 5),
+        ([1, 2, 3, 4, NOBODY], [False] * 4 + [True]),
         ([4, 0, 1, 2, 3], [True] * 5),
     ):
         world = held(holders)
@@ -64,13 +66,13 @@ def test_a_ring_is_settled_and_a_queue_is_not() -> None:
 
 def test_who_moves_breaks_the_ring() -> None:
     world = held([1, 2, 0, NOBODY, NOBODY])
-    world.robots["clocks"]["waiting_time"][1] = world.robots["clocks"]["standing_time"][1] = 0.0
+    world.robots["clocks"]["waiting_time"][1:] = world.robots["clocks"]["standing_time"][1:] = 0.0
     assert not said(world, 3.0)
 
 
 def test_two_nose_to_nose_are_a_ring_though_nobody_holds_them() -> None:
     world = World((8.0, 10.0, 0.0), (9.6, 10.0, math.pi), (20.0, 20.0, 0.0))
-    world.robots["clocks"]["standing_time"] = world.robots["clocks"]["waiting_time"] = 3.0
+    world.robots["clocks"]["standing_time"][:2] = world.robots["clocks"]["waiting_time"][:2] = 3.0
     assert said(world, 3.0)
     assert (world.robots["traffic"]["rules_active"] > 0).tolist() == [True, True, False]
 

@@ -2,9 +2,10 @@
 
 A policy that gives way by itself drives closer, and gets more done, than grants allow. But now and then some of its
 robots block each other permanently. There the rules apply: around wait cycles (waits.py), which do not dissolve by
-themselves; around any robot that has stood five times as long; and around people whom robots keep from walking. A queue
-needs no rules. The radius grows by a metre for each second of standing, and the rules stay active for a while after the
-last call. Other robots drive as commanded; their grants tell the robots under rules what to expect of them.
+themselves; to a robot that stands although it waits for nobody; around any robot that has stood five times as long; and
+around people whom robots keep from walking. A queue needs no rules. The radius grows by a metre for each second of
+standing, and the rules stay active for a while after the last call. Other robots drive as commanded; their grants tell
+the robots under rules what to expect of them.
 
 What was tried instead: docs/measured/trials.md.
 """
@@ -18,7 +19,7 @@ from warehouse_env.simulation.driver.line import forget_path
 from warehouse_env.simulation.physics.trigonometry import ONE, ZERO
 from warehouse_env.simulation.state import NOBODY
 from warehouse_env.simulation.traffic.pedestrian_yield import is_kept
-from warehouse_env.simulation.traffic.waits import CALM, CYCLE, LONGER, find_wait_cycles_of
+from warehouse_env.simulation.traffic.waits import CALM, CYCLE, LONGER, STANDS, WHO, find_wait_cycles_of
 
 SPREAD = np.float32(1.0)  # [m/s] of standing: the radius around a call in which the rules are active ...
 AROUND = np.float32(8.0)  # [m] ... and this far at most
@@ -45,6 +46,8 @@ def _activate(robots, persons, routes, found, p, kinds):
             continue
         if stood >= LONGER * after or found[CYCLE, i] != NOBODY:
             _activate_around(motion["x"], motion["y"], stood, robots)
+        elif found[WHO, i] == NOBODY and robots[i]["clocks"]["waiting_time"] >= STANDS:
+            robots[i]["traffic"]["rules_active"] = CALM
     for o in persons:
         if is_kept(o):
             _activate_around(o["x"], o["y"], o["kept"], robots)
