@@ -249,7 +249,7 @@ def test_however_narrow_the_margin_a_search_sees_a_corner_that_is_passed(
         (709, (15.793388, 6.1104198, -0.25221914), (4, 4)),  # a corner passes another between two samples of an arc
     ],
 )
-def test_who_stands_wedged_a_tenth_of_a_millimetre_off_a_shelf_gets_out(
+def test_who_stands_wedged_beside_a_shelf_gets_out(
     floor: int, pose: tuple[float, float, float], goal: tuple[int, int]
 ) -> None:
     grid = make_layout("aisles", seed=floor)

@@ -7,9 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from warehouse_env.kernel import inline
-from warehouse_env.simulation.driver.driving import NARROW
 from warehouse_env.simulation.driver.scratch import BODY as BODY  # columns
-from warehouse_env.simulation.physics.footprint import sweep_is_clear, sweep_is_free
+from warehouse_env.simulation.physics.footprint import sweep_is_free
 from warehouse_env.simulation.physics.geometry import (
     Rectangle,
     body_of,
@@ -135,6 +134,4 @@ def arc_is_free(start, bend, length, margin, around):
     bend [1/m]: curvature; length [m]: negative backwards. The start pose is not checked.
     """
     free = sweep_is_free(start, bend, length, margin, around.p, around.floor)
-    if free and margin < NARROW:
-        free = sweep_is_clear(start, bend, length, margin, around.p, around.floor)
     return free and _clear_of_bodies(start, bend, length, around)

@@ -101,13 +101,43 @@ def disc_room(body, floor):
     return nearest - np.sqrt(third * third + body.width * body.width)
 
 
+@part
+def _is_clear(start, bend, distance, margin, p, floor):
+    """Return whether the body keeps `margin` [m] from shelves at every pose of the way, between samples as well.
+
+    If it is nearer than that at the start, it must be off by the first sample.
+    """
+    count = int(abs(distance) * max(abs(bend) / _LEAST_TURN, ONE / _SWEEP_STEP)) + 1
+    step = distance / np.float32(count)
+    most = abs(step) * (ONE + p["far"] * abs(bend))
+    x, y, heading = start.x, start.y, start.heading
+    body = grown(body_of(x, y, start.c, start.s, p), margin)
+    room, leaves = ZERO, body_touches_shelf(body, floor)
+    for _ in range(count):
+        x, y, heading = arc_end(x, y, heading, step, bend)
+        s, c = sin_cos(heading)
+        before, body = body, grown(body_of(x, y, c, s, p), margin)
+        room -= most
+        if room > ZERO:
+            continue
+        room_before, room = max(room + most, ZERO), body_room(body, floor)
+        between = room_before + max(room, ZERO) <= most and not leaves
+        if (between or room <= ZERO) and touches_obstacle(Sweep(before, body, ZERO), most, between, p, floor):
+            return False
+        leaves = False
+    return True
+
+
 @inline
 def sweep_is_free(start, bend, distance, margin, p, floor):
     """Return whether the body keeps `margin` [m] from shelves along an arc of curvature `bend` [1/m] from a Pose.
 
     `distance` [m] is signed (negative: backwards). The start is not checked: a robot that stands too close must be able
-    to leave. Poses within the room of a checked one are free and skipped.
+    to leave. Poses within the room of a checked one are free and skipped. Where the margin is so narrow that a corner
+    could pass another between two poses, the way in between is checked, too.
     """
+    if _TURN_PER_MARGIN * margin < _LEAST_TURN and not _is_clear(start, bend, distance, margin, p, floor):
+        return False
     x, y, c, s = start.x, start.y, start.c, start.s
     half_length = p["half_length"] + margin
     half_width = p["half_width"] + margin
@@ -134,31 +164,4 @@ def sweep_is_free(start, bend, distance, margin, p, floor):
             return True
         if room <= ZERO and body_touches_shelf(body, floor):
             return False
-    return True
-
-
-@part
-def sweep_is_clear(start, bend, distance, margin, p, floor):
-    """Return the same as `sweep_is_free`, of every pose on the way: no corner of the body passes another in between.
-
-    A body nearer than `margin` at the start is not checked until the first pose.
-    """
-    count = int(abs(distance) * max(abs(bend) / _LEAST_TURN, ONE / _SWEEP_STEP)) + 1
-    step = distance / np.float32(count)
-    most = abs(step) * (ONE + p["far"] * abs(bend))
-    x, y, heading = start.x, start.y, start.heading
-    body = grown(body_of(x, y, start.c, start.s, p), margin)
-    room, leaves = ZERO, body_touches_shelf(body, floor)
-    for _ in range(count):
-        x, y, heading = arc_end(x, y, heading, step, bend)
-        s, c = sin_cos(heading)
-        before, body = body, grown(body_of(x, y, c, s, p), margin)
-        room -= most
-        if room > ZERO:
-            continue
-        room_before, room = max(room + most, ZERO), body_room(body, floor)
-        between = room_before + max(room, ZERO) <= most and not leaves
-        if (between or room <= ZERO) and touches_obstacle(Sweep(before, body, ZERO), most, between, p, floor):
-            return False
-        leaves = False
     return True
