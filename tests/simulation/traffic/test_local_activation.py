@@ -64,6 +64,14 @@ def test_a_ring_is_settled_and_of_a_queue_only_its_head() -> None:
         assert (world.robots["traffic"]["rules_active"] > 0).tolist() == expected, holders
 
 
+def test_who_stands_for_nobody_is_settled_and_nobody_near_it_nor_who_drives_within_its_metre() -> None:
+    for waited, expected in ((3.0, [True, False, False]), (0.0, [False] * 3)):
+        world = three(2.0)
+        world.robots["clocks"]["standing_time"][0], world.robots["clocks"]["waiting_time"][0] = 3.0, waited
+        assert said(world, 3.0) == any(expected)
+        assert (world.robots["traffic"]["rules_active"] > 0).tolist() == expected
+
+
 def test_who_moves_breaks_the_ring() -> None:
     world = held([1, 2, 0, NOBODY, NOBODY])
     world.robots["clocks"]["waiting_time"][1:] = world.robots["clocks"]["standing_time"][1:] = 0.0
