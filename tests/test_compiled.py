@@ -66,6 +66,21 @@ def test_plain_functions_between_kernels_count(old: str, new: str) -> None:
     assert digest_of(SOURCE, "driver") != digest_of(SOURCE.replace(old, new), "driver")
 
 
+def test_a_kernel_of_the_package_that_anothers_module_names_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As a user's own planner does: `module.function`, not `from module import function`."""
+    source = """
+import warehouse_env.heap as heap
+from warehouse_env.kernel import kernel
+
+@kernel
+def outer(keys, items):
+    return heap.pop(keys, items, 1)
+"""
+    before = digest_of(source)
+    monkeypatch.setattr(warehouse_env.heap, "pop", warehouse_env.heap.push)
+    assert digest_of(source) != before
+
+
 @pytest.mark.parametrize(
     ("old", "new"), [("Say it.", "Say more."), ("\n@kernel", "\n# why\n@kernel"), ("return x\n", "return 0\n")]
 )

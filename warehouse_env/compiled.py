@@ -171,7 +171,7 @@ def _own(kernel: Any) -> _Own:
     values = {name: value for name, value in function.__globals__.items() if name in names}
     cells = zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)
     values |= {name: cell.cell_contents for name, cell in cells}
-    ours = function.__module__.partition(".")[0]  # versions of Numba and NumPy count apart
+    ours = function.__module__.partition(".")[0], "warehouse_env"  # versions of Numba and NumPy count apart
     for module in [one for one in values.values() if isinstance(one, ModuleType) and one.__name__.startswith(ours)]:
         values |= {f"{module.__name__}.{name}": vars(module)[name] for name in names & vars(module).keys()}
     calls = {name: value for name, value in values.items() if _is_compiled(value, ours)}
@@ -186,7 +186,7 @@ def _own(kernel: Any) -> _Own:
     return _Own(hashlib.sha256("\n".join(said).encode()).digest(), tuple(calls.values()))
 
 
-def _is_compiled(value: Any, ours: str) -> bool:
+def _is_compiled(value: Any, ours: tuple[str, ...]) -> bool:
     plain = isinstance(value, FunctionType) and value.__module__.startswith(ours)
     return plain or isinstance(value, Dispatcher)
 

@@ -7,7 +7,8 @@ search for distant room uses the field of distances to room (room_field.py); the
     count, margin = search(query, arcs, shots)
 
 query: see Query. Contact at the start pose is ignored; contact after it is not. Each try keeps a smaller margin and has
-shorter arcs than the last; a node takes about 1.5 us. A try that is cut off is the last one, unless `most` is MOST.
+shorter arcs than the last, the last one more nodes; a node takes about 1.5 us. A try that is cut off ends the search,
+unless `most` is MOST.
 arcs float32[ARCS, 2]: filled with (signed length [m], steering [rad]) of each arc in turn.
 shots: None unless the kind of goals may be EXACTLY. Such a search ends with a shot from a near pose (shots.py).
 Returns the number of arcs, 0 if the start is a goal, NONE if nothing is found; and the margin [m]. A manoeuvre of more
@@ -43,6 +44,7 @@ TRIES = 6  # the first is coarse: it finds a way around a body or a turn with a 
 MARGINS = tuple(np.float32(m) for m in (0.03, 0.03, 0.008, 0.002, 0.0005, 0.0005))
 STRIDES = (np.float32(0.4), turning.STRIDE, *(np.float32(m) for m in (0.2, 0.15, 0.15, 0.06)))  # [m] of an arc
 CELLS = tuple(np.float32(m) for m in (0.4, 0.1, 0.067, 0.05, 0.05, 0.02))  # [m], of (x, y)
+NODES = (6000,) * 5 + (MOST,)  # at most; with 6,000, the last one left robots wedged beside shelves for minutes
 TOO_NEAR = np.float32(5e-5)  # [m] for arcs that begin nearer: more than the exact follower keeps
 GREED = np.float32(1.1)  # weight of the heuristic: found soon rather than best
 _HEADINGS = 36  # cells of 10 degrees
@@ -198,7 +200,7 @@ def _begin(query, goals, trial):
 
 
 @inline
-def _branch(node, size, waiting, cell, query, goals):
+def _branch(node, size, waiting, cell, most, query, goals):
     """Queue the moves from a node; return (size of the heap, moves so far, or CUT_OFF if the queue is full).
 
     Moves are checked against obstacles only when they are taken: most never are.
@@ -209,7 +211,7 @@ def _branch(node, size, waiting, cell, query, goals):
         slot, key = _slot_of(pose, cell, cells)
         if cells.keys[slot] == key and cells.seconds[slot] <= seconds:
             continue
-        if waiting == query.most * WAITING:
+        if waiting == most * WAITING:
             return size, CUT_OFF
         ends, rest = _off(pose, query) if query.kind <= FAR_OFF else _to_go(pose, goals, query.around)
         if rest == np.inf:
@@ -221,7 +223,7 @@ def _branch(node, size, waiting, cell, query, goals):
 
 
 @inline
-def _take(size, used, cell, margin, query):
+def _take(size, used, cell, margin, most, query):
     """Take the soonest free move from the queue and store its end as node `used`; return (move, size of the heap).
 
     Instead of the move: NONE if no move is free, CUT_OFF if there is no space for a node.
@@ -237,7 +239,7 @@ def _take(size, used, cell, margin, query):
         move, kept = query.scratch.moves[k], nodes.poses[node, MARGIN]
         if not arc_is_free(_pose_of(node, nodes), move[turning.BEND], move[turning.LENGTH], kept, query.around):
             continue
-        if used == query.most:
+        if used == most:
             return whole(CUT_OFF), size
         cells.keys[slot], cells.seconds[slot] = key, seconds
         _keep(used, pose, seconds, margin if kept == margin else _margin_at(pose, margin, query.around), nodes)
@@ -270,13 +272,13 @@ def search_once(query, goals, trial, arcs, shots):
     """Run try `trial` of TRIES for these goals of the query; return the number of arcs, NONE or CUT_OFF."""
     if _begin(query, goals, trial):
         return 0
-    cell = CELLS[trial] * query.around.p["length_scale"]
+    cell, most = CELLS[trial] * query.around.p["length_scale"], min(query.most, NODES[trial])
     size, waiting, used = 0, 0, whole(1)
     while True:
-        size, waiting = _branch(used - 1, size, waiting, cell, query, goals)
+        size, waiting = _branch(used - 1, size, waiting, cell, most, query, goals)
         if waiting == CUT_OFF:
             return CUT_OFF
-        entry, size = _take(size, used, cell, MARGINS[trial], query)
+        entry, size = _take(size, used, cell, MARGINS[trial], most, query)
         if entry < 0:
             return entry
         if query.kind != EXACTLY:

@@ -20,6 +20,7 @@ _SWEEP_STEP = np.float32(0.12)  # [m] of the front axle between two checked pose
 _SWEEP_TURN = np.float32(0.06)  # [rad] between two checked poses, on a sharp one; less if the margin is narrow,
 _TURN_PER_MARGIN = np.float32(1.25)  # [rad/m] so that no corner passes another deeper than half the margin,
 _LEAST_TURN = np.float32(0.001)  # [rad] but at least this
+_ROUNDED = np.float32(1e-5)  # [m], more than the rounding of poses
 
 
 @inline
@@ -105,14 +106,14 @@ def disc_room(body, floor):
 def _is_clear(start, bend, distance, margin, p, floor):
     """Return whether the body keeps `margin` [m] from shelves at every pose of the way, between samples as well.
 
-    If it is nearer than that at the start, it must be off by the first sample.
+    If it is nearer than that at the start, or as near within rounding, it must be off by the first sample.
     """
     count = int(abs(distance) * max(abs(bend) / _LEAST_TURN, ONE / _SWEEP_STEP)) + 1
     step = distance / np.float32(count)
     most = abs(step) * (ONE + p["far"] * abs(bend))
     x, y, heading = start.x, start.y, start.heading
     body = grown(body_of(x, y, start.c, start.s, p), margin)
-    room, leaves = ZERO, body_touches_shelf(body, floor)
+    room, leaves = ZERO, body_touches_shelf(grown(body, _ROUNDED), floor)
     for _ in range(count):
         x, y, heading = arc_end(x, y, heading, step, bend)
         s, c = sin_cos(heading)
