@@ -30,7 +30,7 @@ def advice_page(advice: Advice, hall: Sequence[PagePart] = (), files: Sequence[L
         *hall,
         PagePart("How many robots", pictures=[_throughput(advice)], tables=[loads_table(advice)]),
         PagePart("Where the bottlenecks are", pictures=[_heat(advice)], tables=[places_table(advice)]),
-        _of_changes(advice),
+        _of_change(advice),
         *([_to_take_away(advice, files)] if files else []),
         PagePart("What was run", facts=_facts(advice)),
     ]
@@ -41,9 +41,9 @@ def advice_page(advice: Advice, hall: Sequence[PagePart] = (), files: Sequence[L
 
 
 def recommended(advice: Advice) -> Effect | None:
-    """Return the one change that surely gains most, if there is one; changes were not measured together."""
-    gains = [effect for effect in advice.effects if effect.significant and effect.gain.mean > 0]
-    return max(gains, key=lambda effect: effect.gain.mean, default=None)
+    """Return the change if it surely gains."""
+    effect = advice.effect
+    return effect if effect is not None and effect.significant and effect.gain.mean > 0 else None
 
 
 def write_floor(advice: Advice, out: Path) -> list[Link]:
@@ -72,9 +72,9 @@ def _to_take_away(advice: Advice, files: Sequence[Link]) -> PagePart:
     effect, label = recommended(advice), "The floor to take away"
     if effect is None:
         return PagePart(label, "This is the floor as it is, since no change is known to gain anything.", links=files)
-    drawing = heat_maps([_panel(effect, "", advice, heat=False)], "", label)
-    stands = "; on your own map these shelves still stand" if effect.candidate.kind == "aisle" else ""
-    words = f"This is the floor with the change that gains most by itself: {effect.candidate.text}{stands}."
+    one = effect.candidate
+    drawing = heat_maps([Panel("", one.grid, opened=one.opened)], "", label)
+    words = f"This is the floor with the change: {one.text}; on your own map these shelves still stand."
     return PagePart(label, words, [Shown(drawing, f"{label}, in green what is changed.")], links=files)
 
 
@@ -142,52 +142,35 @@ def places_table(advice: Advice) -> Table:
     )
 
 
-def _of_changes(advice: Advice) -> PagePart:
-    """Return where the measured changes lie and what they gain, or why none was driven."""
-    aim, title = advice.plan.aim, "What a change gains"
-    if not advice.effects:
+def _of_change(advice: Advice) -> PagePart:
+    """Return where the measured change lies and what it gains, or why none was driven."""
+    aim, title, effect = advice.plan.aim, "What a change gains", advice.effect
+    if effect is None:
         return PagePart(title, "None was driven: there was no time, or nothing can be changed.")
-    drawn_at = dict(zip("AB", advice.effects, strict=False))
-    panels = [_panel(effect, letter, advice) for letter, effect in drawn_at.items()]
-    label = "The changes that were measured"
-    said = " ".join(
-        f"**{letter}: {effect.candidate.kind}**: {effect.candidate.text}; {effect_text(effect, aim)}."
-        for letter, effect in drawn_at.items()
+    one, label = effect.candidate, "The change that was measured"
+    panel = Panel("", advice.plan.grid, advice.floor.waiting, opened=one.opened)
+    caption = (
+        f"{label}, in green, over where robots wait without it [s per hour]. **{one.text}**: "
+        f"{effect_text(effect, aim)}."
     )
-    caption = f"{label}, in green, over where robots wait without them [s per hour]. {said}"
-    pairs = [report_charts.Pair(one.candidate.text, *one.gain[:3]) for one in advice.effects]
-    differences = f"{aim.noun.capitalize()} per hour of all robots, difference from the floor as it is"
-    below = f"{differences}: paired, with intervals; blue and filled if the interval excludes 0."
-    drawn = report_charts.differences(pairs, differences, f"{aim.noun} per hour")
-    shown = [Shown(heat_maps(panels, "standing [s per hour]", label), caption), Shown(drawn, below)]
-    return PagePart(title, pictures=shown, tables=[changes_table(advice)])
+    drawing = heat_maps([panel], "standing [s per hour]", label)
+    return PagePart(title, pictures=[Shown(drawing, caption)], tables=[change_table(advice, effect)])
 
 
-def _panel(effect: Effect, letter: str, advice: Advice, heat: bool = True) -> Panel:
-    """Return the floor with a change, over where robots wait."""
-    one, way = effect.candidate, effect.candidate.kind == "one-way"
-    grid = advice.plan.grid if heat else one.grid
-    title = f"{letter}: {one.kind}" if letter else ""
-    waiting = advice.floor.waiting if heat else None
-    return Panel(title, grid, waiting, opened=None if way else one.changed, one_way=one.grid.one_way if way else None)
-
-
-def changes_table(advice: Advice) -> Table:
-    """Return a line for each change that was measured."""
-    cells = [
-        (
-            effect.candidate.text, effect.candidate.kind, str(effect.tried), difference(effect.gain),
-            str(effect.gain.samples), "significant" if effect.significant else "may be chance",
-            f"{100 * storage_lost(advice.plan.grid, effect.candidate).share:.0f}",
-        )
-        for effect in advice.effects
-    ]  # fmt: skip
-    header = ("change", "kind", "best of", f"{advice.plan.aim.noun}/h", "pairs", "", "storage lost %")
+def change_table(advice: Advice, effect: Effect) -> Table:
+    """Return a line for the change that was measured."""
+    one = effect.candidate
+    cells = (
+        one.text, str(effect.tried), difference(effect.gain), str(effect.gain.samples),
+        "significant" if effect.significant else "may be chance",
+        f"{100 * storage_lost(advice.plan.grid, one).share:.0f}",
+    )  # fmt: skip
+    header = ("change", "best of", f"{advice.plan.aim.noun}/h", "pairs", "", "storage lost %")
     note = (
-        f"{advice.capacity.driven}Differences from the floor as it is, in pairs of episodes with the same new seeds; "
-        "together, all intervals hold with 95%."
+        f"{advice.capacity.driven}Difference from the floor as it is, in pairs of episodes with the same new seeds, "
+        "with its 95% interval."
     )
-    return Table("Changes of the floor", header, tuple(cells), note)
+    return Table("Change of the floor", header, (cells,), note)
 
 
 def _facts(advice: Advice) -> dict[str, str]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from train.advice import changes
 from train.advice.capacity import SURE, Capacity, RobotsNeeded, begun, capacity, confirmed, robots_needed
-from train.advice.changes import KINDS, PAIRS, Candidate, Effect, Kind, storage_lost
+from train.advice.changes import PAIRS, Candidate, Effect, storage_lost
 from train.advice.curve import STUCK, peak
 from train.advice.study import Team, TrialRuns
 from train.advice.trials import FELL, GOALS, AdvicePlan, Aim, Drive, TimeBudget, Use
@@ -39,7 +39,7 @@ class Advice(NamedTuple):
     floor: FloorNotes  # where those robots wait
     bottlenecks: list[Bottleneck]
     visits: NDArray[np.float64]  # share of trips over each cell
-    effects: list[Effect]
+    effect: Effect | None  # of the best aisle
     sought: bool  # whether there was time for changes
     stands: dict[int, Row]  # number of robots -> episode of their longest stand
 
@@ -48,20 +48,20 @@ def advise(plan: AdvicePlan, drive: Drive, clock: TimeBudget) -> Advice:
     """Find everything in the time given, which begins after the first episodes, since these may compile kernels."""
     study = begun(plan, drive, clock)
     trips = draw_trips(plan.grid, plan.seed)
-    visits, moves, _ = traffic(plan_trips(plan.grid, trips), plan.grid.shape)
+    visits, _ = traffic(plan_trips(plan.grid, trips), plan.grid.shape)
     found = capacity(study)
     answered = robots_needed(study, found, _ASKED) if plan.wanted is not None else None
     team = Team(found.team.policy, answered.robots if answered and answered.robots else found.team.robots)
     worst = _places(study, team, visits)[1]
     most = changes.affordable(clock.left, study.seconds(team.robots))
-    chosen = changes.options(plan, worst, trips, moves, team.robots, most)
+    chosen = changes.options(plan, worst, trips, team.robots, most)
     if not chosen and plan.episodes is None:
         study.repeat([found.team], Use.CONFIRM, _MOST, 1.0)
         found = found._replace(goals=confirmed(study, found.team))
-    effects = changes.effects(study, chosen, team)
+    effect = changes.measured(study, chosen, team)
     counts = (team.robots, found.jam.robots if found.jam else 0)
     stands = {count: row for count in counts if (row := longest_stand(study.of(Team(team.policy, count))))}
-    return Advice(plan, team, found, answered, *_places(study, team, visits), visits, effects, most > 0, stands)
+    return Advice(plan, team, found, answered, *_places(study, team, visits), visits, effect, most > 0, stands)
 
 
 def _places(study: TrialRuns, team: Team, visits: NDArray[np.float64]) -> tuple[FloorNotes, list[Bottleneck]]:
@@ -71,7 +71,6 @@ def _places(study: TrialRuns, team: Team, visits: NDArray[np.float64]) -> tuple[
 
 
 NAMED = 3  # bottlenecks named in words
-_HEADS: dict[Kind, str] = {"aisle": "One more aisle", "one-way": "A one-way rule"}
 
 
 def answer(advice: Advice) -> list[str]:
@@ -79,7 +78,7 @@ def answer(advice: Advice) -> list[str]:
     plan, capacity = advice.plan, advice.capacity
     parts = [asked_text(advice.asked, capacity, plan.aim)] if advice.asked else []
     parts += [_most(advice), _knee(capacity, plan.aim), _jam(advice), _policy(advice), _bottlenecks(advice)]
-    parts += [_change(advice, kind) for kind in KINDS]
+    parts.append(_change(advice))
     if plan.narrow:
         parts.append(f"**These robots cannot use the whole floor**: {'; '.join(plan.narrow)}.")
     return [part for part in (*parts, _basis(plan)) if part]
@@ -181,17 +180,16 @@ def _bottlenecks(advice: Advice) -> str:
     return f"{counted(robots, 'robot')} wait most at {', '.join(places)}.{_stood(advice, robots)}"
 
 
-def _change(advice: Advice, kind: Kind) -> str:
-    """Say what the best change of a kind gains."""
-    effect = next((one for one in advice.effects if one.candidate.kind == kind), None)
-    head = f"**{_HEADS[kind]}**"
+def _change(advice: Advice) -> str:
+    """Say what the best change gains."""
+    effect, head = advice.effect, "**One more aisle**"
     if effect is None and not advice.sought:
         return f"{head}: there was no time to try any."
     if effect is None:
-        return f"{head}: no change of this kind is possible." if advice.bottlenecks else ""
+        return f"{head}: none can be opened at the bottlenecks." if advice.bottlenecks else ""
     best = f"the best of {effect.tried} tried is " if effect.tried > 1 else ""
-    cost = f"; it costs {storage_text(advice.plan.grid, effect.candidate)}" if kind == "aisle" else ""
-    said = f"{best}{effect.candidate.text}: {effect_text(effect, advice.plan.aim)}{cost}"
+    cost = f"it costs {storage_text(advice.plan.grid, effect.candidate)}"
+    said = f"{best}{effect.candidate.text}: {effect_text(effect, advice.plan.aim)}; {cost}"
     return f"{head} with {counted(advice.team.robots, 'robot')}: {said}."
 
 
@@ -215,7 +213,7 @@ def effect_text(effect: Effect, aim: Aim = GOALS) -> str:
 def _basis(plan: AdvicePlan) -> str:
     return (
         f"Simulated: {_worked(plan)}, {robots_text(plan)}, episodes of {plan.seconds:g} s of which the second half "
-        f"counts. Brackets are 95% intervals over episodes; those of all changes together hold with 95%. "
+        f"counts. Brackets are 95% intervals over episodes. "
         "A change is chosen in some episodes and measured in others, with new seeds, in pairs with the floor as it is."
     )
 

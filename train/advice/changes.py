@@ -1,4 +1,4 @@
-"""Changes at the bottlenecks of a floor, opened aisles and one-way rules: raced, and the best measured on new seeds.
+"""Aisles that can be opened at the bottlenecks of a floor: raced, and the best measured on new seeds.
 
 Pick faces and stations stay, so robots have the same tasks on every changed floor.
 """
@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any, Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,25 +19,18 @@ from train.reporting.columns import difference_of
 from train.reporting.rows import Interval, mean_interval
 from warehouse_env.maps.endpoints import beside, shelves
 from warehouse_env.maps.grid_map import Cell, GridMap
-from warehouse_env.maps.moves import label_regions
 
-Kind = Literal["aisle", "one-way"]
 REACH = 4  # [cells] from a bottleneck to a shelf that may be opened
 MOST_CELLS = 60  # of shelf that one change removes
-WIDEST = 2  # [cells] across an aisle
-SHORTEST = 4  # [cells] along it
-EAST, NORTH, WEST, SOUTH = 1, 2, 3, 4  # one_way.ARROWS
-_NAMES = {EAST: "east", NORTH: "north", WEST: "west", SOUTH: "south"}
 _STEPS = ((0, 1), (-1, 0), (0, -1), (1, 0))
 
 
 class Candidate(NamedTuple):
     """A changed floor."""
 
-    kind: Kind
     text: str  # the change in words
     grid: GridMap
-    changed: NDArray[np.bool_]  # [H, W], cells opened or given a direction
+    opened: NDArray[np.bool_]  # [H, W], cells of shelf that become floor
 
 
 class Storage(NamedTuple):
@@ -51,7 +44,7 @@ class Storage(NamedTuple):
 
 def storage_lost(grid: GridMap, one: Candidate) -> Storage:
     """Return the shelves, not walls, that are lost."""
-    before, after = shelves(grid.walls), shelves(grid.walls) & ~one.changed
+    before, after = shelves(grid.walls), shelves(grid.walls) & ~one.opened
     served, left = (int(beside(racks)[tuple(grid.picks.T)].sum()) for racks in (before, after))
     cells = int(before.sum() - after.sum())
     return Storage(cells, cells / max(1, int(before.sum())), served - left, served)
@@ -69,7 +62,7 @@ def aisles(grid: GridMap, cell: Cell) -> list[Candidate]:
         if face is None:
             continue
         along_row = step[0] == 0
-        through, across = (run == run[face] for run in (_runs(racks, along_row), _runs(racks, not along_row)))
+        through, across = (run == run[face] for run in (runs(racks, along_row), runs(racks, not along_row)))
         cells = np.argwhere(through)
         row, column = (cells[np.argmax(cells @ step)] + step).tolist()
         if _holds(~grid.occupied, (row, column)):
@@ -77,7 +70,7 @@ def aisles(grid: GridMap, cell: Cell) -> list[Candidate]:
             found.append(_opened(grid, _line(racks, face, along_row), "a new aisle"))
         found.append(_opened(grid, across, "the aisle wider by a row of shelves"))
         found.append(_opened(grid, _line(racks, face, not along_row), "the aisle wider over its whole length"))
-    return [one for one in found if one.changed.sum() <= MOST_CELLS]
+    return [one for one in found if one.opened.sum() <= MOST_CELLS]
 
 
 def _nearest_face(free: NDArray[np.bool_], racks: NDArray[np.bool_], cell: Cell, step: Cell) -> Cell | None:
@@ -109,31 +102,15 @@ def _line(racks: NDArray[np.bool_], cell: Cell, along_row: bool) -> NDArray[np.b
     return line & racks
 
 
-def _opened(grid: GridMap, changed: NDArray[np.bool_], what: str) -> Candidate:
-    text = f"{what} at {_where(grid, changed)} ({int(changed.sum())} shelf cells)"
-    return Candidate("aisle", text, dataclasses.replace(grid, occupied=grid.occupied & ~changed), changed)
-
-
-def _where(grid: GridMap, changed: NDArray[np.bool_]) -> str:
-    """Say where cells are, in metres."""
-    corners = grid.world(grid.centre(np.argwhere(changed)))
-    half = grid.cell_size / 2
+def _opened(grid: GridMap, cells: NDArray[np.bool_], what: str) -> Candidate:
+    corners, half = grid.world(grid.centre(np.argwhere(cells))), grid.cell_size / 2
     (left, low), (right, high) = corners.min(axis=0) - half, corners.max(axis=0) + half
-    return f"x {left:g} to {right:g} m, y {low:g} to {high:g} m"
+    where = f"x {left:g} to {right:g} m, y {low:g} to {high:g} m"
+    text = f"{what} at {where} ({int(cells.sum())} shelf cells)"
+    return Candidate(text, dataclasses.replace(grid, occupied=grid.occupied & ~cells), cells)
 
 
-def aisle_cells(grid: GridMap, along_row: bool) -> NDArray[np.int64]:
-    """Return int64[H, W]: numbers from 1 for the aisles along rows (or columns), 0 off them.
-
-    An aisle is at most WIDEST cells across, its sides shelves or the map's edge, and at least SHORTEST long.
-    """
-    free = ~grid.occupied if along_row else ~grid.occupied.T
-    narrow = free & (run_lengths(free.T).T <= WIDEST)
-    label = label_regions(narrow & (run_lengths(narrow) >= SHORTEST))
-    return np.asarray(label if along_row else label.T, np.int64)
-
-
-def _runs(marked: NDArray[np.bool_], along_row: bool) -> NDArray[np.int64]:
+def runs(marked: NDArray[np.bool_], along_row: bool) -> NDArray[np.int64]:
     """Return int64[H, W]: numbers from 1 for the runs of marked cells in rows (or columns), 0 off them."""
     from scipy.ndimage import label  # not when this is loaded, which takes long
 
@@ -142,54 +119,13 @@ def _runs(marked: NDArray[np.bool_], along_row: bool) -> NDArray[np.int64]:
     return np.asarray(label(marked, beside if along_row else beside.T)[0], np.int64)
 
 
-def run_lengths(free: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Return int64[H, W]: the length of the run of free cells in its row that a cell is in, 0 off them."""
-    runs = _runs(free, along_row=True)
-    return np.where(free, np.bincount(runs.ravel())[runs], 0)
-
-
-def one_ways(grid: GridMap, cell: Cell, flow: NDArray[np.float64]) -> list[Candidate]:
-    """Return the aisles through a cell as one-way streets in the busier direction; flow: moves of RouteTraffic."""
-    found = []
-    for along_row in (True, False):
-        label = aisle_cells(grid, along_row)
-        if label[cell]:
-            street = label == label[cell]
-            forth, back = (EAST, WEST) if along_row else (NORTH, SOUTH)
-            more = _towards(flow[street], forth) >= _towards(flow[street], back)
-            way = forth if more else back
-            text = f"one way {_NAMES[way]} at {_where(grid, street)}"
-            found.append(_directed(grid, street, np.full(grid.shape, way), text))
-    return [one for one in found if cut_off(one.grid) is None]
-
-
-def _directed(grid: GridMap, street: NDArray[np.bool_], ways: NDArray[Any], text: str) -> Candidate:
-    """Return the floor with a one-way street bool[H, W], by directions [H, W]."""
-    directions = np.where(street, ways, grid.one_way).astype(grid.one_way.dtype)
-    return Candidate("one-way", text, dataclasses.replace(grid, one_way=directions), street)
-
-
-def _towards(flow: NDArray[np.float64], way: int) -> float:
-    """Return how much of flow [K, 8] goes in a direction, also diagonally."""
-    middle = 2 * (way - 1)
-    return float(sum(flow[:, (middle + turn) % 8].sum() for turn in (-1, 0, 1)))
-
-
-def cut_off(grid: GridMap) -> Cell | None:
-    """Return an endpoint without a way to and from the first one, None if all are connected."""
-    first, *others = grid.endpoints[2]
-    region = grid.return_region(first)
-    return next((cell for cell in others if not region[cell]), None)
-
-
 def choose(candidates: Sequence[Candidate], trips: Sequence[Trip], robots: int, most: int) -> list[Candidate]:
     """Return the `most` different changes with the least expected cost of trips."""
-    different = {one.changed.tobytes() + one.grid.one_way.tobytes(): one for one in reversed(candidates)}
+    different = {one.opened.tobytes(): one for one in reversed(candidates)}
     return sorted(different.values(), key=lambda one: expected_cost(one.grid, trips, robots))[:most]
 
 
-KINDS: tuple[Kind, ...] = ("aisle", "one-way")
-SOUGHT = 6  # changes of each kind that are raced, at most
+SOUGHT = 6  # changes that are raced, at most
 CHOSEN_AT = 3  # bottlenecks at which changes are sought
 ROUNDS = 6  # of the race, at most
 PAIRS = 8  # of episodes, from which on a gain is reported
@@ -200,9 +136,9 @@ class Effect(NamedTuple):
     """What a change of the floor gains, in pairs of episodes with the same seeds."""
 
     candidate: Candidate
-    tried: int  # changes of its kind, of which it was the best
+    tried: int  # changes, of which it was the best
     base: Interval  # goals, or orders, per hour of all robots on the floor as it is
-    gain: Interval  # difference; all gains of an advice together hold with 95%
+    gain: Interval  # difference
 
     @property
     def significant(self) -> bool:
@@ -211,44 +147,33 @@ class Effect(NamedTuple):
 
 
 def options(
-    plan: AdvicePlan, worst: Sequence[Bottleneck], trips: Sequence[Trip], moves: NDArray[np.float64], robots: int,
-    most: int,
-) -> list[Candidate]:  # fmt: skip
-    """Return up to `most` changes of each kind at the worst places; moves: see RouteTraffic."""
+    plan: AdvicePlan, worst: Sequence[Bottleneck], trips: Sequence[Trip], robots: int, most: int
+) -> list[Candidate]:
+    """Return up to `most` changes at the worst places."""
     if not most:
         return []
-    cells = [place.cell for place in worst[:CHOSEN_AT]]
-    opened = [one for cell in cells for one in aisles(plan.grid, cell)]
-    directed = [one for cell in cells for one in one_ways(plan.grid, cell, moves)]
-    return [one for kind in (opened, directed) for one in choose(kind, trips, robots, most)]
+    return choose([one for place in worst[:CHOSEN_AT] for one in aisles(plan.grid, place.cell)], trips, robots, most)
 
 
 def affordable(left: float, took: float) -> int:
-    """Return how many changes of each kind can be raced in the seconds left, 0 to SOUGHT.
+    """Return how many changes can be raced in the seconds left, 0 to SOUGHT.
 
-    The best of each and the floor as it is are then driven PAIRS times. took: of an episode.
+    The best and the floor as it is are then driven PAIRS times. took: of an episode.
     """
-    episodes = min(left / max(took, 1e-9), 1e9) - PAIRS * (1 + len(KINDS))
-    return 0 if episodes < 0 else int(min(SOUGHT, max(1, (episodes / FEWEST - 1) // len(KINDS))))
+    episodes = min(left / max(took, 1e-9), 1e9) - PAIRS * 2
+    return 0 if episodes < 0 else int(min(SOUGHT, max(1, episodes / FEWEST - 1)))
 
 
-def effects(study: TrialRuns, chosen: Sequence[Candidate], team: Team) -> list[Effect]:
-    """Race the changes of each kind, and measure the best of each on new seeds."""
-    kinds = [own for kind in KINDS if (own := [one for one in chosen if one.kind == kind])]
-    if not kinds:
-        return []
-    aim, robots = study.plan.aim, team.robots
+def measured(study: TrialRuns, chosen: Sequence[Candidate], team: Team) -> Effect | None:
+    """Race changes, and measure the best on new seeds; None without any."""
+    if not chosen:
+        return None
     study.floors |= {one.text: one.grid for one in chosen}
-    measured = [_best_of(study, own, team) for own in kinds]
-    base, *gained = study.repeat(
-        [team, *(team._replace(floor=one.text) for one in measured)], Use.MEASURE, MOST_PAIRS, 1.0
-    )
-    whole = mean_interval(map(aim.gain, base)).times(robots)
-    sure = 1 - 0.05 / len(measured)
-    return [
-        Effect(one, len(own), whole, difference_of(rows, base, aim.gain, ("seed",), sure).times(robots))
-        for one, own, rows in zip(measured, kinds, gained, strict=True)
-    ]
+    aim, best = study.plan.aim, _best_of(study, chosen, team)
+    base, rows = study.repeat([team, team._replace(floor=best.text)], Use.MEASURE, MOST_PAIRS, 1.0)
+    made = mean_interval(map(aim.gain, base)).times(team.robots)
+    gain = difference_of(rows, base, aim.gain, ("seed",)).times(team.robots)
+    return Effect(best, len(chosen), made, gain)
 
 
 def _best_of(study: TrialRuns, changes: Sequence[Candidate], team: Team) -> Candidate:
@@ -260,7 +185,7 @@ def _best_of(study: TrialRuns, changes: Sequence[Candidate], team: Team) -> Cand
         return [gain(row) - gain(base) for (row,) in rows]
 
     def goes_on(left: Sequence[Team], number: int) -> bool:
-        seeds, reserve = study.plan.seeds(Use.LOOK, 1, number), PAIRS * (1 + len(KINDS)) * study.seconds(team.robots)
+        seeds, reserve = study.plan.seeds(Use.LOOK, 1, number), PAIRS * 2 * study.seconds(team.robots)
         return len(left) > 1 and (number < FEWEST or study.affords([team, *left], seeds, 1.0, reserve))
 
     return changed[best_of(race(changed, play, study.plan.at_most(ROUNDS), goes_on))]

@@ -50,7 +50,6 @@ class RouteTraffic(NamedTuple):
     """The traffic of a set of routes."""
 
     visits: NDArray[np.float64]  # [H, W], share of the routes that visit a cell
-    moves: NDArray[np.float64]  # [H, W, 8], share that leaves a cell by each move of MOVES
     conflicts: float  # expected between all pairs of routes while each robot drives its route once
 
 
@@ -81,8 +80,7 @@ def traffic(routes: Sequence[NDArray[np.int64]], shape: tuple[int, int]) -> Rout
     crossing = np.where(rows * columns, diagonals[square ^ 1], 0)
     met = float((weight[owner] * (visits[place] - 1)).sum())
     met += float((weight[owner[drives]] * (crossing - same - opposing + long * opposing)).sum())
-    count = len(routes)
-    return RouteTraffic(visits.reshape(shape) / count, moves.reshape(*shape, 8) / count, met)
+    return RouteTraffic(visits.reshape(shape) / len(routes), met)
 
 
 class Bottleneck(NamedTuple):

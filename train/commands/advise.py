@@ -17,7 +17,7 @@ from agents import POLICIES, make_policy, policy_config
 from train.advice.advice_page import (
     FOLDER,
     advice_page,
-    changes_table,
+    change_table,
     hall_parts,
     loads_table,
     places_table,
@@ -51,8 +51,8 @@ class Advise(Fleet, Work, RowOptions, OwnSensors):
     """Find how many robots a floor supports, where they wait, and which change of the floor would help.
 
     The command drives more and more robots between pick faces and stations, then numbers around the best, under the
-    policy that is best there. It measures the choice again on new seeds. Then it opens aisles at the worst bottlenecks
-    or makes them one way, in pairs of episodes with the floor as it is. Robots with orders are judged by orders.
+    policy that is best there. It measures the choice again on new seeds. Then it opens aisles at the worst
+    bottlenecks, in pairs of episodes with the floor as it is. Robots with orders are judged by orders.
     Example: warehouse advise --map hall.map --minutes 10 --goals 4000
     """
 
@@ -115,8 +115,8 @@ class Advise(Fleet, Work, RowOptions, OwnSensors):
                 advice = advise(plan, drive, clock)
         loads_table(advice).print()
         places_table(advice).print()
-        if advice.effects:
-            changes_table(advice).print()
+        if advice.effect is not None:
+            change_table(advice, advice.effect).print()
         console = make_console(sys.stdout)
         for text in answer(advice):
             console.print(text.replace("*", "").replace("`", ""), highlight=False, soft_wrap=not console.is_terminal)

@@ -11,7 +11,7 @@ import numpy as np
 import tyro
 
 from agents import POLICIES, policy_config
-from train.advice.changes import cut_off, run_lengths
+from train.advice.changes import runs
 from train.reporting.report import Table, require_charts
 from train.reporting.rows import Row
 from warehouse_env.checked import Checked
@@ -119,12 +119,14 @@ class Layouts(Checked):
 
 def check_connected(grid: GridMap) -> None:
     """Raise MapError, naming an endpoint, unless each endpoint can be reached from every other on a one-way floor."""
-    cell = cut_off(grid)
-    if cell is not None:
-        raise MapError(
-            f"one-way cells of map {grid.name!r} cut endpoints off: no robot can drive from {grid.endpoints[2][0]} to "
-            f"{cell} and back; turn or remove some arrows"
-        )
+    first, *others = grid.endpoints[2]
+    region = grid.return_region(first)
+    for cell in others:
+        if not region[cell]:
+            raise MapError(
+                f"one-way cells of map {grid.name!r} cut endpoints off: no robot can drive from {first} to {cell} and "
+                "back; turn or remove some arrows"
+            )
 
 
 def facts(grid: GridMap) -> Row:
@@ -141,8 +143,8 @@ def narrowest_aisle(grid: GridMap) -> int:
     """Return the fewest free cells side by side, in a row or a column, at any cell of the connected floor."""
     free = np.zeros(grid.shape, dtype=np.bool_)
     free[tuple(grid.free_cells.T)] = True
-    across = np.minimum(run_lengths(free), run_lengths(free.T).T)
-    return int(across[free].min())
+    numbers = [runs(free, along_row) for along_row in (True, False)]
+    return int(min(np.bincount(one[free])[1:].min() for one in numbers))
 
 
 @dataclass(frozen=True)

@@ -69,13 +69,11 @@ def interval_of(rows: Sequence[Row], value: Value) -> Interval:
     return crossed_interval(_crossed(rows, value, EPISODE, rows))
 
 
-def difference_of(
-    rows: Sequence[Row], other: Sequence[Row], value: Value, names: Sequence[str] = EPISODE, coverage: float = 0.95
-) -> Interval:
+def difference_of(rows: Sequence[Row], other: Sequence[Row], value: Value, names: Sequence[str] = EPISODE) -> Interval:
     """Return the mean difference of rows from other rows with the same named fields, as `crossed_interval` gives it."""
     known = {values_of(row, names) for row in other}
     common = [row for row in rows if values_of(row, names) in known]
-    return crossed_interval(*(_crossed(side, value, names, common) for side in (rows, other)), coverage=coverage)
+    return crossed_interval(*(_crossed(side, value, names, common) for side in (rows, other)))
 
 
 def _crossed(rows: Sequence[Row], value: Value, names: Sequence[str], common: Sequence[Row]) -> NDArray[np.float64]:
@@ -86,7 +84,7 @@ def _crossed(rows: Sequence[Row], value: Value, names: Sequence[str], common: Se
     return np.array([found.get((one, key)) for one in trainings for key in episodes], np.float64).reshape(shape)
 
 
-def crossed_interval(*sides: NDArray[np.float64], coverage: float = 0.95) -> Interval:
+def crossed_interval(*sides: NDArray[np.float64]) -> Interval:
     """Return the mean of float64[trainings, episodes], or its difference from another of the same episodes.
 
     Episodes in which a value is missing do not count. A single row is one fixed policy. The interval is that of NOTE.
@@ -110,7 +108,7 @@ def crossed_interval(*sides: NDArray[np.float64], coverage: float = 0.95) -> Int
     mean, total = float(by_episode.mean()), sum(part for part, _ in parts)
     variance = float(max(total - shared, *(part for part, _ in parts)))
     freedom = variance**2 / sum(part**2 / freedom for part, freedom in parts) if variance > 0 else 1.0
-    half = t_quantile(freedom, coverage) * math.sqrt(variance)
+    half = t_quantile(freedom) * math.sqrt(variance)
     return Interval(mean, mean - half, mean + half, count)
 
 

@@ -31,7 +31,7 @@ class Panel(NamedTuple):
     """A floor and what is drawn on it.
 
     heat: float[H, W], no colour where it is 0. marks: float[K, 2] [m], crosses. numbers: places (x, y) [m], numbered
-    from 1. opened: bool[H, W], cells whose shelf is removed. one_way: uint8[H, W], as in GridMap; the floor's if None.
+    from 1. opened: bool[H, W], cells whose shelf is removed.
     """
 
     title: str
@@ -40,7 +40,6 @@ class Panel(NamedTuple):
     marks: NDArray[np.floating[Any]] | None = None
     numbers: Sequence[tuple[float, float]] = ()
     opened: NDArray[np.bool_] | None = None
-    one_way: NDArray[np.uint8] | None = None
 
 
 def heat_maps(panels: Sequence[Panel], unit: str, label: str, shared: bool = True) -> str:
@@ -83,7 +82,7 @@ def _draw(ax: Axes, panel: Panel, most: float) -> Any:
         image = ax.imshow(np.where(panel.heat > 0, panel.heat, 0.0), cmap=scale, norm=norm, **place)
     x, y = grid.centre(grid.stations).T
     ax.plot(x, y, "s", ms=max(1.2, 110 / max(rows, columns)), mfc="none", mec=hexed(BLUE), mew=0.7, alpha=0.8)
-    draw_arrows(ax, grid, grid.one_way if panel.one_way is None else panel.one_way, GREEN)
+    draw_arrows(ax, grid, grid.one_way, GREEN)
     if panel.marks is not None and len(panel.marks):
         ax.plot(*panel.marks.T[:2], "x", ms=4.5, mew=1.3, color=hexed(CONTACT), alpha=0.7)
     for number, (at_x, at_y) in enumerate(panel.numbers, start=1):

@@ -1,4 +1,4 @@
-"""Charts of evaluations and reports: measures over robots, differences, throughput."""
+"""Charts of evaluations and reports: measures over robots, throughput."""
 
 from __future__ import annotations
 
@@ -24,15 +24,6 @@ class Bar(NamedTuple):
 
     policy: str
     robots: int
-    mean: float
-    low: float
-    high: float
-
-
-class Pair(NamedTuple):
-    """A line of `differences`: a paired difference with its 95% interval."""
-
-    name: str
     mean: float
     low: float
     high: float
@@ -100,27 +91,6 @@ def _dots(ax: Axes, bars: Sequence[Bar]) -> None:
     ax.set_xticks(range(len(counts)), [str(count) for count in counts])
     ax.set_xlim(-0.5, len(counts) - 0.5)
     ax.grid(axis="y")
-
-
-def differences(pairs: Sequence[Pair], label: str, unit: str) -> str:
-    """Draw paired differences with their intervals around zero, a line a pair."""
-    with style():
-        figure = empty_figure(10.0, 0.34 * len(pairs) + 0.9)
-        ax = figure.add_subplot()
-        for at, pair in enumerate(reversed(pairs)):
-            reach = np.nan_to_num([[pair.mean - pair.low], [pair.high - pair.mean]]).clip(0)
-            significant = pair.low > 0 or pair.high < 0
-            colour = hexed(BLUE if significant else GREY)
-            fill = colour if significant else "#ffffff"
-            ax.errorbar([pair.mean], [at], xerr=reach, fmt="o", ms=6, color=colour, mfc=fill, capsize=3)
-        ax.axvline(0, color=INK, lw=0.9)
-        ax.set_yticks(range(len(pairs)), [pair.name for pair in reversed(pairs)])
-        ax.set_ylim(-0.6, len(pairs) - 0.4)
-        ax.tick_params(axis="y", length=0)
-        ax.set_xlabel(unit)
-        ax.margins(x=0.12)
-        ax.grid(axis="x")
-        return svg(figure, label)
 
 
 def throughput(
