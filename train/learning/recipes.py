@@ -48,8 +48,8 @@ _BUSY = _CAREFUL | {
 # Goes on from there in crowds under the shield.
 _SHIELDED = {
     "steps": 18_000_000, "layouts": ("paper46", "narrow", "single_lane", *("aisles:seed=new",) * 8),
-    "robots": (64, 128), "rows": 2112, "start": "busy", "gamma": 0.99, "entropy_first": 0.002, "entropy_last": 0.0005,
-    "learning_rate": 4e-4,
+    "robots": (64, 128), "rows": 2112, "start": "busy", "gamma": 0.997, "gae_lambda": 0.97, "entropy_first": 0.002,
+    "entropy_last": 0.0005, "learning_rate": 4e-4,
 }  # fmt: skip
 # The same as busy with fixed routes.
 _PATIENT = _BUSY | {
