@@ -14,6 +14,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 import torch
+from safetensors.torch import load_model, save_model
 from torch import nn
 
 import warehouse_env
@@ -22,7 +23,7 @@ from warehouse_env import LEARNING, observation_layout
 from warehouse_env.checked import Checked
 from warehouse_env.observation import NEIGHBOUR
 
-WEIGHTS = Path("runs/attention.pt")
+WEIGHTS = Path("runs/attention.safetensors")
 GAMMA, LAMBDA, CLIP, ENTROPY = 0.98, 0.95, 0.2, 0.003  # ENTROPY: its weight in the loss
 ROLLOUT, EPOCHS, MINIBATCHES = 48, 4, 6  # decisions of a robot between updates, passes over them, parts of a pass
 
@@ -80,14 +81,13 @@ class Attending:
 
     def __init__(self, config: warehouse_env.EnvConfig, weights: Path = WEIGHTS) -> None:
         self.agent = Agent(config)
-        self.agent.load_state_dict(torch.load(weights, weights_only=True))
+        load_model(self.agent, weights)
 
     @torch.no_grad()
     def act(self, observation: Any, rng: np.random.Generator) -> Any:
         """Draw an action for each robot."""
-        logits = self.agent(torch.as_tensor(observation).flatten(0, 1))[0]
-        noise = torch.as_tensor(rng.gumbel(size=logits.shape))
-        return (logits + noise).argmax(-1).numpy().reshape(observation.shape[:2])
+        logits, shape = self.agent(torch.as_tensor(observation).flatten(0, 1))[0], observation.shape[:2]
+        return (logits + torch.as_tensor(rng.gumbel(size=logits.shape))).argmax(-1).numpy().reshape(shape)
 
 
 def main(o: Options) -> None:
@@ -141,7 +141,7 @@ def main(o: Options) -> None:
             taken = f"{(update + 1) * ROLLOUT * rows:,} agent-steps, {time.time() - begun:.0f} s"
             print(f"{taken}: {goals:.0f} goals per robot-hour, {hits:.1f} collisions/km")
     o.out.parent.mkdir(parents=True, exist_ok=True)
-    torch.save(agent.state_dict(), o.out)
+    save_model(agent, o.out)
     print(f"wrote {o.out}")
 
 

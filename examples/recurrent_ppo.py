@@ -14,6 +14,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 import torch
+from safetensors.torch import load_model, save_model
 from torch import nn
 
 import warehouse_env
@@ -21,7 +22,7 @@ from train.cli import run_script
 from warehouse_env import LEARNING, observation_layout
 from warehouse_env.checked import Checked
 
-WEIGHTS = Path("runs/recurrent_ppo.pt")
+WEIGHTS = Path("runs/recurrent_ppo.safetensors")
 GAMMA, LAMBDA, CLIP, ENTROPY = 0.98, 0.95, 0.2, 0.003  # ENTROPY: its weight in the loss
 ROLLOUT, EPOCHS, MINIBATCHES = 32, 3, 4  # decisions of a robot between updates, passes over them, parts of a pass
 
@@ -70,7 +71,7 @@ class Remembering:
     def __init__(self, config: warehouse_env.EnvConfig, weights: Path = WEIGHTS) -> None:
         actions = len(config.speed_levels) * len(config.lateral_offsets)
         self.agent, self.robots = Agent(observation_layout(config).size, actions), config.num_agents
-        self.agent.load_state_dict(torch.load(weights, weights_only=True))
+        load_model(self.agent, weights)
 
     def memory(self, worlds: int) -> np.ndarray[Any, Any]:
         """Return the memory of new episodes."""
@@ -81,8 +82,7 @@ class Remembering:
         """Draw an action for each robot."""
         seen, before = (torch.as_tensor(x).flatten(0, 1) for x in (observation, memory))
         logits, _, memory = self.agent(seen, before)
-        noise = torch.as_tensor(rng.gumbel(size=logits.shape))
-        shape = observation.shape[:2]
+        noise, shape = torch.as_tensor(rng.gumbel(size=logits.shape)), observation.shape[:2]
         return (logits + noise).argmax(-1).numpy().reshape(shape), memory.numpy().reshape(*shape, -1)
 
 
@@ -141,7 +141,7 @@ def main(o: Options) -> None:
             taken = f"{(update + 1) * ROLLOUT * rows:,} agent-steps, {time.time() - begun:.0f} s"
             print(f"{taken}: {goals:.0f} goals per robot-hour, {hits:.1f} collisions/km")
     o.out.parent.mkdir(parents=True, exist_ok=True)
-    torch.save(agent.state_dict(), o.out)
+    save_model(agent, o.out)
     print(f"wrote {o.out}")
 
 
