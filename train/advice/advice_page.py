@@ -41,7 +41,7 @@ def advice_page(advice: Advice, hall: Sequence[PagePart] = (), files: Sequence[L
 
 
 def recommended(advice: Advice) -> Effect | None:
-    """Return the change if it surely gains."""
+    """Return the measured change if it surely gains."""
     effect = advice.effect
     return effect if effect is not None and effect.significant and effect.gain.mean > 0 else None
 
@@ -74,7 +74,7 @@ def _to_take_away(advice: Advice, files: Sequence[Link]) -> PagePart:
         return PagePart(label, "This is the floor as it is, since no change is known to gain anything.", links=files)
     one = effect.candidate
     drawing = heat_maps([Panel("", one.grid, opened=one.opened)], "", label)
-    words = f"This is the floor with the change: {one.text}; on your own map these shelves still stand."
+    words = f"This is the floor with this change: {one.text}; on your own map these shelves still stand."
     return PagePart(label, words, [Shown(drawing, f"{label}, in green what is changed.")], links=files)
 
 

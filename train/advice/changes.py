@@ -129,6 +129,7 @@ SOUGHT = 6  # changes that are raced, at most
 CHOSEN_AT = 3  # bottlenecks at which changes are sought
 ROUNDS = 6  # of the race, at most
 PAIRS = 8  # of episodes, from which on a gain is reported
+_DRIVEN = 2 * PAIRS  # episodes for that: of the best change, and of the floor as it is
 MOST_PAIRS = 64
 
 
@@ -136,7 +137,7 @@ class Effect(NamedTuple):
     """What a change of the floor gains, in pairs of episodes with the same seeds."""
 
     candidate: Candidate
-    tried: int  # changes, of which it was the best
+    tried: int  # so many changes, of which it was the best
     base: Interval  # goals, or orders, per hour of all robots on the floor as it is
     gain: Interval  # difference
 
@@ -160,7 +161,7 @@ def affordable(left: float, took: float) -> int:
 
     The best and the floor as it is are then driven PAIRS times. took: of an episode.
     """
-    episodes = min(left / max(took, 1e-9), 1e9) - PAIRS * 2
+    episodes = min(left / max(took, 1e-9), 1e9) - _DRIVEN
     return 0 if episodes < 0 else int(min(SOUGHT, max(1, episodes / FEWEST - 1)))
 
 
@@ -185,7 +186,7 @@ def _best_of(study: TrialRuns, changes: Sequence[Candidate], team: Team) -> Cand
         return [gain(row) - gain(base) for (row,) in rows]
 
     def goes_on(left: Sequence[Team], number: int) -> bool:
-        seeds, reserve = study.plan.seeds(Use.LOOK, 1, number), PAIRS * 2 * study.seconds(team.robots)
+        seeds, reserve = study.plan.seeds(Use.LOOK, 1, number), _DRIVEN * study.seconds(team.robots)
         return len(left) > 1 and (number < FEWEST or study.affords([team, *left], seeds, 1.0, reserve))
 
     return changed[best_of(race(changed, play, study.plan.at_most(ROUNDS), goes_on))]

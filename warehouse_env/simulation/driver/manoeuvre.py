@@ -7,8 +7,8 @@ search for distant room uses the field of distances to room (room_field.py); the
     count, margin = search(query, arcs, shots)
 
 query: see Query. Contact at the start pose is ignored; contact after it is not. Each try keeps a smaller margin and has
-shorter arcs than the last, the last one more nodes; a node takes about 1.5 us. A try that is cut off ends the search,
-unless `most` is MOST.
+shorter arcs than the one before, and the last one has more nodes; a node takes about 1.5 us. A try that is cut off ends
+the search, unless `most` is MOST.
 arcs float32[ARCS, 2]: filled with (signed length [m], steering [rad]) of each arc in turn.
 shots: None unless the kind of goals may be EXACTLY. Such a search ends with a shot from a near pose (shots.py).
 Returns the number of arcs, 0 if the start is a goal, NONE if nothing is found; and the margin [m]. A manoeuvre of more
