@@ -38,7 +38,7 @@ class WeightsError(WarehouseError):
 
 
 class LostError(WarehouseError):
-    """Jobs were lost with their processes, or a broker went away for good.
+    """Jobs were lost with their processes, or a broker became unreachable.
 
     All other jobs, and all that the broker had sent, are kept. The command line exits with code 3.
     """
@@ -48,7 +48,7 @@ def shown(value: Any) -> str:
     """Return a wrong value as text for an error message: on one line, cut if long."""
     try:
         text = " ".join(repr(value).split())
-    except Exception:  # whatever the value's own code raises; Python itself where a number has thousands of digits
+    except Exception:  # from the value's own code, or from Python for a number of thousands of digits
         text = f"(a value of type {type(value).__name__})"
     return text if len(text) <= _SHOWN else f"{text[: _SHOWN - 3]}..."
 

@@ -60,7 +60,7 @@ class ObservationLayout(NamedTuple):
 
     @property
     def starts(self) -> Starts:
-        """Where the slices start that kernels write; 0 for route and neighbours of which none are."""
+        """Starts of the slices that kernels write; 0 for route and neighbours if there are none."""
         found = {"route": 0, "neighbours": 0} | {name: part.start for name, part in self.slices.items()}
         return Starts._make(found.get(name) for name in Starts._fields)
 
@@ -110,7 +110,7 @@ def _sizes(config: EnvConfig) -> dict[str, int]:
         sizes["extra"] = make_sensor(config).size
     if config.traffic_spec.shield:
         sizes["field"] = FIELD
-    if config.arrival != "pass":  # the last, so that policies who know nothing of it read what comes before
+    if config.arrival != "pass":  # last, so that policies without it read the slices before
         sizes["goal"] = GOAL
     if config.works:
         sizes["needs"] = NEEDS + (config.battery is not None)

@@ -40,7 +40,7 @@ def by_todays_names(data: dict[str, Any]) -> dict[str, Any]:
             traffic["routes"] = "barred"
         if routes.get("planner") == data.get("planner"):
             routes.pop("planner", None)
-        # what was off had no effect, whatever its numbers were
+        # features that were off had no effect
         given["traffic"] = traffic | (routes if traffic.get("routes") else {})
     if any(_NEW.get(name) == "uncertainty" for name in data):
         real = {new: data[old] for old, new in _REAL.items() if old in data}

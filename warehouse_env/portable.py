@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 
 class Portable:
-    """Base of objects whose copies leave out what belongs to one process: views of arrays and caches.
+    """Base of objects whose copies leave out process-local state: views of arrays and caches.
 
     A subclass creates such attributes only in `_bind`, which its constructor and every copy call, and names them in
     `bound`. All other attributes are copied.

@@ -34,7 +34,7 @@ class OrderSpec(CheckedPart):
     weight: float = 250.0  # [kg] mean of an order, uniform from 0 to twice this, at most RobotSpec.payload
     due: float = 900.0  # [s] after its release
     wave: float = 0.0  # [s] between releases of all orders that have come; 0: each at once
-    allocation: str = "nearest"  # who gets which: a name of ALLOCATORS (simulation/tasks/orders.py)
+    allocation: str = "nearest"  # rule that assigns orders: a name of ALLOCATORS (simulation/tasks/orders.py)
     ranges: ClassVar = {
         "per_hour": (1e-3, 1e6), "picks": (1, 1000), "weight": (0.0, 1e9), "due": (0.0, 1e9), "wave": (0.0, _DAY),
         "demand": (0.0, 1.0), "faces": (0.0, 1.0),

@@ -41,7 +41,7 @@ class Apf(BasePlanner):
         return self._walk(grid, start, goal, exponent=0.0, points=0)
 
     def _walk(self, grid: GridMap, start: Cell, goal: Cell, exponent: float, points: int) -> Plan:
-        """Go leg by leg: to the goal, and where stuck to an intermediate point first, of which there are `points`."""
+        """Walk to the goal; where stuck, walk to an intermediate point first, `points` times at most."""
         parts = repulsion(grid.occupied, self.repulsion_gain, self.repulsion_reach)
         tried = np.zeros(grid.shape, np.bool_)
         way, target = [np.array([start], dtype=np.int64)], goal

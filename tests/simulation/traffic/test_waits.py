@@ -104,7 +104,7 @@ def test_the_page_tells_in_order_when_what_happens() -> None:
     seconds = [float(found[0]) for row in rows() if (found := re.match(r"[\d.]+", row[0])) is not None]
     assert seconds == sorted(seconds)
     told = (
-        waits.REFUSED, waits.STANDS, pedestrian_yield.KEPT, waits.URGED, waits.SEEKS_AFTER, waits.FOR_GOOD,
+        waits.REFUSED, waits.STANDS, pedestrian_yield.KEPT, waits.URGED, waits.SEEKS_AFTER, waits.PERMANENT,
         tracking.HELD,
         waits.STUCK_AFTER, tracking.PATIENCE, waits.ROCKS, live.STOOD_FOR, waits.SHUT_IN_AFTER, waits.DEARER,
         EnvConfig.stuck_after,

@@ -214,7 +214,7 @@ def read_picture(path: Path) -> Picture:
                 return _grey(image)
     except MapError:
         raise
-    except Exception as error:  # whatever a damaged picture makes a decoder raise
+    except Exception as error:  # decoders raise anything for a damaged picture
         raise MapError(f"{path} is not a readable picture: {shown(str(error))[1:-1]}") from None
 
 

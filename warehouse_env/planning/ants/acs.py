@@ -29,7 +29,7 @@ LEAST_DECAY = 4.0 + 4.0 / math.sqrt(2.0)  # the sum of the weights 1/d of 8 move
 _TOLERANCE = 1e-3  # share by which no state changes any more in a sweep
 _SWEEPS = 1_000
 _NO_ACTIVITY = -(2**40)  # an exponent below all others
-_FAR = 1_000  # binary places between two numbers of which the smaller does not count
+_FAR = 1_000  # binary places between two numbers beyond which the smaller does not count
 _HALVED = 2.0 ** -np.arange(_FAR)  # exact
 
 

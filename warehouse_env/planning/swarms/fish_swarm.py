@@ -71,7 +71,7 @@ class FishSwarm(WaypointSwarm):
     def _meet(
         self, paths: Paths, place: Code, cost: NDArray[np.float64], vision: float, rng: np.random.Generator
     ) -> tuple[Code, NDArray[np.float64]]:
-        """Return where each fish gets to by following or swarming, whichever is better, and the cost there."""
+        """Return the better place that each fish reaches by following or swarming, and its cost."""
         gap = place[:, None] - place[None]
         apart = np.sqrt((gap**2).sum(axis=(2, 3)) / self.waypoints)
         seen = apart < vision

@@ -146,7 +146,7 @@ def decide(thread, threads, batch):
 
 @register_jitable
 def resolve(thread, threads, batch):
-    """Search manoeuvres out of wait cycles, and around robots that stand for good."""
+    """Search manoeuvres out of wait cycles, and around permanently standing robots."""
     begin, end = part_of(thread, threads, batch.worlds.steps.shape[0] * batch.go[0])
     scratch = search_scratch_of(batch.searches, thread)
     deadlock_recovery.resolve_deadlocks(begin, end, batch.worlds, batch.search, scratch)

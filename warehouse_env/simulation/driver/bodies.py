@@ -27,7 +27,7 @@ _BERTH = np.float32(4.0)  # times the margin to shelves, which never move
 _GIVEN = np.float32(0.002)  # [m] nearer than at the start that another body may come, as arcs are not driven exactly,
 _SPARE = np.float32(0.001)  # [m] but not so near that the field stops it, where there is so much room,
 _ROUNDING = np.float32(2e-5)  # [m] or as at the start: beside a body it may drive along it
-_STEP, _STEP_NEAR = np.float32(0.12), np.float32(0.003)  # [m] off a body from which on its distance is coarse; between
+_STEP, _STEP_NEAR = np.float32(0.12), np.float32(0.003)  # [m] from a body beyond which its distance is coarse; between
 # poses near it: the gap that the widest axis shows can shrink and grow again within centimetres
 
 

@@ -97,7 +97,7 @@ def look_ahead(speed, p):
 
 @inline
 def room_beside(tx, ty, ux, uy, offset, to_go, floor, p):
-    """Return the lateral offset [m] that a point of the route is given: what of `offset` there is room for.
+    """Return the part of the lateral offset `offset` [m] that fits at a point of the route.
 
     ux, uy: the route's direction there; to_go [m]: of the route, at the end of which it fades out.
     """

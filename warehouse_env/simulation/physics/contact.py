@@ -127,7 +127,7 @@ def _drive_lanes(lanes, p):
 
 @inline
 def try_motion(motion, flags, lanes, p, kinds):
-    """Move all robots for a substep, on trial (the TRY_ rows); speed and steering change for good."""
+    """Move all robots for a substep, on trial (the TRY_ rows); speed and steering change permanently."""
     begin = 0
     while begin < motion.shape[1]:
         count = many_alike(begin, motion.shape[1], kinds, LANES)
@@ -248,7 +248,7 @@ def _try_a_touch(motion, i, j, guarded, p, q):
 
 @inline
 def _runs_into(motion, i, j, p, q):
-    """Whether robot i's trial pose touches robot j at its start: then i is at fault, whatever j does."""
+    """Whether robot i's trial pose touches robot j at its start: then i is at fault."""
     return rectangles_touch(trial_body(motion, i, p), body_in(motion, j, q))
 
 

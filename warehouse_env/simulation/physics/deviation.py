@@ -48,7 +48,7 @@ _PER_METRE = np.float32(1.0 / _TRUSTS)
 _STIFF = np.float32(3.0)  # [1/m]: of what a body is aside, a way of 1 / _STIFF leaves 2/e
 _CATCH_UP = np.float32(2.0)  # [1/s], along the way
 _TWO = np.float32(2.0)
-_HOLDS = np.float32(0.02)  # [m/s] from which brakes bring a body to rest, whatever its actuators do
+_HOLDS = np.float32(0.02)  # [m/s] from which brakes stop a body despite actuation errors
 
 
 def errs(config: EnvConfig) -> bool:

@@ -60,7 +60,7 @@ class People:
         self.persons = np.zeros((worlds, config.people), dtype=PERSON)
         self.ways = np.zeros((worlds, config.people, *grid.shape), dtype=np.float32)
         self._grid, self._reaches = grid, np.array([robot.rear_reach for robot in config.robots], np.float32)
-        self._turned_away = np.zeros((worlds, config.people), dtype=np.bool_)  # its goal only gets it out of the way
+        self._turned_away = np.zeros((worlds, config.people), dtype=np.bool_)  # its goal only moves it out of the way
         # made when first used, as the Dispatcher's
         self._rngs: defaultdict[int, np.random.Generator] = defaultdict(np.random.default_rng)
 

@@ -1,4 +1,4 @@
-"""Zones: parts of the floor with a speed limit, which robots keep whatever their commands.
+"""Zones: parts of the floor with a speed limit, which robots keep under any command.
 
 At a point p a robot may have the speed v with v^2 = min over the zones z of (v_z^2 + 2 b |p - z|): v_z is the zone's
 limit, |p - z| the distance to it (0 inside), and b a little less than full braking. Along any path v^2 falls by at most

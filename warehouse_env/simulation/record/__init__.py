@@ -1,1 +1,1 @@
-"""Records of an episode: metrics, recordings, who waited for whom."""
+"""Records of an episode: metrics, recordings, the wait-for graph."""

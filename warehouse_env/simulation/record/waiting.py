@@ -1,4 +1,4 @@
-"""What an episode keeps of the wait-for graph: the number of deadlocks, and who kept a robot standing longest."""
+"""Statistics of the wait-for graph: the number of deadlocks, and the chain behind the longest stand."""
 
 from __future__ import annotations
 

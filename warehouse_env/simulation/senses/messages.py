@@ -60,7 +60,7 @@ class Messages:
 
 @kernel
 def draw_silent(begin, end, keys, steps, losses, robots):
-    """Count down how long robots ROBOT[B, N] of the worlds from `begin` to before `end` are silent, and write who is.
+    """Count down the silence of robots ROBOT[B, N] of the worlds from `begin` to before `end`, and mark silent ones.
 
     keys: of the Draws; steps int64[B]: since the resets; losses: Losses.
     """

@@ -1,4 +1,4 @@
-"""Passages: aisles of one cell, where two robots that meet must back out, and who comes along them.
+"""Passages: aisles of one cell, where two robots that meet must back out, and the robots that drive along them.
 
 Predictions follow motions for seconds; a robot that comes out of a passage may be farther. So each robot also knows how
 far it may drive before it would meet one there: up to where the one-cell part of its route begins, which may be several
@@ -19,7 +19,7 @@ from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.physics.trigonometry import ZERO
 
 FAR = np.float32(np.inf)
-BEFORE = np.float32(1.4)  # [m] that a robot stops before a passage: who comes out turns there
+BEFORE = np.float32(1.4)  # [m] that a robot stops before a passage: robots that leave it turn there
 _LOOK = np.float32(10.0)  # [m] of one-cell aisles that are looked ahead, from
 _REACH = np.float32(2.4)  # [s] of driving away
 _STEP = np.float32(0.5)  # [m] between the points of a route that are looked at

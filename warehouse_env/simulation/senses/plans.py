@@ -1,9 +1,9 @@
-"""Plans: where each robot will be in the next seconds if it goes on as it does, which robots tell each other.
+"""Plans: where each robot will be in the next seconds if it continues. Robots tell each other their plans.
 
-A robot goes on at its speed, or at the higher one that it wants, as the path follower would drive it: along its route
-at the lateral offset that it has, or wants without the shield, along its manoeuvre, back, or to a stop, which it also
-comes to before a shelf. It may also brake at any time. Without the shield, a command conflicts unless the robot and
-others that it may meet can still brake after it.
+A robot keeps its speed, or reaches the higher one that it wants. It drives as the path follower would: along its route
+at its lateral offset (without the shield: the one that it wants), along its manoeuvre, backwards, or to a stop, also
+before a shelf. It may brake at any time. Without the shield, a command conflicts unless the robot and others that it
+may meet can still brake after it.
 """
 
 from __future__ import annotations
@@ -106,7 +106,7 @@ def _put(path, k, body):
 def can_brake(state, met, p):
     """Return the share of the time until a robot touches another if both brake; state: x, y, cos, sin, speed, steering.
 
-    The other brakes now, the robot after a step, in which it comes to this state.
+    The other brakes now, the robot after a step that ends in this state.
     """
     x, y, c, s, v, steer = state
     bend = curvature(steer, p["wheelbase"])
@@ -121,7 +121,7 @@ def can_brake(state, met, p):
 
 @inline
 def _back(r, speed, p, path, met, floor):
-    """Write the path of a command to stop, or to back at `speed` < 0 [m/s] as the path follower would."""
+    """Write the path of a command to stop, or to back up at `speed` < 0 [m/s] as the path follower does."""
     motion, bearing, aside, most = r["motion"], ZERO, ZERO, p["max_steer"]
     if speed < ZERO:
         bearing = r["on_route"]["bearing"]
@@ -219,7 +219,7 @@ def point_ahead(r, route, p):
 
 @inline
 def side_room(r, ahead, side, p, floor):
-    """Return what of a lateral offset [m] there is room for beside the point ahead."""
+    """Return the part of a lateral offset [m] that fits beside the point ahead."""
     tx, ty, ux, uy = ahead
     to_go = np.float32(r["on_route"]["points"] - 1) * r["on_route"]["spacing"] - r["on_route"]["position"]
     return room_beside(tx, ty, ux, uy, side, to_go, floor, p)

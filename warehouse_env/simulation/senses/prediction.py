@@ -55,7 +55,7 @@ def _may_meet(motion, plan, most, p):
 
 @inline
 def _keep_near(motion, seen, sights, p):
-    """Keep of the neighbours `seen` in `sights.who` those that the robot may meet; return a Met.
+    """Keep in `sights.who` the neighbours `seen` that the robot may meet; return a Met.
 
     Those that it may meet even if all brake come first.
     """
@@ -97,7 +97,7 @@ def _may_go(r, step, count, sights, p, floor):
 
 @inline
 def _write_sides(r, ahead, table, sights, p, floor):
-    """Write what of the offsets there is room for; return how many a speed has."""
+    """Write the possible part of each offset; return how many offsets a speed has."""
     count = 0
     while count < table.shape[0] and table[count, 0] == table[0, 0]:
         sights.sides[count] = side_room(r, ahead, table[count, 1], p, floor)

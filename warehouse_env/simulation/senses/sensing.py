@@ -120,7 +120,7 @@ def _remember(squared, dx, dy, j, out, start, count):
 def look_around(n, places, p, kinds, rays, out, start):
     """Scan all robots in range of the n-th of `bodies` into the lidar, and remember the nearest from out[start] on.
 
-    Of those that are silent the lidar alone tells. places: order, starts and bodies, see buckets.sort; p: its own.
+    Silent robots appear only in lidar. places: order, starts and bodies, see buckets.sort; p: its own.
     """
     order, starts, bodies = places
     c, s = bodies[COS, n], bodies[SIN, n]

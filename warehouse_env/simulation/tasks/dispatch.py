@@ -45,7 +45,7 @@ from warehouse_env.threads import get_num_threads, side_by_side
 
 # [m], of the default body, before the end of a route at which a robot seeks the manoeuvre to its goal's pose
 JOIN = 3.0
-_ALONG_AISLES = np.eye(2, dtype=np.float32)  # directions of which a robot that finds room has room in one
+_ALONG_AISLES = np.eye(2, dtype=np.float32)  # a robot that fits on a cell fits in one of these directions
 ROUTE_BLOCK = 64  # way-points by which the routes' array grows
 
 
@@ -86,7 +86,7 @@ class Dispatcher(Portable):
         self._astray, self.far = np.empty(robots.shape, dtype=np.bool_), far_off(config, book.grid.cell_size)
         endpoints, each = endpoints_of(book.grid), (len(robots), config.num_agents)
         self.live = LiveRoutes(config, book, persons, endpoints.number) if config.traffic_spec.routes else None
-        self.all_look = config.traffic_spec.routes is True  # so that some robot gets another route in almost every step
+        self.all_look = config.traffic_spec.routes is True  # so some robot's route changes in almost every step
         named = TASKS.get(config.tasks)
         tasks = named if isinstance(named, type) and issubclass(named, Tasks) else SampledTasks
         self.goals = GoalState.of(len(robots), config.num_agents, len(book.grid.endpoints[2]))
@@ -143,7 +143,7 @@ class Dispatcher(Portable):
             self._go_on(self.shifts, world, 0)
 
     def _assign(self, world: int, assignment: Assignment, floor: Floor) -> None:
-        """Stand the robots of a world where they are told to, with the goals that they are given."""
+        """Place the robots of a world at the given poses with the given goals."""
         starts = [(row, column) for row, column in self.book.grid.standing(assignment.pose[:, :2]).tolist()]
         goals = assignment.goals(self.book.grid)
         self.tasks[world].assign(starts, [goal.cell for goal in goals])
@@ -155,7 +155,7 @@ class Dispatcher(Portable):
             self.give_task(world, robot, goal.cell, self._first_route(world, robot, start, goal.cell, heading))
 
     def _ends(self, world: int, robot: int, goal: Cell) -> tuple[Pose, ...]:
-        """Return the poses at one of which a robot's routes to a goal end, none: at the cell's centre."""
+        """Return the poses where a robot's routes to a goal may end; none: at the cell's centre."""
         told = self._told.get((world, robot))
         if told is not None and told.cell == goal and told.poses:
             return told.poses if self._config.arrival == "pose" else tuple((x, y, math.nan) for x, y, _ in told.poses)
@@ -423,7 +423,7 @@ class Dispatcher(Portable):
         return self._route(world, robot, (row, column), goal, step)
 
     def _give_another(self, world: int, robot: int, route: Route) -> None:
-        """Give a robot another route on its way; the time without a metre of progress goes on."""
+        """Replace a robot's route on its way; the time without a metre of progress continues."""
         self.give_route(world, robot, route)
         r = self.robots[world, robot]
         r["clocks"]["milestone"] = 0.0

@@ -21,7 +21,7 @@ from warehouse_env.simulation.traffic.live_search import find_live, list_route, 
 from warehouse_env.simulation.traffic.off_route import is_off_route
 from warehouse_env.simulation.traffic.route_occupancy import RoadUsers, forget_route
 
-# What came of looking for a live route: none, or none better; the robot has got one; Python must look for it.
+# Results of a live query: no route, or no better one; a new route; Python must find it.
 NONE_FOUND, GIVEN, LEFT = range(3)
 
 
@@ -178,7 +178,7 @@ def _reroute(at, slot, arrays):
 
 @part
 def note_reroute(r):
-    """Note that a robot has got another route on its way; the time without a metre of progress goes on."""
+    """Note that a robot's route was replaced on its way; the time without a metre of progress continues."""
     r["clocks"]["milestone"] = 0.0
     r["totals"]["reroutes"] += 1
 

@@ -72,12 +72,12 @@ def cut_off(
     return np.array(found, dtype=np.bool_)
 
 
-TRIALS = 400  # to draw goals anew for one that is cut off; none to some tens are the rule
-NEAR = 8  # goals about a start or goal of which one is looked for that bars it
+TRIALS = 400  # redraws of goals that are cut off; usually a few tens at most
+NEAR = 8  # nearest goals among which one that blocks a start or goal is searched
 
 
 class OneShotTasks(Tasks):
-    """Goals that are distinct, and well-formed wherever that can be had.
+    """Goals that are distinct, and well-formed where possible.
 
     Starts are endpoints far enough apart for bodies of any heading. Then robot after robot draws a goal whose disc of
     parking poses covers nobody else's start or goal; whoever is cut off all the same draws anew, and so does one that
@@ -106,7 +106,7 @@ class OneShotTasks(Tasks):
         return []
 
     def first_goals(self, starts: Sequence[Cell], key: Key) -> list[Cell]:
-        """Draw goals, then anew for one that is cut off and one that may bar it, as long as no more are cut off."""
+        """Draw goals; redraw one that is cut off and one that may block it, while no more are cut off."""
         self._starts = list(starts)
         for robot in range(len(starts)):
             self._redraw(robot, self._wanted(robot), key)
@@ -132,7 +132,7 @@ class OneShotTasks(Tasks):
         self._starts, self._ends[:] = list(starts), goals
 
     def next_goal(self, robot: int, at: Cell, key: Key) -> Cell:
-        """Give a goal to a robot whose start has become another."""
+        """Give a goal to a robot whose start has changed."""
         self._starts[robot] = at
         return self._redraw(robot, self._wanted(robot), key)
 
@@ -141,7 +141,7 @@ class OneShotTasks(Tasks):
         return float(self._cut_off().sum()) if self._starts else math.nan
 
     def _wanted(self, robot: int) -> NDArray[np.int32]:
-        """Return the endpoints of the kind that a robot's goal is to be."""
+        """Return the endpoints of the kind of a robot's next goal."""
         return self._endpoints.kinds[self._state.next_kind[self._world, robot]]
 
     def _redraw(self, robot: int, wanted: NDArray[np.int32], key: Key) -> Cell:

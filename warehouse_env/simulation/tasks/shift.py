@@ -34,7 +34,7 @@ WINDOW = 64  # open orders that are looked at for an allocation, the oldest
 _NO_WAY = 1e12  # [m] for allocators, where no way leads: to them, inf is what is taken
 _LOOK = 1.0  # [s] between two looks at the batteries
 _ROUNDING = 1e-9  # [s]
-_MINUTE = 60.0  # [s] of service from which on the observation says the same
+_MINUTE = 60.0  # [s] of service beyond which the observation stays the same
 
 
 class Shift:
@@ -67,7 +67,7 @@ class Shift:
         self._until = np.full(count, np.inf)  # [s], end of each robot's service
         self._tally = Tally(count)
         self._ticks = -1  # env steps since the reset
-        self._looked = self._wake = -math.inf  # [s], of the batteries; when something is to be done
+        self._looked = self._wake = -math.inf  # [s], of the batteries; of the next event
         if self.batteries is not None:
             self.batteries.begin(rng)
 
@@ -82,7 +82,7 @@ class Shift:
         self.duties[robot] = Duty(Doing.RESTS)
 
     def break_down(self, robot: int) -> None:
-        """Let a robot stand for good; an order that it has not begun is open again."""
+        """Stop a robot permanently, and reopen an order that it has not begun."""
         duty, ledger = self.duties[robot], self.ledger
         if ledger is not None and duty.order is not None and not self.carries[robot]:
             ledger.give_back(duty.order)
@@ -107,7 +107,7 @@ class Shift:
     def go_on(self, robots: NDArray[Any]) -> dict[int, Cell]:
         """Return the goals of those robots ROBOT[N] that are to drive elsewhere now.
 
-        To be called after the reset and after each step, of which it counts the time.
+        Call it after the reset and after each step, whose time it counts.
         """
         self._ticks += 1
         self._goals, now = {}, self._now
@@ -130,7 +130,7 @@ class Shift:
         return self._goals
 
     def _look_at_batteries(self, batteries: Batteries, robots: NDArray[Any]) -> None:
-        """Use and give charge. Charged robots go on; robots whose charge is critical go to a charger."""
+        """Discharge and charge. Charged robots continue; robots with a critical charge go to a charger."""
         charging = np.array([duty.doing == Doing.CHARGES for duty in self.duties])
         batteries.use(self._now, robots["totals"]["distance"], self.load, charging)
         share, spec = batteries.share, batteries.spec
@@ -239,7 +239,7 @@ class Shift:
         return self.batteries is not None and bool(self.batteries.share[robot] < self.batteries.spec.low)
 
     def _allocate(self, ledger: Ledger, robots: NDArray[Any]) -> None:
-        """Give open orders whose first pick face is free to robots that have nothing to do, and charge enough."""
+        """Give open orders whose first pick face is free to idle robots with enough charge."""
         assert self._allocate_by is not None
         idle = (robot for robot, duty in enumerate(self.duties) if duty.doing in (Doing.FREE, Doing.RESTS))
         free = [robot for robot in idle if not self._is_low(robot)]

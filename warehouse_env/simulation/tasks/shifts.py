@@ -67,7 +67,7 @@ def _check_reach(config: EnvConfig, grid: GridMap, batteries: Batteries, home: N
 
 
 class Shifts:
-    """A shift for each world, whose chance is a stream of the world's own, apart from all others."""
+    """A shift for each world, with a random stream of its own."""
 
     def __init__(
         self, config: EnvConfig, grid: GridMap, tasks: Sequence[Tasks], limits: Limits,
@@ -111,7 +111,7 @@ class Shifts:
         return [cell for cell in found if cell not in charging], charging
 
     def begin(self, world: int, entropy: list[int] | None, key: Key) -> None:
-        """Begin a world's episode; entropy: what its generator is seeded with; None: it goes on; key: for goals."""
+        """Begin a world's episode; entropy: seed of its generator; None: it continues; key: for goals."""
         if entropy is not None:
             self._rngs[world] = np.random.default_rng(np.random.SeedSequence([*entropy, _STREAM]))
         rng, config, ledger = self._rngs[world], self._config, None

@@ -1,7 +1,7 @@
 """Deadlock recovery: resolve wait cycles, and free robots that are stuck behind a standing robot.
 
 In a wait cycle, the robot with the least right leaves the paths of the others by a manoeuvre. A robot that waits for
-one that stands for good searches a way around it. A robot that waits for itself leaves its place to let a person pass
+a permanently standing one searches a way around it. A robot that waits for itself leaves its place to let a person pass
 (pedestrian_yield.py). If a search fails, the robots that wait behind clear the floor there, if necessary the last one
 first. All searches: recovery.py. Which robots search, and when: waits.py.
 
@@ -72,7 +72,7 @@ def _write_cycle(low, robots, paths, setup, scratch):
 
 @inline
 def _write_way_back(r, p, avoid):
-    """Write the bodies of a robot that backs straight off into avoid[:BEHIND_IT]; return how many."""
+    """Write the bodies of a robot that backs straight into avoid[:BEHIND_IT]; return how many."""
     motion = r["motion"]
     for k in range(BEHIND_IT):
         behind = p["offset"] + np.float32(k + 1) * BEHIND_STEP * p["length_scale"]
@@ -91,7 +91,7 @@ def _write_way_back(r, p, avoid):
 def _write_way_out(i, count, robots, setup, scratch):
     """Write the bodies along the way of robot i off scratch.avoid[:count] into scratch.avoid; return how many.
 
-    The only obstacle is the robot it waits for. Without a way, or with nothing to be off, it backs straight off.
+    The only obstacle is the robot that it waits for. Without a path, or without bodies to avoid, it backs straight.
     """
     r, own, many = robots[i], own_of(i, setup), 0
     motion = r["motion"]
@@ -111,7 +111,7 @@ def _write_way_out(i, count, robots, setup, scratch):
 
 @part
 def _clear_way(i, count, world, setup, scratch):
-    """Let a robot that waits for robot i, which found no way out, clear the way; if none can, ask those behind it.
+    """Clear the path of robot i, which found no way out, by a robot that waits for it, or by those behind that one.
 
     scratch.avoid[:count]: bodies that robot i must be off, if it is in a wait cycle.
     """

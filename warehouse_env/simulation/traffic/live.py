@@ -197,7 +197,7 @@ class LiveRoutes(Portable):
         return LiveRoom(asked, labels, None, labels.path)
 
     def give_up(self, world: int, robot: int) -> None:
-        """Forget a robot's route, for it gets another."""
+        """Forget a robot's route before it is replaced."""
         forget_route(self.arrays.passing, world, robot)
 
     def take_up(

@@ -19,7 +19,7 @@ from warehouse_env.planning.cost_to_go import UNIT, UNREACHABLE, octile, to_go
 from warehouse_env.simulation.traffic.route_occupancy import NOTHING, ONCE, RouteOccupancy, eighth, waited_at
 from warehouse_env.simulation.traffic.waits import DEARER
 
-ANY = whole(np.iinfo(np.int32).max // 2)  # a cost that no way comes to
+ANY = whole(np.iinfo(np.int32).max // 2)  # more than any route costs
 DEAREST = 1_000_000  # thousandths of a cell that a robot's time of standing can make a cell cost
 
 

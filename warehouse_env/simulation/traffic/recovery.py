@@ -46,7 +46,7 @@ STAYS = -3
 # Cases: why a robot searches. LATE: after waits.SHUT_IN_AFTER of waiting. HELD: other robots are in the way.
 (
     AWAY, AWAY_LATE,  # must leave a wait cycle, let a person pass, or clear the path of a robot that found no way
-    BEHIND, BEHIND_PARKED,  # waits for a robot that stands for good: it may still go, or is parked
+    BEHIND, BEHIND_PARKED,  # waits for a permanently standing robot: it may still go, or is parked
     LINE, LINE_HELD,  # cannot follow its route
     DOCKS, DOCKS_HELD,  # is near the goal at which it stops
 ) = (1 << k for k in range(8))  # fmt: skip

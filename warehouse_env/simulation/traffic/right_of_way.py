@@ -57,7 +57,7 @@ from warehouse_env.simulation.traffic.reservations import (
 )  # fmt: skip
 from warehouse_env.simulation.traffic.waits import SLOW, is_urged, refuser
 
-AHEAD = 2  # poses asked for beyond those in which it can stop: 1 m; more bars the way of others for longer
+AHEAD = 2  # poses requested beyond the stopping distance: 1 m; more would block others for longer
 BESIDE = 6  # poses that must be free beyond these at another offset
 MORE = 6  # poses beyond these that it takes if it may not wait there
 SOON = 6  # poses beyond its grant within which one counts as soon to come
@@ -104,7 +104,7 @@ def _reach_of_grants(count, have, end, table):
 
 @inline
 def _may_wait(k, count, barrier, table):
-    """Return the robot whose path one that waits at pose k would block, NOBODY if it may wait there."""
+    """Return the robot whose path a robot would block by waiting at pose k, or NOBODY."""
     masks, numbers = table.masks, table.numbers
     for n in range(count):
         j = numbers[WHO, n]
@@ -120,7 +120,7 @@ def _may_wait(k, count, barrier, table):
 def _grant(count, have, must, want, end, goal, yields, table):
     """Return (poses granted of a path, the robot that blocks the way to `want`, or NOBODY). yields: may wait anywhere.
 
-    It is granted more than it wants, up to pose `end`, if it may not wait sooner; at pose `goal` it does not wait.
+    The grant is longer than wanted, up to pose `end`, if the robot may not wait sooner; it does not wait at `goal`.
     """
     last, barrier = _reach_of_grants(count, have, end, table)
     k = min(max(min(have, last), must), last)
@@ -171,9 +171,9 @@ def _write(i, world, p, floor):
 
 @part
 def _try_sides(i, world, granted, barrier, p, kinds, floor):
-    """Try the robot's other offsets, the best-liked one first, for one whose path is free as far as it asks.
+    """Try the robot's other offsets, the preferred one first, until a path is free as far as requested.
 
-    Takes the first that is, and returns the new (poses granted, who bars the way).
+    Takes it, and returns the new (poses granted, robot that blocks the way).
     """
     r, table, choices = world.robots[i], world.table, world.choices[i]
     paths, numbers = table.paths, table.numbers
@@ -234,7 +234,7 @@ def _begin(i, world, p, floor):
 
 @inline
 def _ask(i, world, p, kinds, floor):
-    """Grant robot i what it may have of its path; p: its own."""
+    """Grant robot i a stretch of its path; p: its own."""
     robots, persons, table = world.robots, world.persons, world.table
     paths, numbers = table.paths, table.numbers
     r = robots[i]

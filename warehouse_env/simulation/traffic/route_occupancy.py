@@ -1,4 +1,4 @@
-"""A table of the floor's cells: who stands there, who waited there lately, and whose route leads through.
+"""A table of the floor's cells: robots that stand there or waited there recently, and routes that lead through.
 
 Only the next `HORIZON` metres of each route are listed. As a robot drives on, a few entries are removed at one end and
 added at the other, so the cost per robot depends neither on the floor nor on the fleet, and nor does a query.
@@ -43,15 +43,15 @@ class RouteOccupancy(NamedTuple):
     spacing: NDArray[np.float32]  # [B, N] [m] between them
     stands_on: NDArray[np.int32]  # [B, N], the cell on which a robot is counted as standing, or NOTHING
     standing: NDArray[np.int16]  # [B, C, 2], robots and people that stand on a cell; and beside it (`spread`)
-    known_at: NDArray[np.int64]  # [B], the env step of which the table is
+    known_at: NDArray[np.int64]  # [B], env step of the table's content
     waited: NDArray[np.int32]  # [B, C], recent looks at which a robot waited on a cell, times ONCE (`note_waiting`)
-    waited_in: NDArray[np.int32]  # [B, C], the period of which that is
+    waited_in: NDArray[np.int32]  # [B, C], the period of that count
     period: NDArray[np.int32]  # [B], the present one
     spread: int = 0  # cells either way that a standing body is on, of cells smaller than bodies; beside: one more
 
 
 class Site(NamedTuple):
-    """What the table is told of the floor and of the robots."""
+    """What the table needs to know of the floor and of the robots."""
 
     size: np.float32  # [m] of a cell
     rows: int
@@ -177,7 +177,7 @@ def _stands_now(passing, b, on, k, cell, site):
 
 @kernel
 def keep_up(passing, b, i, r, route, site):
-    """Bring what the table of world b says of robot i up to where it is now. r: ROBOT; route: float32[R, 2] [m]."""
+    """Update robot i in the table of world b. r: ROBOT; route: float32[R, 2] [m]."""
     on_route = r["on_route"]
     slots = passing.cell.shape[1] // passing.low.shape[1]
     low, high = whole(passing.low[b, i]), whole(passing.high[b, i])
@@ -206,7 +206,7 @@ def keep_up(passing, b, i, r, route, site):
 
 @kernel
 def keep_all_up(passing, b, step, users, site):
-    """Bring the table of world b up to env step `step`, unless it is already."""
+    """Update the table of world b to env step `step`."""
     if passing.known_at[b] == step:
         return
     for i in range(users.robots.shape[1]):
@@ -241,7 +241,7 @@ def note_waiting(passing, robots, looks, steps, every, site):
 
 @kernel
 def forget_route(passing, b, i):
-    """Take all of a robot's route out of the table, for it gets another."""
+    """Remove a robot's route from the table."""
     for k in range(passing.low[b, i], passing.high[b, i]):
         _unlist_point(passing, b, i, whole(k))
     passing.low[b, i] = passing.high[b, i] = 0

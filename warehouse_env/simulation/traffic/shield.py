@@ -53,7 +53,7 @@ from warehouse_env.simulation.physics.stops import (
 from warehouse_env.simulation.physics.trigonometry import ZERO
 from warehouse_env.simulation.state import NOBODY
 
-LONG_HELD = np.float32(5.0)  # [s] from which on the observation no longer grows
+LONG_HELD = np.float32(5.0)  # [s] at which the observation saturates
 PERSON, FREE, SHELF = -3, -2, -1  # what refuses a motion: a person, nothing, a shelf; else the index of a robot
 
 
@@ -72,7 +72,7 @@ def scratch(count: int, p: Any) -> tuple[NDArray[Any], ...]:
 
 @inline
 def begin(motion, field, p, kinds):
-    """Begin a physics step: every robot is committed to its stop, of which only the outline is known."""
+    """Begin a physics step: every robot is committed to its stop; only its outline is computed."""
     _, outlines, marks, _ = field
     for i in range(motion.shape[1]):
         x, y, heading, c, s = motion[X, i], motion[Y, i], motion[HEADING, i], motion[COS, i], motion[SIN, i]

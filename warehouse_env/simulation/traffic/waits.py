@@ -1,4 +1,4 @@
-"""Who waits for whom, and when something is done about it: the one home for waiting.
+"""The wait-for graph: which robot waits for which, and after how long recovery acts.
 
 `waits_for` names the robot that a standing robot waits for, `find_wait_cycles` finds the cycles of that graph, and
 `look` gives each robot of a world a stage:
@@ -6,7 +6,7 @@
 - MOVES: it has driven within the last second, retreats, or is parked;
 - WAITS: it stands, and nothing is done about it yet;
 - SEEKS: it is in a wait cycle in which all stand, and has waited so long that one of them must leave the cycle;
-- STUCK: it waits for a robot that stands for good, and has waited so long that it goes around it.
+- STUCK: it has long waited for a permanently standing robot, and goes around it.
 
 The table below holds all times; docs/traffic.md lists them in order. Each robot has four clocks, in simulated seconds:
 `waiting_time` without driving, `standing_time` within a metre of one place (it may rock there), `stalled_time` without
@@ -34,8 +34,8 @@ REFUSED = np.float32(0.8)  # vetoed: the robot yields to the one that vetoed it
 STANDS = np.float32(0.95)  # waiting: it stands (1 s less rounding); standing: it has halted
 URGED = np.float32(2.0)  # standing: with right of way it goes, even if its policy would stand
 SEEKS_AFTER = np.float32(2.0)  # waiting, in a wait cycle: one of its robots leaves
-FOR_GOOD = np.float32(2.0)  # waiting: it counts as standing for good
-STUCK_AFTER = np.float32(4.0)  # waiting for a robot that stands for good: it goes around that robot
+PERMANENT = np.float32(2.0)  # waiting: it counts as permanently standing
+STUCK_AFTER = np.float32(4.0)  # waiting for a permanently standing robot: it goes around that robot
 SHUT_IN_AFTER = np.float32(20.0)  # waiting: its search has no range limit, and the queue behind clears its path
 ROCKS = np.float32(4.95)  # standing: it stands, even if it rocks (5 s less rounding)
 LONGER = np.float32(5.0)  # standing, times `right_of_way_after`: rules act around it, even outside a wait cycle
@@ -94,8 +94,8 @@ def has_halted(r):
 
 @inline
 def stands_for_good(r):
-    """Whether a robot counts as standing for good: it has stood for a while, or is parked."""
-    return r["task"]["alive"] == 0 or r["clocks"]["waiting_time"] > FOR_GOOD
+    """Whether a robot counts as permanently standing: it has stood for a while, or is parked."""
+    return r["task"]["alive"] == 0 or r["clocks"]["waiting_time"] > PERMANENT
 
 
 @inline
@@ -106,13 +106,13 @@ def bars_routes(r, stood_for):
 
 @inline
 def is_urged(r):
-    """Whether a robot with right of way goes, whatever its policy says."""
+    """Whether a robot with right of way drives against its policy."""
     return r["traffic"]["authority"] > ZERO and r["clocks"]["standing_time"] >= URGED
 
 
 @inline
 def refuser(r):
-    """Return the robot that has vetoed a standing robot so long that the latter yields to it, or NOBODY."""
+    """Return the robot to which a standing robot yields after a long veto, or NOBODY."""
     return (
         r["shield"]["vetoed_by"]
         if r["shield"]["vetoed_time"] > REFUSED and abs(r["motion"]["speed"]) < SLOW
@@ -191,7 +191,7 @@ def find_wait_cycles(who, cycle, walk):
 def find_wait_cycles_of(robots, routes, least, most, found, p, kinds):
     """Find the wait cycles through robots that have stood for `least` to `most` [s].
 
-    Only these robots and those that they wait for are looked at, since finding the body in the way is slow.
+    It looks only at these and at those that they wait for, since finding the blocking body is slow.
     """
     who = found[WHO]
     who[:] = _UNASKED
@@ -213,7 +213,7 @@ def find_wait_cycles_of(robots, routes, least, most, found, p, kinds):
 
 @part
 def look(robots, found):
-    """Find whom each of ROBOT[N] yields to, the wait cycles and the stages; return how many SEEK or are STUCK.
+    """Find the robot that each of ROBOT[N] yields to, wait cycles and stages; return how many SEEK or are STUCK.
 
     Recovery leaves only wait cycles that right of way knows.
     """
@@ -261,7 +261,7 @@ def _write_jams(robots, routes, params, kinds, jams, found):
 def jams_of(
     robots: NDArray[Any], routes: NDArray[np.float32], params: NDArray[Any], kinds: NDArray[Any] | None
 ) -> Jams:
-    """Return for ROBOT[B, N] whom each waits for, the lowest robot of its wait cycle (NOBODY: none), and its stage.
+    """Return for ROBOT[B, N] the robot that each waits for, the lowest of its wait cycle (or NOBODY), and its stage.
 
     A chain of robots is a queue, a cycle a deadlock (Coffman et al. 1971), whatever options are on. Only a robot that
     has stood for a second or rocked for five waits, and no parked one. routes float32[B, N, R, 2] [m]; params
