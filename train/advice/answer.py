@@ -150,7 +150,7 @@ def _jam(advice: Advice) -> str:
 
 
 def _stood(advice: Advice, robots: int) -> str:
-    """Say who stood longest among so many robots, and for whom it waited; nothing if nobody stood for long."""
+    """Name the robot that stood longest among so many, and the one that it waited for; "" without a long stand."""
     row = advice.stands.get(robots)
     if row is None:
         return ""

@@ -25,7 +25,7 @@ from warehouse_env.maps.fitting import fitted
 from warehouse_env.maps.grid_map import GridMap
 
 PROBES = 40  # seeds on which all robots must find a start
-SPARSE = 4  # endpoints a robot of the default size, from which on all find a start
+SPARSE = 4  # endpoints per robot of the default size; with fewer, some find no start
 STEP = 0.9  # from one number that is tried to the next
 MARGIN = 0.9  # of the number found, for other seeds
 
@@ -92,7 +92,7 @@ class Capacity(NamedTuple):
     loads: list[LoadPoint]  # of the policy, in the episodes of the choice
     raced: bool  # whether policies were compared
     contacts: Interval  # per kilometre
-    knee: Interval | None  # robots from which on a further one adds less than half of the first
+    knee: Interval | None  # number of robots above which one more adds less than half of the first
     jam: LoadPoint | None
     stopped: list[str]  # parts for which there was no time
     driven: str  # with what the policy drives, for notes

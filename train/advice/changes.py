@@ -128,7 +128,7 @@ def choose(candidates: Sequence[Candidate], trips: Sequence[Trip], robots: int, 
 SOUGHT = 6  # changes that are raced, at most
 CHOSEN_AT = 3  # bottlenecks at which changes are sought
 ROUNDS = 6  # of the race, at most
-PAIRS = 8  # of episodes, from which on a gain is reported
+PAIRS = 8  # of episodes at least for a gain to be reported
 _DRIVEN = 2 * PAIRS  # episodes for that: of the best change, and of the floor as it is
 MOST_PAIRS = 64
 
@@ -137,7 +137,7 @@ class Effect(NamedTuple):
     """What a change of the floor gains, in pairs of episodes with the same seeds."""
 
     candidate: Candidate
-    tried: int  # so many changes, of which it was the best
+    tried: int  # number of changes, the best of which this is
     base: Interval  # goals, or orders, per hour of all robots on the floor as it is
     gain: Interval  # difference
 

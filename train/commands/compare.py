@@ -38,12 +38,12 @@ def _fits(name: str, value: object) -> bool:
     if name in ("robots", "seed"):
         return isinstance(value, int) and not isinstance(value, bool)
     if name in _COMPARED:
-        return value is None or (isinstance(value, (int, float)) and abs(value) < 1e150)  # whose squares can be added
+        return value is None or (isinstance(value, (int, float)) and abs(value) < 1e150)  # so that squares can be added
     return isinstance(value, str) or (name == "disturbance" and value is None)
 
 
 _MORE_IS_BETTER = ("goals_per_robot_hour", "orders_per_hour")
-_NEITHER = ("station_utilisation",)  # measures of which more is neither better nor worse
+_NEITHER = ("station_utilisation",)  # measures without a better direction
 NOTE = (
     "Over the episodes that both have: the same floor, number of robots and seed. Difference: mean of the paired "
     "differences [95% interval by Student's t], the run minus the run it is compared with; better or worse if the "

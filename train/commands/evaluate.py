@@ -221,7 +221,7 @@ class Benchmark(RowOptions, OwnSensors):
     usual_processes: ClassVar[int] = min(os.cpu_count() or 1, 8)
 
     def run(self) -> None:
-        """Drive what is asked for, then print the tables."""
+        """Drive all requested episodes, then print the tables."""
         driven = self._drive() if self.policy else []
         shipped = [row for row in read_rows(SHIPPED) if row["policy"] not in self.policy]
         tables = benchmark_tables([*shipped, *driven])

@@ -149,7 +149,7 @@ def narrowest_aisle(grid: GridMap) -> int:
 
 @dataclass(frozen=True)
 class PlacesCommand(Checked):
-    """Propose where robots fetch and bring in a hall, number it in a picture, and write it to NAME.places.json.
+    """Propose pick faces and stations of a hall, number them in a picture, and write them to NAME.places.json.
 
     Edit that file by hand: it is read whenever the map is. Stations and lanes of another file fill it as well:
     warehouse places hall.yaml:lanes=hall.lif.json

@@ -72,7 +72,7 @@ class Job:
 
 
 Numbered = tuple[int, Job]
-"""A job, and its number among those that were asked for."""
+"""A job, and its number among those requested."""
 
 
 class Workers(Protocol):

@@ -19,7 +19,7 @@ GOES_ON = "the same command with --resume goes on"
 
 @dataclass(frozen=True)
 class RowOptions(Checked):
-    """Options of commands with many jobs, whose rows stay in a file, so that a stopped command goes on."""
+    """Options of commands with many jobs, whose rows stay in a file, so that a stopped command can continue."""
 
     processes: int | None = None
     """Number of processes that do jobs side by side; rows do not depend on it, except for times (default: 1 for

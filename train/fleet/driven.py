@@ -102,7 +102,7 @@ class FleetPlayback(FleetFigures):
         return np.asarray(self._present)
 
     def jams(self) -> Jams:
-        """Return no waits: messages do not tell who waits for whom."""
+        """Return no waits: messages do not hold the wait-for graph."""
         return Jams(*(np.full(self.robots.shape, NOBODY, np.int32) for _ in range(3)))
 
     def episode_metrics(self, world: int = 0) -> dict[str, float]:

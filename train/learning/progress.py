@@ -18,7 +18,7 @@ from train.learning.recipes import QUANTILES, Reference
 from train.reporting.report import tell
 from train.reporting.rows import Row, RowFile, whole_rows, write_rows
 
-_ENDS = 50  # worlds that ended last, of which the share of jammed ones is told
+_ENDS = 50  # last ended worlds, for the share that jammed
 
 
 class TrainingTally:
@@ -173,7 +173,7 @@ class ProgressLog:
 
     def evaluated(self, figures: Mapping[str, float], steps: int, seconds: float) -> None:
         """Log how the policy drove on held-out seeds after `steps` agent-steps; seconds: the time that this took."""
-        self._since += seconds  # of which none are the training's
+        self._since += seconds  # not the training's own
         self._add("held_out", figures, steps)
         tell(f"held-out seeds after {steps / 1e6:.2f} M, in {seconds:.1f} s: {_in_words(figures)}", self._console)
 

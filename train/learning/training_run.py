@@ -36,7 +36,7 @@ from warehouse_env.plugins import digests
 
 CHECKPOINT = "checkpoint"
 LOCK = ".lock"  # in a run's folder, while it is trained in
-_MANY_ROWS = 100_000  # of which a step takes half a second on a core
+_MANY_ROWS = 100_000  # whose step takes half a second on a core
 _NAMED = 3  # floors that the first line names
 _FREE_ON_RESUME = ("resume", "progress")  # options that do not change the schedule
 

@@ -106,7 +106,7 @@ class Studies(TableOptions):
     title: ClassVar[str]
 
     def chosen(self) -> list[tuple[str, TableStudy]]:
-        """Return (file, study) of what is asked for."""
+        """Return (file, study) of each requested table."""
         raise NotImplementedError
 
     def blocks(self, file: str, study: TableStudy) -> list[PlanBlock]:
@@ -146,7 +146,7 @@ class Studies(TableOptions):
 class PapersTable(Studies):
     """Make the tables of the papers: our figures beside theirs, and a verdict on every claim.
 
-    The page shows the papers that are asked for; the rows of others stay in the file.
+    The page shows the requested papers; the rows of others stay in the file.
     """
 
     title: ClassVar[str] = "The papers' tables, made again"

@@ -58,7 +58,7 @@ class Outline(NamedTuple):
 
 
 class AuditFleet(NamedTuple):
-    """The bodies of all kinds of robots, and of which each robot is."""
+    """The bodies of all kinds of robots, and the kind of each robot."""
 
     bodies: tuple[AuditBody, ...]
     kinds: NDArray[np.int64]  # [N]

@@ -294,7 +294,7 @@ def _look_around(faults, count, seen, end, scene):
 
 @kernel
 def audit_step(step, obstacles, fleet, findings):
-    """Check one env step of all worlds and bring the findings up to date; return how many faults were written."""
+    """Check one env step of all worlds and update the findings; return how many faults were written."""
     worlds, robots = step.before.shape[:2]
     faults, closest = findings.faults, findings.closest
     count, seen, body = 0, np.empty((4, robots)), fleet.bodies[0]  # which all divide an env step alike

@@ -38,7 +38,7 @@ from warehouse_env.simulation.traffic.live import live_planner
 from warehouse_env.simulation.traffic.path_ahead import POSES
 from warehouse_env.simulation.worlds import Setup, Worlds, make_scratch
 
-MANY = 10_000  # robots that are placed at once, who will soon need all routes
+MANY = 10_000  # robots placed at once that will soon need all routes
 SEARCHING, SEEING = 2**32, 2**16  # bytes of scratch for searches at most, and threads that plan and observe
 
 # What a config may not have on a device, and how an error names it
