@@ -99,7 +99,7 @@ def improved_force(push, energy, goal, gain, exponent):
 def improved_potential(energy: NDArray[np.float64], goal: Cell, gain: float, exponent: float) -> NDArray[np.float64]:
     """gain/2 * d^2 + energy * d^n float64[H, W], d the distance to the goal (eqs. 3, 4 and 9 of paper 001).
 
-    The factor d^n makes the goal the lowest cell, 0, beside any shelves; n = 0 is the classical potential.
+    The factor d^n makes the goal the lowest cell, 0, even beside shelves; n = 0 is the classical potential.
     """
     rows, cols = np.indices(energy.shape)
     squared = ((rows - goal[0]) ** 2 + (cols - goal[1]) ** 2).astype(np.float64)

@@ -296,7 +296,7 @@ def _plan(worlds, b, some, ways, vehicles, floor, sights):
 
 @inline
 def survey_world(worlds, b, setup, scratch):
-    """Sort the robots of world b by place, as planning and observing need."""
+    """Sort the robots of world b by place, and count those in passages, for planning and observing."""
     (params, kinds), (order, begins, bodies) = setup.bodies, scratch.places
     buckets.sort(worlds.robots[b], params[0], kinds, begins, order, bodies)
     _count_passing(worlds, b, setup.equipment.passages, params[0], scratch.sights)

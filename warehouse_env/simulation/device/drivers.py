@@ -194,7 +194,7 @@ def begin_errors(thread, threads, noise):
 
 @register_jitable
 def survey(thread, threads, batch):
-    """Sort by place the robots of the worlds that wait to be observed."""
+    """Sort the robots of worlds that wait to be observed by place, and count those in passages."""
     begin, end = part_of(thread, threads, batch.worlds.steps.shape[0])
     for b in range(begin, end):
         if batch.worlds.waiting[b] != 0:

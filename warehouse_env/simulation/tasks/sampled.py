@@ -73,7 +73,7 @@ def cut_off(
 
 
 TRIALS = 400  # redraws of goals that are cut off; usually a few tens at most
-NEAR = 8  # nearest goals among which one that blocks a start or goal is searched
+NEAR = 8  # goals nearest to a start or goal, among which a blocking one is sought
 
 
 class OneShotTasks(Tasks):

@@ -72,7 +72,7 @@ def _write_cycle(low, robots, paths, setup, scratch):
 
 @inline
 def _write_way_back(r, p, avoid):
-    """Write the bodies of a robot that backs straight into avoid[:BEHIND_IT]; return how many."""
+    """Write into avoid[:BEHIND_IT] the bodies of a robot that backs up straight; return how many."""
     motion = r["motion"]
     for k in range(BEHIND_IT):
         behind = p["offset"] + np.float32(k + 1) * BEHIND_STEP * p["length_scale"]
@@ -91,7 +91,7 @@ def _write_way_back(r, p, avoid):
 def _write_way_out(i, count, robots, setup, scratch):
     """Write the bodies along the way of robot i off scratch.avoid[:count] into scratch.avoid; return how many.
 
-    The only obstacle is the robot that it waits for. Without a path, or without bodies to avoid, it backs straight.
+    The only obstacle is the robot that it waits for. Without a path, or without bodies to avoid, it backs up straight.
     """
     r, own, many = robots[i], own_of(i, setup), 0
     motion = r["motion"]

@@ -78,7 +78,7 @@ def _along_arcs(r, arcs, to_next, path, p):
 
 @inline
 def _joins(r, route, x, y):
-    """Return the place on its route [m] where a robot's manoeuvre that ends at (x, y) [m] leaves it."""
+    """Return the position on its route [m] of a robot whose manoeuvre has ended at (x, y) [m]."""
     on_route = r["on_route"]
     best, at, first = np.float32(np.inf), on_route["position"], int(on_route["position"] / on_route["spacing"])
     for k in range(max(first - 1, 0), min(first + _JOIN, on_route["points"])):

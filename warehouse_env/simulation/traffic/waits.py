@@ -93,7 +93,7 @@ def has_halted(r):
 
 
 @inline
-def stands_for_good(r):
+def stands_permanently(r):
     """Whether a robot counts as permanently standing: it has stood for a while, or is parked."""
     return r["task"]["alive"] == 0 or r["clocks"]["waiting_time"] > PERMANENT
 
@@ -106,7 +106,7 @@ def bars_routes(r, stood_for):
 
 @inline
 def is_urged(r):
-    """Whether a robot with right of way drives against its policy."""
+    """Whether a robot with right of way drives even if its policy would stand."""
     return r["traffic"]["authority"] > ZERO and r["clocks"]["standing_time"] >= URGED
 
 
@@ -232,7 +232,7 @@ def look(robots, found):
         waited = robots[i]["clocks"]["waiting_time"]
         if cycle[i] != NOBODY and broken[cycle[i]] == 0 and waited >= SEEKS_AFTER:
             stage[i] = SEEKS
-        elif waited > STUCK_AFTER and stands_for_good(robots[who[i]]):
+        elif waited > STUCK_AFTER and stands_permanently(robots[who[i]]):
             stage[i] = STUCK
         count += stage[i] > WAITS
     return count
