@@ -52,7 +52,7 @@ def test_of_equals_it_is_always_the_last() -> None:
     assert resolve(ring(ages=(5, 5, 5))) == [2]
 
 
-def test_who_waits_for_one_that_stands_permanently_looks_for_a_way_round_it() -> None:
+def test_a_robot_behind_a_permanently_standing_one_looks_for_a_way_round_it() -> None:
     world = World((10.0, 10.0, 0.0), (11.5, 10.0, 0.0), ages=[5, 0]).decide()
     world.robots["traffic"]["yields_to"] = [1, NOBODY]
     world.robots["clocks"]["waiting_time"] = 3.9

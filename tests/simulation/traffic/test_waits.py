@@ -61,7 +61,7 @@ def test_who_queues_for_a_ring_or_for_one_that_moves_waits() -> None:
     ("waited", "other", "parked", "found"),
     [(4.1, 2.1, False, STUCK), (3.9, 9.0, False, WAITS), (4.1, 1.9, False, WAITS), (4.1, 0.0, True, STUCK)],
 )
-def test_who_waits_for_one_that_stands_permanently_is_stuck(waited: float, other: float, parked: bool, found: int) -> None:
+def test_behind_a_permanently_standing_robot_it_is_stuck(waited: float, other: float, parked: bool, found: int) -> None:
     world = standing([1, NOBODY], [waited, other])
     world.robots["task"]["alive"][1] = not parked
     assert stages(world)[0] == found
