@@ -35,8 +35,8 @@ FOLDER, EPISODE = Path("results/fleet"), "episode.npz"
 
 @dataclass(frozen=True)
 class FleetCommand(Checked):
-    """Speak VDA 5050 2.1.0: write a recorded episode as messages, check a log of messages (--check), or turn the
-    messages of a real fleet into an episode (--listen) with the figures of an evaluation."""
+    """Speak VDA 5050: write a recorded episode as messages, check a log of messages (--check), or turn the messages of
+    a real fleet into an episode (--listen) with the figures of an evaluation."""
 
     episode: tyro.conf.Positional[Path | None] = None
     """Episode to write as messages, a file of `warehouse record`."""
@@ -59,9 +59,11 @@ class FleetCommand(Checked):
     often as vehicles report)."""
     interface: str = "uagv"
     """First part of the topics that are written."""
+    vda: int = 2
+    """Version that is written: 2 for 2.1.0, 3 for 3.0.0. Logs are read in either."""
     json: Path | None = None
     """File for a row about what was checked or heard, as JSON lines."""
-    ranges: ClassVar = {"speed": (0.01, 1000.0), "every": (0.001, 3600.0)}
+    ranges: ClassVar = {"speed": (0.01, 1000.0), "every": (0.001, 3600.0), "vda": (2, 3)}
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -97,7 +99,7 @@ class FleetCommand(Checked):
         if folder is not None:
             check_writable(folder / LOG)
         begin = _DAY if broker is None else datetime.now(UTC)
-        names, episode = Names("warehouse_env", self.interface, begin), load_simulated(path)
+        names, episode = Names("warehouse_env", self.interface, begin, self.vda), load_simulated(path)
         with make_progress() as progress:
             bar = progress.add_task("episode", total=len(episode.pose))
             story = story_of(episode, lambda: progress.advance(bar))

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from train.fleet.messages import MAJOR, TOPICS, Bad, LogEntry, log_path, moment_of, read_log, version_of
+from train.fleet.messages import TOPICS, VERSIONS, Bad, LogEntry, log_path, moment_of, read_log, version_of
 from train.fleet.order_rules import OrderBook
 from warehouse_env.errors import WarehouseError, shown
 from warehouse_env.format_version import major_of
@@ -20,6 +20,9 @@ SCHEMAS = Path(__file__).with_name("schemas")
 _VERSION = re.compile(r"\d+\.\d+\.\d+", re.ASCII)
 _LATEST = 30.0  # [s] after which a state is due
 _SHOWN = 100  # faults that are kept; the others are counted
+_READ = " and ".join(f"{major}.x" for major in VERSIONS)
+_BROKEN = ("CONNECTIONBROKEN", "CONNECTION_BROKEN")  # in versions 2 and 3
+_UNCHECKED = {2: ("instantActions",), 3: ("instantActions", "responses", "zoneSet")}  # other topics
 
 
 class LogFault(NamedTuple):
@@ -47,13 +50,14 @@ class LogCheck(NamedTuple):
 
 
 @functools.cache
-def validator(name: str) -> Any:
-    """Return the validator of a topic's messages by the official schema."""
+def validator(major: int, name: str) -> Any:
+    """Return the validator of a topic's messages by the official schema of a version."""
     try:
         jsonschema = importlib.import_module("jsonschema")
     except ImportError:
         raise WarehouseError("--check needs the package 'jsonschema'; pip install \"warehouse-env[fleet]\"") from None
-    return jsonschema.Draft202012Validator(json.loads((SCHEMAS / f"{name}.schema").read_text(encoding="utf-8")))
+    schema = (SCHEMAS / f"v{major}" / f"{name}.schema").read_text(encoding="utf-8")
+    return jsonschema.Draft202012Validator(json.loads(schema))
 
 
 def check_log(given: Path, moved: Callable[[], object] = lambda: None) -> LogCheck:
@@ -64,7 +68,7 @@ def check_log(given: Path, moved: Callable[[], object] = lambda: None) -> LogChe
         moved()
     if not checker.messages:
         unread = " and ".join(map(shown, checker.unread.values()))
-        what = f"is of version {unread} of VDA 5050; --check reads {MAJOR}.x"
+        what = f"is of version {unread} of VDA 5050; --check reads {_READ}"
         raise WarehouseError(f"{log_path(given)} {what if unread else 'holds no message of VDA 5050'}")
     return checker.done()
 
@@ -127,23 +131,25 @@ class _Checker:
     def _taken(self, key: str, parts: list[str], entry: LogEntry) -> Iterator[tuple[str, str]]:
         """Yield the faults of a message, kind and sentence; each version that is not read is one fault."""
         version, major = version_of(entry)
-        if major is not None and major != MAJOR:
+        major = min(VERSIONS) if major is None else major
+        if major not in VERSIONS:
             if major not in self.unread:
                 self.unread[major] = version
-                yield "version", f"{shown(version)} is not read; --check reads {MAJOR}.x and skips the others"
+                yield "version", f"{shown(version)} is not read; --check reads {_READ} and skips the others"
             return
         name = parts[-1]
-        if len(parts) != 5 or name not in (*TOPICS, "instantActions"):
+        if len(parts) != 5 or name not in (*TOPICS, *_UNCHECKED[major]):
             yield "header", f"the topic {shown(entry.topic)} is not INTERFACE/VERSION/MANUFACTURER/SERIAL/TOPIC"
             return
         if name == "connection" and self._is_old(key, entry):
             return
         vehicle = self._vehicles[key]
         self.messages[name] += 1
-        if name == "instantActions":
-            vehicle.orders.act(entry.payload)
+        if name in _UNCHECKED[major]:
+            if name == "instantActions":
+                vehicle.orders.act(entry.payload)
             return
-        fault = _schema_fault(name, entry.payload)
+        fault = _schema_fault(major, name, entry.payload)
         if fault:
             yield "schema", fault
             return
@@ -160,6 +166,10 @@ class _Checker:
             yield from vehicle.overdue(now)
             vehicle.stated = now
             yield from (("state", what) for what in vehicle.orders.state(entry.payload))
+        elif name == "visualization" and major == 3:
+            told, last = entry.payload["referenceStateHeaderId"], vehicle.headers.get("state")
+            if last is not None and told > last:
+                yield "header", f"this visualization refers to state {told}; the last one sent is {last}"
 
     def _is_old(self, key: str, entry: LogEntry) -> bool:
         """Whether a connection message was retained from before, or is delivered twice."""
@@ -190,7 +200,7 @@ class _Checker:
         now = moment_of(payload.get("timestamp"), zoned=True)
         if now is None:
             yield "time", f"timestamp {shown(payload.get('timestamp'))} is not ISO 8601 in UTC"
-        elif payload.get("connectionState") != "CONNECTIONBROKEN":  # which is as old as the connection
+        elif payload.get("connectionState") not in _BROKEN:  # which is as old as the connection
             if now < vehicle.times.get(name, now):
                 yield "time", f"the timestamp of this {name} is before that of the last"
             vehicle.times[name] = now
@@ -209,10 +219,10 @@ class _Checker:
         vehicle.online = state == "ONLINE"
 
 
-def _schema_fault(name: str, payload: dict[str, Any]) -> str:
+def _schema_fault(major: int, name: str, payload: dict[str, Any]) -> str:
     """Return what is wrong with a message by the official schema, "" if nothing is."""
     try:
-        error = next(validator(name).iter_errors(payload), None)
+        error = next(validator(major, name).iter_errors(payload), None)
     except RecursionError:
         return f"this {name} is nested too deeply"
     if error is None:

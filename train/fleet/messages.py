@@ -11,13 +11,14 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from train.fleet.version3 import as_version_3
 from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.errors import WarehouseError, shown
 from warehouse_env.files import complete_file, path_of, text_lines
 from warehouse_env.format_version import major_of
 
-VERSION = "2.1.0"  # of VDA 5050, which is written and checked
-MAJOR = int(VERSION.partition(".")[0])
+VERSIONS = {2: "2.1.0", 3: "3.0.0"}
+"""Versions of VDA 5050 that are written and checked, by their major numbers."""
 TOPICS = ("connection", "factsheet", "order", "state", "visualization")
 LOG = "messages.jsonl"
 """Name of the log in the folder that `warehouse fleet` writes."""
@@ -52,10 +53,11 @@ class Names:
     manufacturer: str
     interface: str
     begin: datetime
+    major: int = 2  # of the version that is written
 
     def topic(self, serial: str, name: str) -> str:
         """Return the full name of a vehicle's topic."""
-        return f"{self.interface}/v{MAJOR}/{self.manufacturer}/{serial}/{name}"
+        return f"{self.interface}/v{self.major}/{self.manufacturer}/{serial}/{name}"
 
     def stamp(self, seconds: float) -> str:
         """Return a moment as a timestamp in UTC, to the millisecond."""
@@ -75,19 +77,22 @@ class Sender:
         number = self._sent[name]
         self._sent[name] += 1
         lasting = name == "connection"  # the standard sends the others at most once
+        if self._names.major == 3:
+            body = as_version_3(name, body, self._sent["state"] - 1)
         header = self.header(seconds, number)
         return Message(seconds, self._names.topic(self._serial, name), header | body, int(lasting), lasting)
 
     def header(self, seconds: float, number: int) -> dict[str, Any]:
         """Return the header of a topic's message with this number, counted from 0."""
         return {
-            "headerId": number, "timestamp": self._names.stamp(seconds), "version": VERSION,
+            "headerId": number, "timestamp": self._names.stamp(seconds), "version": VERSIONS[self._names.major],
             "manufacturer": self._names.manufacturer, "serialNumber": self._serial,
         }  # fmt: skip
 
     def last_will(self) -> Message:
         """Return what the broker publishes if the vehicle is cut off after its first connection message."""
-        payload = self.header(0.0, 1) | {"connectionState": "CONNECTIONBROKEN"}
+        broken = "CONNECTIONBROKEN" if self._names.major == 2 else "CONNECTION_BROKEN"
+        payload = self.header(0.0, 1) | {"connectionState": broken}
         return Message(0.0, self._names.topic(self._serial, "connection"), payload, 1, True)
 
 

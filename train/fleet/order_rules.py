@@ -96,8 +96,8 @@ def _chain(payload: dict[str, Any], nodes: list[Point], edges: list[Point]) -> I
     numbers = sorted(point[0] for point in (*nodes, *edges))
     if first % 2 or numbers != [*range(first, first + len(numbers))] or [node[0] for node in nodes] != numbers[::2]:
         yield "the sequence ids of its nodes and edges do not count up in turn from an even one"
-    ends = [(edge["startNodeId"], edge["endNodeId"]) for edge in payload["edges"]]
-    if ends != [(first[1], last[1]) for first, last in itertools.pairwise(nodes)]:
+    ends = [(edge["startNodeId"], edge["endNodeId"]) for edge in payload["edges"] if "startNodeId" in edge]
+    if ends and ends != [(first[1], last[1]) for first, last in itertools.pairwise(nodes)]:
         yield "its edges do not join its nodes one after the other"
     released = [node[2] for node in nodes]
     if [edge[2] for edge in edges] != released[1:] or released != sorted(released, reverse=True):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,8 @@ from tests.render.conftest import driven
 from tests.train.fleet.stories import NAMES, episode_story, lines, sent, story, write_lines
 from train.cli import main
 from train.fleet.check import check_log
-from train.fleet.messages import write_log
+from train.fleet.messages import Sender, body_of, write_log
+from train.fleet.received import hear_log
 from train.fleet.vehicle import messages_of
 from warehouse_env.errors import ConfigError, WarehouseError
 
@@ -107,7 +109,9 @@ BREAKS: dict[str, tuple[Callable[[Log], object], str]] = {
     "deep": (lambda log: _of(log, "order")["nodes"][0].update(released="yes"), "nodes/0/released"),
     "lost": (lambda log: _drop(log, "visualization", 3), "headerId 4 of visualization stands after 2"),
     "whose": (lambda log: _of(log, "order").update(serialNumber="8"), "it names vehicle"),
-    "version": (lambda log: _of(log, "order").update(version="3.0.0"), "version: '3.0.0' is not read; --check reads 2"),
+    "version": (lambda log: _of(log, "order").update(version="4.0.0"),
+                "version: '4.0.0' is not read; --check reads 2.x and 3.x and skips the others"),
+    "words": (lambda log: _of(log, "order").update(version="3.0.0"), "schema: in this order, 'nodes/0/"),
     "topic's version": (lambda log: log[2].update(topic=log[2]["topic"].replace("v2", "v3")), "not that of the topic"),
     "odd version": (lambda log: _of(log, "order").update(version="v2.1.0"), "'v2.1.0' is not MAJOR.MINOR.PATCH"),
     "no version": (lambda log: _of(log, "order").pop("version"), "'version' is a required property"),
@@ -154,6 +158,48 @@ def test_each_rule_bites(what: str, log: Path, tmp_path: Path) -> None:
     assert any(says in fault.sentence for fault in found.faults), [fault.sentence for fault in found.faults]
 
 
+def test_version_3_tells_the_same(log: Path, tmp_path: Path) -> None:
+    one = episode_story()
+    heard = []
+    for major in (2, 3):
+        write_log(messages_of(one, replace(NAMES, major=major)), tmp_path / str(major))
+        found = check_log(tmp_path / str(major))
+        assert [fault.sentence for fault in found.faults] == []
+        assert found.messages["visualization"] == 7 * len(one.replay.pose)
+        heard.append(hear_log(tmp_path / str(major)))
+    for key, vehicle in heard[0].vehicles.items():
+        other = heard[1].vehicles[key]
+        assert (other.reports == vehicle.reports).all()
+        assert (other.told, other.connected) == (vehicle.told, vehicle.connected)
+        assert body_of(other.factsheet) == body_of(vehicle.factsheet)
+    said = lines(tmp_path / "3" / "messages.jsonl")
+    assert {entry["topic"].split("/")[1] for entry in said} == {"v3"}
+    assert {entry["payload"]["version"] for entry in said} == {"3.0.0"}
+    about = _of(said, "factsheet")["typeSpecification"]  # extensible, so no schema knows a wrong word
+    assert (about["mobileRobotKinematics"], about["navigationTypes"]) == ("THREE_WHEEL", ["FREELY_NAVIGATING"])
+    assert Sender(replace(NAMES, major=3), "1").last_will().payload["connectionState"] == "CONNECTION_BROKEN"
+
+
+BREAKS_3: dict[str, tuple[Callable[[Log], object], str]] = {
+    "schema": (lambda log: _of(log, "state").pop("powerSupply"), "schema: in this state"),
+    "position": (lambda log: _of(log, "visualization")["mobileRobotPosition"].pop("x"), "in this visualization"),
+    "state": (lambda log: _of(log, "visualization").update(referenceStateHeaderId=9), "refers to state 9; the last"),
+    "base": (lambda log: _of(log, "order", 0)["nodes"][1].update(released=False), "not followed by its horizon"),
+    "silent": (lambda log: log[-1]["payload"].update(timestamp="2026-01-01T00:01:00Z"), "no state for 49"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", BREAKS_3)
+def test_each_rule_of_version_3_bites(what: str, tmp_path: Path) -> None:
+    write_log(messages_of(story(), replace(NAMES, major=3)), tmp_path)
+    assert check_log(tmp_path).total == 0
+    entries = lines(tmp_path / "messages.jsonl")
+    spoil, says = BREAKS_3[what]
+    spoil(entries)
+    found = check_log(write_lines(tmp_path / "log.jsonl", entries))
+    assert any(says in fault.sentence for fault in found.faults), [fault.sentence for fault in found.faults]
+
+
 def test_an_order_may_be_cancelled(log: Path, tmp_path: Path) -> None:
     entries = lines(log)
     last = [k for k, entry in enumerate(entries) if entry["topic"].endswith("/order")][1]
@@ -166,7 +212,7 @@ def test_an_order_may_be_cancelled(log: Path, tmp_path: Path) -> None:
     assert check_log(write_lines(tmp_path / "log.jsonl", kept)).total == 0
 
 
-@pytest.mark.parametrize("version", ["3.0.0", "1.1.0"])
+@pytest.mark.parametrize("version", ["4.0.0", "1.1.0"])
 def test_a_log_of_another_version_is_refused_in_one_sentence(version: str, log: Path, tmp_path: Path) -> None:
     entries = lines(log)
     for entry in entries:
@@ -209,10 +255,11 @@ def test_what_a_broker_says_again_is_no_fault(log: Path, tmp_path: Path) -> None
     assert (found.total, found.messages["connection"]) == (0, 2)
 
 
-def test_there_and_back(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize("vda", ["2", "3"])
+def test_there_and_back(vda: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     episode, folder = tmp_path / "e.npz", tmp_path / "fleet"
     driven().save(episode)
-    assert main(["fleet", str(episode), "--out", str(folder)]) == 0
+    assert main(["fleet", str(episode), "--out", str(folder), "--vda", vda]) == 0
     assert main(["fleet", "--check", str(folder)]) == 0
     assert "no faults" in capsys.readouterr().out
     command = ["fleet", "--listen", str(folder), "--map", str(folder / "floor.yaml")]
