@@ -6,7 +6,6 @@ Only this process writes files. A job's input files travel with it, so nodes nee
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import importlib.metadata
 import importlib.util
 import os
@@ -17,11 +16,9 @@ import socket
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
-from functools import cache
-from pathlib import Path
 from typing import Any
 
-from train.evaluation.jobs import Job, Numbered, Progress, Result, lost_jobs
+from train.evaluation.jobs import Job, Numbered, Progress, Result, code_of, lost_jobs
 from train.job_files import JobFiles, Typed, pack, take_in, taken_in, unpacked
 from train.reporting.report import tell
 from warehouse_env import __version__
@@ -194,16 +191,10 @@ def _work(job: Job, files: JobFiles, typed: list[Typed], code: Code) -> Result:
         return job.run(lambda part: None)
 
 
-@cache
 def code_here() -> Code:
     """Return what this process runs."""
-    homes = [Path(spec.origin).parent for name in _PACKAGES if (spec := importlib.util.find_spec(name)) and spec.origin]
-    sources = hashlib.sha256()
-    for home in homes:
-        for file in sorted(home.rglob("*.py")):
-            sources.update(f"{file.relative_to(home).as_posix()}\n".encode() + file.read_bytes())
     libraries = {name: importlib.metadata.version(name) for name in _LIBRARIES}
-    own = {"warehouse_env": __version__, "sources": sources.hexdigest()[:16]}
+    own = {"warehouse_env": __version__, "sources": code_of(*_PACKAGES)}
     return {"python": platform.python_version(), **libraries, **own}
 
 

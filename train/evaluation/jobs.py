@@ -7,11 +7,15 @@ Jobs whose rows are in the file are skipped. Rows are the same whether this proc
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import json
 import random
 from collections.abc import Callable, Iterator, Sequence
+from functools import cache
+from pathlib import Path
 from typing import Any, ClassVar, NamedTuple, Protocol
 
+import warehouse_env
 from train.reporting.report import make_progress
 from train.reporting.rows import Row, RowFile
 from warehouse_env.errors import LostError
@@ -23,6 +27,14 @@ Tick = Callable[[float], None]
 
 Progress = Callable[[float, str], None]
 """Called with the total size that is done, and a text for the progress bar."""
+
+
+@cache
+def code_of(*folders: str) -> str:
+    """Return a digest of our sources in some folders, so that changed code is noticed."""
+    home = Path(warehouse_env.__file__).parent.parent
+    sources = sorted(path for folder in folders for path in (home / folder).rglob("*.py"))
+    return hashlib.blake2b(b"".join(path.read_bytes() for path in sources), digest_size=8).hexdigest()
 
 
 class Result(NamedTuple):

@@ -10,6 +10,7 @@ import os
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -43,37 +44,27 @@ def is_compiled() -> bool:
 
 @dataclass(frozen=True)
 class _Part(Job):
-    """One of PARTS."""
+    """A tiny run."""
 
     name: str
+    call: Callable[[], None]
 
     titled = "compiling, once for this version: {name}"
 
     def run(self, tick: Tick) -> Result:
         """Call the kernels."""
         begin = time.perf_counter()
-        PARTS[self.name]()
+        self.call()
         return Result([{"what": "compile", "part": self.name, "seconds": time.perf_counter() - begin}])
 
 
-@dataclass(frozen=True)
-class CardPart(_Part):
-    """One of CARD_SETS, for GPUs of a compute capability."""
+def compile_for_card(config: EnvConfig, capability: str) -> None:
+    """Compile what a reset and a step launch on GPUs of a compute capability."""
+    from warehouse_env.simulation.device.simulator import DeviceSimulator
 
-    capability: str
-
-    titled = "compiling for GPUs of compute capability {capability}, once for this version: {name}"
-
-    def run(self, tick: Tick) -> Result:
-        """Compile what a reset and a step launch."""
-        from warehouse_env.simulation.device.simulator import DeviceSimulator
-
-        begin = time.perf_counter()
-        simulator = DeviceSimulator(CARD_SETS[self.name], device=f"compiler:{self.capability}")
-        simulator.reset(0)
-        simulator.step(no_actions(simulator))
-        part = f"compute capability {self.capability}: {self.name}"
-        return Result([{"what": "compile", "part": part, "seconds": time.perf_counter() - begin}])
+    simulator = DeviceSimulator(config, device=f"compiler:{capability}")
+    simulator.reset(0)
+    simulator.step(no_actions(simulator))
 
 
 def no_actions(simulator: DeviceSimulator) -> torch.Tensor:
@@ -90,8 +81,11 @@ def compile_all(processes: int, capabilities: Sequence[str] = ()) -> list[Row]:
 
     capabilities: of GPUs for which kernels are compiled as well, as "9.0".
     """
-    parts = [_Part(name) for name in PARTS]
-    parts += [CardPart(name, capability) for capability in capabilities for name in CARD_SETS]
+    parts = [_Part(name, call) for name, call in PARTS.items()]
+    parts += [
+        _Part(f"GPUs of compute capability {capability}, {name}", partial(compile_for_card, config, capability))
+        for capability in capabilities for name, config in CARD_SETS.items()
+    ]  # fmt: skip
     with Runner(RowFile(None), workers=Processes(processes)) as run_all:
         return run_all(parts)
 

@@ -6,17 +6,14 @@ maps or parameters are run again.
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
-from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
 
 import warehouse_env
-from train.evaluation.jobs import Job, Result, Tick, of_all_runs
+from train.evaluation.jobs import Job, Result, Tick, code_of, of_all_runs
 from train.evaluation.planning_runs import make_task, plan_once
 from train.reporting.report import Table, number, with_interval
 from train.reporting.rows import Row
@@ -35,14 +32,6 @@ INTERVALS = (
     "Wilson's score for shares on one map. n: runs of each system, times maps. Lengths in cells; times are medians of "
     "processor time in milliseconds, without compilation. Lines in italics are printed in the paper."
 )
-
-
-@cache
-def code_of(*rooms: str) -> str:
-    """Return a digest of the sources in some folders, so that changed code runs its blocks again."""
-    home = Path(warehouse_env.__file__).parent.parent
-    sources = sorted(path for room in rooms for path in (home / room).rglob("*.py"))
-    return hashlib.blake2b(b"".join(path.read_bytes() for path in sources), digest_size=8).hexdigest()
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,7 @@
 // What is shown now, and everything that changes it. One object; `changed` asks for a new picture.
 
+const PANEL_EVERY = 80; // [ms] between two pictures of the side panel while the robots drive
+
 class App {
   constructor(about, replays) {
     Object.assign(this, { replays, colours: about.colours, terms: about.terms, layers: { ...about.layers } });
@@ -108,4 +110,21 @@ class App {
     if (this.following) [this.view.x, this.view.y] = this.replays[this.active].centre(this.robot);
     this.canvases.forEach((canvas, k) => drawStage(canvas, this.replays[k], this));
   }
+}
+
+// Go on with each picture of the browser, and draw what has changed.
+function run(app) {
+  let before = performance.now(), panelAt = 0;
+  const tick = (now) => {
+    app.advance(Math.min(now - before, 100) / 1000);
+    before = now;
+    if (app.changed) {
+      const all = !app.playing || now - panelAt > PANEL_EVERY;
+      if (all) panelAt = now;
+      app.changed = false;
+      app.draw(all);
+    }
+    requestAnimationFrame(tick);
+  };
+  requestAnimationFrame(tick);
 }

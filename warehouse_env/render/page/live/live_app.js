@@ -23,6 +23,10 @@ class LiveApp extends App {
     return this.episode.last;
   }
 
+  get playing() {
+    return this.pace.playing;
+  }
+
   // Show another world. The chosen robot stays chosen if its number still exists.
   renew(message) {
     const before = this.episode;

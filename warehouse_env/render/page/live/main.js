@@ -1,7 +1,5 @@
 // From the first message to the running page.
 
-const PANEL_EVERY = 100; // [ms] between two pictures of the side panel
-
 function open(about, message) {
   const app = new LiveApp(about, message);
   buildFleet(app);
@@ -11,22 +9,6 @@ function open(about, message) {
   publish(app);
   run(app);
   return app;
-}
-
-function run(app) {
-  let before = performance.now(), panelAt = 0;
-  const tick = (now) => {
-    app.advance(Math.min(now - before, 250) / 1000);
-    before = now;
-    if (app.changed) {
-      const all = now - panelAt > PANEL_EVERY || !app.pace.playing;
-      if (all) panelAt = now;
-      app.changed = false;
-      app.draw(all);
-    }
-    requestAnimationFrame(tick);
-  };
-  requestAnimationFrame(tick);
 }
 
 // What tests and other programs may use.

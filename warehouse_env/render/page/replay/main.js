@@ -1,7 +1,5 @@
 // From the data in the page to the running app.
 
-const PANEL_EVERY = 80; // [ms] between two pictures of the side panel while it plays
-
 async function readReplays(about) {
   const texts = [...document.querySelectorAll("script.data")];
   return Promise.all(about.replays.map(async (one, k) => {
@@ -20,27 +18,6 @@ function readAddress(app) {
   if (given.has("t")) app.seek(Math.round(Number(given.get("t")) / app.seconds) || 0);
   if (given.has("robot")) app.choose(Math.trunc(Number(given.get("robot"))) || 0);
   if (given.has("play")) app.playing = true;
-}
-
-function run(app) {
-  let before = performance.now(), panelAt = 0;
-  const tick = (now) => {
-    const passed = Math.min(now - before, 100);
-    before = now;
-    if (app.playing && !app.scrubbing) {
-      app.frame = Math.min(app.frame + (passed * app.speed) / (1000 * app.seconds), app.last);
-      if (app.frame >= app.last) app.playing = false;
-      app.changed = true;
-    }
-    if (app.changed) {
-      const all = !app.playing || now - panelAt > PANEL_EVERY;
-      if (all) panelAt = now;
-      app.changed = false;
-      app.draw(all);
-    }
-    requestAnimationFrame(tick);
-  };
-  requestAnimationFrame(tick);
 }
 
 // What tests and other programs may use.

@@ -40,6 +40,13 @@ class Player extends App {
     this.change({ playing: !this.playing });
   }
 
+  // Go on by so many seconds of ours.
+  advance(seconds) {
+    if (!this.playing || this.scrubbing) return;
+    this.seek(this.frame + (seconds * this.speed) / this.seconds);
+    this.playing = this.frame < this.last;
+  }
+
   faster(by) {
     const k = Math.min(Math.max(SPEEDS.indexOf(this.speed) + by, 0), SPEEDS.length - 1);
     this.change({ speed: SPEEDS[k] });
