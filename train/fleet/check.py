@@ -145,15 +145,19 @@ class _Checker:
             return
         vehicle = self._vehicles[key]
         self.messages[name] += 1
+        if name == "instantActions":
+            vehicle.orders.act(entry.payload)
         if name in _UNCHECKED[major]:
-            if name == "instantActions":
-                vehicle.orders.act(entry.payload)
             return
         fault = _schema_fault(major, name, entry.payload)
         if fault:
             yield "schema", fault
             return
         yield from self._header(vehicle, name, parts, entry.payload)
+        yield from self._content(vehicle, name, entry)
+
+    def _content(self, vehicle: _Vehicle, name: str, entry: LogEntry) -> Iterator[tuple[str, str]]:
+        """Yield what is wrong with a message beside its form and header."""
         wanted = int(name == "connection")
         if entry.qos is not None and entry.qos != wanted:
             yield "quality", f"{name} is sent with QoS {entry.qos}, not {wanted}"
@@ -166,9 +170,9 @@ class _Checker:
             yield from vehicle.overdue(now)
             vehicle.stated = now
             yield from (("state", what) for what in vehicle.orders.state(entry.payload))
-        elif name == "visualization" and major == 3:
-            told, last = entry.payload["referenceStateHeaderId"], vehicle.headers.get("state")
-            if last is not None and told > last:
+        elif name == "visualization":
+            told, last = entry.payload.get("referenceStateHeaderId"), vehicle.headers.get("state")  # of version 3
+            if isinstance(told, int) and last is not None and told > last:
                 yield "header", f"this visualization refers to state {told}; the last one sent is {last}"
 
     def _is_old(self, key: str, entry: LogEntry) -> bool:
