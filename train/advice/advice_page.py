@@ -7,11 +7,11 @@ from pathlib import Path
 
 from agents import entry_of
 from train.advice.answer import Advice, answer, effect_text, robots_text
-from train.advice.changes import Effect, storage_lost
+from train.advice.changes import Effect
 from train.advice.trials import BLOCK
 from train.evaluation.pictures import file_name
 from train.reporting.page import Link, Page, PagePart, Shown, made_by
-from train.reporting.report import Table, difference, number, with_interval
+from train.reporting.report import Table, number, with_interval
 from warehouse_env.errors import counted
 from warehouse_env.files import companion
 from warehouse_env.maps.halls import lif, places, route_graph
@@ -154,23 +154,7 @@ def _of_change(advice: Advice) -> PagePart:
         f"{effect_text(effect, aim)}."
     )
     drawing = heat_maps([panel], "standing [s per hour]", label)
-    return PagePart(title, pictures=[Shown(drawing, caption)], tables=[change_table(advice, effect)])
-
-
-def change_table(advice: Advice, effect: Effect) -> Table:
-    """Return a line for the change that was measured."""
-    one = effect.candidate
-    cells = (
-        one.text, str(effect.tried), difference(effect.gain), str(effect.gain.samples),
-        "significant" if effect.significant else "may be chance",
-        f"{100 * storage_lost(advice.plan.grid, one).share:.0f}",
-    )  # fmt: skip
-    header = ("change", "best of", f"{advice.plan.aim.noun}/h", "pairs", "", "storage lost %")
-    note = (
-        f"{advice.capacity.driven}Difference from the floor as it is, in pairs of episodes with the same new seeds, "
-        "with its 95% interval."
-    )
-    return Table("Change of the floor", header, (cells,), note)
+    return PagePart(title, pictures=[Shown(drawing, caption)])
 
 
 def _facts(advice: Advice) -> dict[str, str]:

@@ -17,7 +17,6 @@ from agents import POLICIES, make_policy, policy_config
 from train.advice.advice_page import (
     FOLDER,
     advice_page,
-    change_table,
     hall_parts,
     loads_table,
     places_table,
@@ -115,8 +114,6 @@ class Advise(Fleet, Work, RowOptions, OwnSensors):
                 advice = advise(plan, drive, clock)
         loads_table(advice).print()
         places_table(advice).print()
-        if advice.effect is not None:
-            change_table(advice, advice.effect).print()
         console = make_console(sys.stdout)
         for text in answer(advice):
             console.print(text.replace("*", "").replace("`", ""), highlight=False, soft_wrap=not console.is_terminal)

@@ -164,7 +164,7 @@ def test_the_command_drives_answers_and_writes_a_page(
     assert "1 goals an hour" in printed
     assert "<b>hall reaches " in page
     driven = "Driven with traffic rules; planner astar_turns; decision interval 0.1 s. "
-    assert printed.count(driven) == page.count(driven) == 3  # robots, bottlenecks, changes
+    assert printed.count(driven) == page.count(driven) == 2  # robots, bottlenecks
     assert "<h2>What a change gains</h2>" in page
     changed = [row for row in rows if row["floor"] != "as it is"]
     assert len(changed) == 2  # episodes of one change, without a race
