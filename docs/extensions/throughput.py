@@ -27,6 +27,7 @@ _ROOM = 30  # goals per hour; a higher bar has room for its figure
 # In the order of the bars; grey marks policies of others.
 BARS = {
     "shielded": ("shielded\ntraffic assist", "#0072b2"),
+    "busy": ("busy\ntraffic routes", "#0072b2"),
     "greedy": ("greedy\ntraffic rules", "#56a4d3"),
     "orca": ("ORCA\ntraffic routes", "#8c8c8c"),
     "rules": ("paper 001\ntraffic routes", "#8c8c8c"),
