@@ -60,7 +60,7 @@ POLICIES: dict[str, PolicyEntry] = {
             ("unshielded", "our PPO with live routes only: no shield, no right of way"),
             ("careful", "unshielded trained on, with up to 64 robots, on floors drawn anew"),
             ("busy", "careful trained on, on a GPU: the fewest contacts of 64 robots"),
-            ("patient", "careful trained on with fixed routes, on a GPU: the fewest jams in one-cell aisles then"),
+            ("patient", "careful trained on with fixed routes, on a GPU, for one-cell aisles"),
             ("ppo", "stable-baselines3 PPO, trained on this environment"),
         )
     },
