@@ -39,7 +39,7 @@ def test_shipped_policies_drove_the_whole_set() -> None:
     driven: dict[tuple[str, str], set[tuple[object, ...]]] = {}
     for row in rows:
         driven.setdefault((row["policy"], row["track"]), set()).add(tuple(row[name] for name in COLUMNS))
-    assert {policy for policy, _ in driven} == {"careful", "greedy", "orca", "ppo", "shielded", "unshielded"}
+    assert {policy for policy, _ in driven} == {"busy", "careful", "greedy", "orca", "ppo", "shielded", "unshielded"}
     for (_, track), known in driven.items():
         assert known == {one for one in wanted if one[0] == track}
 
