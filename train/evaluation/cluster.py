@@ -16,6 +16,7 @@ import socket
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
+from functools import cache
 from typing import Any
 
 from train.evaluation.jobs import Job, Numbered, Progress, Result, code_of, lost_jobs
@@ -191,6 +192,7 @@ def _work(job: Job, files: JobFiles, typed: list[Typed], code: Code) -> Result:
         return job.run(lambda part: None)
 
 
+@cache
 def code_here() -> Code:
     """Return what this process runs."""
     libraries = {name: importlib.metadata.version(name) for name in _LIBRARIES}
