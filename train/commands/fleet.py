@@ -14,7 +14,7 @@ from train.commands.layouts import BY_MAP
 from train.fleet.build import episode_of
 from train.fleet.check import check_log
 from train.fleet.driven import fleet_table, load_simulated, row_of
-from train.fleet.messages import LOG, Names, write_log
+from train.fleet.messages import LOG, VERSIONS, Names, write_log
 from train.fleet.orders import Story, story_of
 from train.fleet.publisher import Broker, broker_of, package, publish
 from train.fleet.received import hear_log
@@ -59,11 +59,11 @@ class FleetCommand(Checked):
     often as vehicles report)."""
     interface: str = "uagv"
     """First part of the topics that are written."""
-    vda: int = 2
+    vda: int = Names.major
     """Version that is written: 2 for 2.1.0, 3 for 3.0.0. Logs are read in either."""
     json: Path | None = None
     """File for a row about what was checked or heard, as JSON lines."""
-    ranges: ClassVar = {"speed": (0.01, 1000.0), "every": (0.001, 3600.0), "vda": (2, 3)}
+    ranges: ClassVar = {"speed": (0.01, 1000.0), "every": (0.001, 3600.0), "vda": (min(VERSIONS), max(VERSIONS))}
 
     def __post_init__(self) -> None:
         super().__post_init__()

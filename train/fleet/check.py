@@ -157,7 +157,7 @@ class _Checker:
         yield from self._content(vehicle, name, entry)
 
     def _content(self, vehicle: _Vehicle, name: str, entry: LogEntry) -> Iterator[tuple[str, str]]:
-        """Yield what is wrong with a message beside its form and header."""
+        """Yield the faults of a message whose form and header are checked."""
         wanted = int(name == "connection")
         if entry.qos is not None and entry.qos != wanted:
             yield "quality", f"{name} is sent with QoS {entry.qos}, not {wanted}"

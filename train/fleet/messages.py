@@ -77,10 +77,13 @@ class Sender:
         number = self._sent[name]
         self._sent[name] += 1
         lasting = name == "connection"  # the standard sends the others at most once
-        if self._names.major == 3:
-            body = as_version_3(name, body, self._sent["state"] - 1)
         header = self.header(seconds, number)
-        return Message(seconds, self._names.topic(self._serial, name), header | body, int(lasting), lasting)
+        told = header | self._worded(name, body)
+        return Message(seconds, self._names.topic(self._serial, name), told, int(lasting), lasting)
+
+    def _worded(self, name: str, body: dict[str, Any]) -> dict[str, Any]:
+        """Return the body of a message as the version has it."""
+        return body if self._names.major == 2 else as_version_3(name, body, self._sent["state"] - 1)
 
     def header(self, seconds: float, number: int) -> dict[str, Any]:
         """Return the header of a topic's message with this number, counted from 0."""
@@ -91,8 +94,7 @@ class Sender:
 
     def last_will(self) -> Message:
         """Return what the broker publishes if the vehicle is cut off after its first connection message."""
-        broken = "CONNECTIONBROKEN" if self._names.major == 2 else "CONNECTION_BROKEN"
-        payload = self.header(0.0, 1) | {"connectionState": broken}
+        payload = self.header(0.0, 1) | self._worded("connection", {"connectionState": "CONNECTIONBROKEN"})
         return Message(0.0, self._names.topic(self._serial, "connection"), payload, 1, True)
 
 

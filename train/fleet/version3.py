@@ -15,7 +15,9 @@ _NAMES = {
     "maxArrayLens": "maximumArrayLengths", "maxStringLens": "maximumStringLengths",
     "minOrderInterval": "minimumOrderInterval", "minStateInterval": "minimumStateInterval",
 }  # fmt: skip
-_VALUES = {"AUTONOMOUS": "FREELY_NAVIGATING", "THREEWHEEL": "THREE_WHEEL"}
+_VALUES = {
+    "AUTONOMOUS": "FREELY_NAVIGATING", "CONNECTIONBROKEN": "CONNECTION_BROKEN", "THREEWHEEL": "THREE_WHEEL",
+}  # fmt: skip
 _GONE = ("startNodeId", "endNodeId")  # the sequence ids say which nodes an edge joins
 _ACTION = {"pauseAllowed": False, "cancelAllowed": False}
 
