@@ -225,16 +225,26 @@ def test_an_odd_version_below_a_deep_interface_is_one_fault_of_a_vehicle(log: Pa
     assert check_log(write_lines(tmp_path / "log.jsonl", entries)).total == 1
 
 
-def test_a_vehicle_that_was_gone_owes_no_state(log: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("major", "broken"), [(2, "CONNECTIONBROKEN"), (3, "CONNECTION_BROKEN")])
+def test_a_vehicle_that_was_gone_owes_no_state(major: int, broken: str, tmp_path: Path) -> None:
     """Neither does a will that is as old as the connection break the order of time."""
-    entries = lines(log)
-    said = [("CONNECTIONBROKEN", "2025-12-31T23:59:59Z"), ("ONLINE", "2026-01-01T00:09:00Z"),
+    write_log(messages_of(story(), replace(NAMES, major=major)), tmp_path)
+    entries = lines(tmp_path / "messages.jsonl")
+    said = [(broken, "2025-12-31T23:59:59Z"), ("ONLINE", "2026-01-01T00:09:00Z"),
             ("OFFLINE", "2026-01-01T00:09:01Z")]  # fmt: skip
     last = entries.pop()
     for number, (state, moment) in enumerate(said, start=1):
         payload = last["payload"] | {"headerId": number, "connectionState": state, "timestamp": moment}
         entries.append(last | {"payload": payload})
     assert [fault.sentence for fault in check_log(write_lines(tmp_path / "log.jsonl", entries)).faults] == []
+
+
+def test_version_3_has_more_topics(log: Path, tmp_path: Path) -> None:
+    entry = lines(log)[0]
+    for level, faults in (("v2", 1), ("v3", 0)):
+        topic = entry["topic"].replace("v2", level).replace("connection", "zoneSet")
+        other = entry | {"topic": topic, "payload": {"version": f"{level[1]}.0.0"}}
+        assert check_log(write_lines(tmp_path / "log.jsonl", [*lines(log), other])).total == faults
 
 
 def test_what_a_broker_says_again_is_no_fault(log: Path, tmp_path: Path) -> None:
