@@ -58,6 +58,7 @@ COMMANDS = {
     "evaluate": Command("commands.evaluate:Evaluate", "drive policies over held-out episodes and count collisions"),
     "compare": Command("commands.compare:Compare", "compare runs of evaluate by paired differences"),
     "benchmark": Command("commands.evaluate:Benchmark", "drive policies through the fixed benchmark set"),
+    "execute": Command("commands.execute:Execute", "drive the plan of a grid planner (MAPF) with real bodies"),
     "clmapf": Command("commands.clmapf:Clmapf", "plan car-like robots on a public benchmark, and check any solution"),
     "advise": Command("commands.advise:Advise", "estimate how many robots a floor supports, and what would help"),
     "record": Command("commands.replay:Record", "drive a policy through one episode and save it to a file"),
@@ -190,7 +191,7 @@ def _run(arguments: list[str]) -> int:
 
 
 _NAME_ROWS = ("compare",)  # commands whose --policy chooses among rows
-_PARTS = {kind: kind for kind in ("policy", "planner", "layout", "sensor", "tasks")}
+_PARTS = {kind: kind for kind in ("policy", "planner", "layout", "sensor", "tasks", "grid_planner")}
 _PARTS |= {"layouts": "layout", "draw": "layout"}
 
 

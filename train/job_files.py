@@ -14,6 +14,7 @@ from typing import Any
 
 from agents import POLICIES, add_policy
 from agents.weights_folder import CONFIG, WEIGHTS
+from train.execute.lifelong import add_grid_planner
 from warehouse_env.checked import Checked
 from warehouse_env.errors import ConfigError, WarehouseError
 from warehouse_env.files import (
@@ -41,6 +42,7 @@ Typed = tuple[str, str]
 
 _ADD: dict[str, Callable[[str], None]] = {
     "policy": add_policy, "planner": add_planner, "layout": add_layout, "sensor": add_sensor, "tasks": add_tasks,
+    "grid_planner": add_grid_planner,
 }  # fmt: skip
 
 

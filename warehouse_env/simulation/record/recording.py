@@ -11,7 +11,7 @@ import io
 import json
 import warnings
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -30,6 +30,7 @@ from warehouse_env.simulation.actions import ActionDecoder
 from warehouse_env.simulation.given import listed, whole_seed
 from warehouse_env.simulation.physics.poses import numbers, within_a_turn
 from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.simulation.tasks.assignment import Assignment, check_assignments
 from warehouse_env.simulation.tasks.orders import Order, as_table, from_table
 
 FORMAT = 1
@@ -53,6 +54,7 @@ class Episode:
     pose: NDArray[np.float32]  # [T + 1, B, N, 3], front axle x [m], y [m], heading [rad]; the first after the reset
     policy: str = ""  # name or folder of the policy, if known
     orders: tuple[Order, ...] | None = None  # those of the file that the config names
+    start: Assignment | None = field(default=None, kw_only=True)  # of the one world, if not drawn by its seed
     made_of: str = field(default="", kw_only=True)  # digest of that policy's weights or code, "" of a shipped one
 
     def save(self, path: str | Path) -> None:
@@ -65,6 +67,8 @@ class Episode:
         arrays: dict[str, Any] = {name: array for name in _GOING if (array := getattr(grid, name)) is not None}
         if self.orders is not None:
             arrays["orders"] = np.array(as_table(self.orders), dtype=np.float64)
+        if self.start is not None:
+            arrays |= {"start_pose": self.start.pose, "start_goal": self.start.goal}
         if len(grid.discs):
             arrays |= {"discs": grid.discs, "walls": grid.walls}
         with complete_file(path) as part, part.open("wb") as file:
@@ -94,11 +98,14 @@ class Episode:
         seeds, actions, pose = (_array(archive, name, _LARGEST_ARRAY) for name in ("seeds", "actions", "pose"))
         _check_shapes(config, seeds, actions, pose)
         orders = from_table(_array(archive, "orders").tolist()) if "orders.npy" in members else None
-        pose = numbers("pose", pose, (-1, -1, -1, 3))
+        pose, start = numbers("pose", pose, (-1, -1, -1, 3)), None
+        if "start_pose.npy" in members:
+            start = Assignment(_array(archive, "start_pose", _LARGEST_ARRAY), _array(archive, "start_goal", _LARGEST_ARRAY))
+            check_assignments([start], len(seeds), config.num_agents, grid)
         pose[..., 2] = within_a_turn(pose[..., 2])
         return cls(
             config, grid, tuple(seeds.tolist()), actions, pose.astype(np.float32), str(about.get("policy", "")),
-            orders, made_of=str(about.get("made_of", "")),  # which earlier versions did not tell
+            orders, start=start, made_of=str(about.get("made_of", "")),  # which earlier versions did not tell
         )  # fmt: skip
 
     def replay(self) -> Iterator[Simulator]:
@@ -107,7 +114,7 @@ class Episode:
         if extra is not None and plugins.parse(extra, "sensor", SENSORS)[0] not in SENSORS:  # only policies need it
             config = config.replace(sensor=dataclasses.replace(config.sensor, extra=None))
         simulator = Simulator(config, len(self.seeds), grid=self.grid, orders=self.orders)
-        simulator.reset(self.seeds)
+        begin(simulator, self.seeds, self.start)
         yield simulator
         for actions in self.actions:
             simulator.step(actions)
@@ -164,16 +171,26 @@ def recordable(seeds: object) -> tuple[int, ...]:
     return whole
 
 
+def begin(simulator: Simulator, seeds: Sequence[int], start: Assignment | None) -> None:
+    """Reset a simulator with one seed a world; start: of its single world, if the seed does not draw it."""
+    if start is None:
+        simulator.reset(seeds)
+    else:
+        simulator.reset_to([start], seeds)
+
+
 class Recorder:
     """Step a simulator and keep what an Episode needs. The planner must be the one that the config names."""
 
-    def __init__(self, simulator: Simulator, seeds: tuple[int, ...], policy: str = "") -> None:
+    def __init__(
+        self, simulator: Simulator, seeds: tuple[int, ...], policy: str = "", start: Assignment | None = None
+    ) -> None:
         """Reset the simulator with one seed a world, below 2**63 so that a file can hold them, and begin.
 
-        policy: name or folder of the policy, stored in the episode.
+        policy: name or folder of the policy, stored in the episode; start: of a single world.
         """
-        self.simulator, self._seeds, self._policy = simulator, recordable(seeds), policy
-        simulator.reset(self._seeds)
+        self.simulator, self._seeds, self._policy, self._start = simulator, recordable(seeds), policy, start
+        begin(simulator, self._seeds, start)
         self._decoder = ActionDecoder(simulator.config)
         self._actions: list[NDArray[Any]] = []
         self._pose = [simulator.state.pose.copy()]
@@ -192,4 +209,4 @@ class Recorder:
         actions = np.array(self._actions)
         shifts, pose = simulator.dispatcher.shifts, np.array(self._pose)
         orders = None if shifts is None else shifts.orders
-        return Episode(simulator.config, simulator.grid, self._seeds, actions, pose, self._policy, orders)
+        return Episode(simulator.config, simulator.grid, self._seeds, actions, pose, self._policy, orders, start=self._start)

@@ -1,0 +1,1 @@
+"""Plans of grid planners, driven by real bodies: readers, motions, the order of robots, the drive."""

@@ -1,0 +1,203 @@
+"""Who drives where first: the action dependency graph of a plan's motions, or the proof that they cannot all be driven.
+
+Two motions conflict if the areas that the bodies sweep, each grown by half of MARGIN, share a point. The one that comes
+first in the plan goes first, and the other begins after its end. Only where one would sweep the place at which another
+robot rests does the robot leave before or arrive after, whichever is nearer to the plan. So motions that may be under
+way at the same time never touch, whatever the delays (action dependency graph; Hoenig et al. 2019). Motions that wait
+for each other in a cycle can never begin. One of each cycle is then made by another curve, and the order found anew.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
+
+from train.execute.conflicts import NONE, Areas, Motions, collect, conflicts, sweeps_any, swept_rests
+from train.execute.motions import Choice, Curves, Motion, Pose, motions_of
+from train.execute.plan import GridPlan, path_of
+from warehouse_env.errors import PlanError
+from warehouse_env.maps.grid_map import Cell
+
+ROUNDS = 20  # of other curves
+PATIENCE = 30  # trials of other sides without a gain
+_TIE = 1e-3  # steps: of motions that begin together, the first goes first
+
+
+class Order(NamedTuple):
+    """The motions of a plan and their order."""
+
+    own: list[list[Motion]]  # of each robot
+    starts: list[Pose]  # of each robot
+    of: list[list[int]]  # their numbers among all
+    motions: Motions
+    edges: NDArray[np.int64]  # [E, 2]: the second begins after the end of the first
+    cycles: list[list[int]]  # motions that wait for each other, or one that would sweep over a robot that never moves
+
+
+def find_order(plan: GridPlan, curves: Curves, tick: Callable[[int], None] = lambda left: None) -> Order:
+    """Return the order of a plan's motions; without cycles if other curves can avoid them.
+
+    tick: called with the number of cycles after each round. PlanError if a body cannot follow the plan by itself.
+    """
+    areas, rng = Areas(curves), np.random.default_rng(0)
+    paths = [path_of(plan.cells[:, i]) for i in range(plan.cells.shape[1])]
+    avoided: list[set[Choice]] = [set() for _ in paths]
+    own: list[list[Motion]] = []
+    best: Order | None = None
+    for i, (cells, _) in enumerate(paths):
+        try:
+            own.append(motions_of(cells, curves))
+        except PlanError as error:
+            raise PlanError(f"robot {i}: {error}") from None
+    for _ in range(ROUNDS):
+        found = _order(list(own), paths, areas, rng)
+        tick(len(found.cycles))
+        if best is None or len(found.cycles) < len(best.cycles):
+            best = found
+        motions = {p: (i, own[i][k]) for i, numbers in enumerate(found.of) for k, p in enumerate(numbers)}
+        turning = [[p for p in cycle if motions[p][1].arcs[:, 1].any()] for cycle in found.cycles]
+        chosen = [motions[int(rng.choice(cycle))] for cycle in turning if cycle]
+        if not chosen:
+            break
+        for i, motion in chosen:
+            avoided[i].add(motion.choice)
+        for i in {i for i, _ in chosen}:
+            own[i] = motions_of(paths[i][0], curves, avoided[i])
+    assert best is not None
+    return best
+
+
+def _order(own: list[list[Motion]], paths: Sequence[tuple[list[Cell], list[int]]], areas: Areas, rng: np.random.Generator) -> Order:
+    """Return the order of the robots' motions along their paths (path_of)."""
+    ranked = sorted(
+        (paths[i][1][motion.leaves + 1] - 1, i, k) for i, motions in enumerate(own) for k, motion in enumerate(motions)
+    )
+    starts = [m[0].start if m else areas.curves.pose(cells[0], 0) for m, (cells, _) in zip(own, paths, strict=True)]
+    place = {(i, k): p for p, (_, i, k) in enumerate(ranked)}
+    of = [[place[i, k] for k in range(len(motions))] for i, motions in enumerate(own)]
+    motions = collect([areas.of(own[i][k]) for _, i, k in ranked], ranked, of)
+    (rows, columns), size = areas.curves.grid.shape, areas.curves.grid.cell_size
+    standing = np.array([areas.body(pose) for pose, m in zip(starts, own, strict=True) if not m]).reshape(-1, 6)
+    over = np.array([p for p in range(len(ranked)) if sweeps_any(p, standing, motions)], np.int64)
+    pairs = conflicts(motions, (rows * size, columns * size), len(own))
+    cycles = dict[int, list[int]]()
+    edges = pairs
+    if len(pairs):
+        obstacles = _obstacles(pairs, motions)
+        edges, label = _pass_otherwise(obstacles, motions, rng)
+        for p in np.flatnonzero(label != NONE).tolist():
+            cycles.setdefault(int(label[p]), []).append(p)
+    edges = np.concatenate([edges, np.column_stack([over, over])])  # which never begin
+    return Order(own, starts, of, motions, edges, [*cycles.values(), *([p] for p in over.tolist())])
+
+
+class _Obstacles(NamedTuple):
+    """Conflicts in groups: each is an obstacle in the space of two robots' progress, which is passed on one side.
+
+    A motion cannot pass while another robot rests in its way, so its conflicts with the motions before and after such a
+    rest are one group.
+    """
+
+    pairs: NDArray[np.int64]  # [C, 2]
+    group: NDArray[np.int64]  # [C]
+    side: NDArray[np.int64]  # [C]: 1 if the robot of the first motion has the lower number, else -1
+    ahead: NDArray[np.int64]  # [G]: 1 if the lower robot goes first, -1 if the other does
+    fixed: NDArray[np.bool_]  # [G]: there is no choice: a robot starts, or will stay, where the other drives
+    stuck: NDArray[np.bool_]  # [C]: not even one
+
+
+def _obstacles(pairs: NDArray[np.int64], motions: Motions) -> _Obstacles:
+    """Return the obstacles; the robot goes first that the plan has there first on the whole, or that must."""
+    many, swept = len(motions.robot), swept_rests(pairs, motions)
+    first, second = pairs.T
+    keys, links, forced = first * many + second, list[NDArray[np.int64]](), np.zeros((2, len(pairs)), np.bool_)
+    for mover, other, columns, leads in ((first, second, (0, 1), (1, 0)), (second, first, (2, 3), (0, 1))):
+        for neighbours, column, who in ((motions.previous, columns[0], leads[0]), (motions.following, columns[1], leads[1])):
+            at = np.flatnonzero(swept[:, column])
+            beyond = neighbours[other[at]]
+            forced[who, at[beyond == NONE]] = True  # 0: the first motion must go first, 1: the second
+            at, beyond = at[beyond != NONE], beyond[beyond != NONE]
+            wanted = np.minimum(mover[at], beyond) * many + np.maximum(mover[at], beyond)
+            place = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
+            known = keys[place] == wanted
+            links.append(np.column_stack([at[known], place[known]]))
+    joined = np.concatenate(links)
+    graph = csr_array((np.ones(len(joined), np.int8), joined.T), shape=(len(pairs), len(pairs)))
+    count, group = connected_components(graph, directed=False)
+    side = np.where(motions.robot[first] < motions.robot[second], 1, -1)
+    ahead = np.bincount(group, side * (motions.leaves[second] - motions.leaves[first] + _TIE), count)
+    must = np.bincount(group, side * (forced[0].astype(np.int64) - forced[1]), count)
+    ahead = np.where(must != 0.0, must, ahead)
+    fixed = np.bincount(group, forced.any(axis=0), count) > 0
+    wrong = np.where(ahead[group] * side > 0, forced[1], forced[0])
+    return _Obstacles(pairs, group, side, np.where(ahead > 0, 1, -1), fixed, wrong)
+
+
+def _edges(obstacles: _Obstacles, motions: Motions) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return (int64[E, 2]: which motions end before which begin, int64[E]: the obstacle of each)."""
+    pairs, group = obstacles.pairs, obstacles.group
+    lower = obstacles.ahead[group] * obstacles.side > 0
+    edges = np.concatenate([np.where(lower[:, None], pairs, pairs[:, ::-1]), pairs[obstacles.stuck]])
+    edges = np.concatenate([edges, pairs[obstacles.stuck][:, ::-1]])
+    group = np.concatenate([group, *[group[obstacles.stuck]] * 2])
+    order = np.lexsort((edges[:, 0], motions.robot[edges[:, 0]], edges[:, 1]))
+    edges, group = edges[order], group[order]  # of several motions of a robot, the last one is enough
+    same = (edges[1:, 1] == edges[:-1, 1]) & (motions.robot[edges[1:, 0]] == motions.robot[edges[:-1, 0]])
+    kept = np.append(~same, True)[: len(edges)]
+    return edges[kept], group[kept]
+
+
+def _label(edges: NDArray[np.int64], motions: Motions) -> NDArray[np.int64]:
+    """Return int64[P]: which cycle each motion is in, -1: none."""
+    goes_on = np.flatnonzero(motions.following != NONE)
+    pairs, many = np.concatenate([edges, np.column_stack([goes_on, motions.following[goes_on]])]), len(motions.robot)
+    graph = csr_array((np.ones(len(pairs), np.int8), pairs.T), shape=(many, many))
+    _, label = connected_components(graph, connection="strong")
+    return np.where(np.bincount(label, minlength=1)[label] > 1, label, NONE)
+
+
+def _pass_otherwise(
+    obstacles: _Obstacles, motions: Motions, rng: np.random.Generator
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Pass obstacles in cycles on their other side while that leaves fewer motions in cycles; return edges and labels."""
+    edges, group = _edges(obstacles, motions)
+    label, patience = _label(edges, motions), PATIENCE
+    while (label != NONE).any() and patience > 0:
+        within = (label[edges[:, 0]] == label[edges[:, 1]]) & (label[edges[:, 0]] != NONE) & ~obstacles.fixed[group]
+        candidates = np.flatnonzero(within)
+        _, one_each = np.unique(label[edges[candidates := rng.permutation(candidates), 0]], return_index=True)
+        flipped = group[candidates[one_each]]
+        if not len(flipped):
+            break
+        obstacles.ahead[flipped] *= -1
+        tried, tried_group = _edges(obstacles, motions)
+        found = _label(tried, motions)
+        if (found != NONE).sum() <= (label != NONE).sum():
+            patience = PATIENCE if (found != NONE).sum() < (label != NONE).sum() else patience - 1
+            edges, group, label = tried, tried_group, found
+        else:
+            obstacles.ahead[flipped] *= -1
+            patience -= 1
+    return edges, label
+
+
+def why_stuck(order: Order, plan: GridPlan) -> list[str]:
+    """Return a sentence for each cycle."""
+    found = []
+    for cycle in order.cycles:
+        steps, robots = order.motions.leaves[cycle], sorted(set(order.motions.robot[cycle].tolist()))
+        row, column = plan.cells[steps[0], order.motions.robot[cycle[0]]].tolist()
+        if len(cycle) == 1:
+            found.append(f"step {steps[0]}: robot {robots[0]} leaves ({row}, {column}) over a robot that never moves")
+            continue
+        who = f"{', '.join(map(str, robots[:-1]))} and {robots[-1]}"
+        found.append(
+            f"steps {steps.min()} to {steps.max() + 1}, near cell ({row}, {column}): robots {who} block each other, "
+            f"since each would have to move first ({counted(len(cycle), 'motion')})"
+        )
+    return found
