@@ -86,9 +86,8 @@ class Execute(Checked):
             bar = progress.add_task("order the motions", total=ROUNDS)
             order = find_order(plan, curves, lambda left: progress.advance(bar))
         stuck = why_stuck(order, plan)
-        print(f"{counted(plan.cells.shape[1], 'robot')}, {plan.makespan} steps, {counted(sum(map(len, order.own)), 'motion')}: ", end="")
-        print("all can be driven" if not stuck else f"cannot all be driven, for {counted(len(stuck), 'deadlock')}:")
-        print("".join(f"  {line}\n" for line in stuck[:_LONGEST]), end="", flush=True)
+        what = f"{counted(config.num_agents, 'robot')}, {plan.makespan} steps, {sum(map(len, order.own)):,} motions"
+        print(f"{what}: {f'no, for {len(stuck)} deadlocks:' if stuck else 'all'} can be driven", flush=True)
         drive = self._drive(order, curves, config)
         row = self._row(plan, order, drive, config)
         with RowFile(rows_path) as file:

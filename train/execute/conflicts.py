@@ -75,9 +75,7 @@ class Areas:
         return found
 
 
-def collect(
-    areas: Sequence[Area], ranked: Sequence[tuple[int, int, int]], of: list[list[int]]
-) -> Motions:
+def collect(areas: Sequence[Area], ranked: Sequence[tuple[int, int, int]], of: list[list[int]]) -> Motions:
     first = np.cumsum([0, *(len(swept) for swept, _ in areas)])
     swept = np.array([body for bodies, _ in areas for body in bodies], np.float64).reshape(-1, 6)
     (x, y), (c, s, length, width) = swept[:, :2].T, np.abs(swept[:, 2:]).T
@@ -104,7 +102,7 @@ def _touch(one, other):
 @kernel
 def _sweeps(a, body, motions):
     """Whether motion a sweeps over a body."""
-    for k in range(motions.first[a], motions.first[a + 1]):
+    for k in range(motions.first[a], motions.first[a + 1]):  # noqa: SIM110 (kernels have no generators)
         if _touch(motions.swept[k], body):
             return True
     return False
@@ -113,7 +111,7 @@ def _sweeps(a, body, motions):
 @kernel
 def sweeps_any(a, bodies, motions):
     """Whether motion a sweeps over one of several bodies."""
-    for k in range(len(bodies)):
+    for k in range(len(bodies)):  # noqa: SIM110
         if _sweeps(a, bodies[k], motions):
             return True
     return False
@@ -125,7 +123,7 @@ def _conflict(a, b, motions):
     one, other = motions.box[a], motions.box[b]
     if one[0] > other[1] or other[0] > one[1] or one[2] > other[3] or other[2] > one[3]:
         return False
-    for k in range(motions.first[b], motions.first[b + 1]):
+    for k in range(motions.first[b], motions.first[b + 1]):  # noqa: SIM110
         if _sweeps(a, motions.swept[k], motions):
             return True
     return False
@@ -208,11 +206,12 @@ def swept_rests(pairs, motions):
     return found
 
 
-def conflicts(motions: Motions, shape: tuple[int, int], robots: int) -> NDArray[np.int64]:
+def conflicts(motions: Motions, shape: tuple[float, float], robots: int) -> NDArray[np.int64]:
     """Return int64[C, 2], sorted: all pairs of motions of two robots that conflict, the earlier one first.
 
     shape: of the floor (rows, columns) [m].
     """
     rows, columns = (math.ceil(side / _BUCKET) for side in shape)
-    pairs = _conflicts(motions, *_buckets(motions, rows, columns), columns, robots)
+    begins, near = _buckets(motions, rows, columns)
+    pairs = _conflicts(motions, begins, near, columns, robots)
     return np.asarray(pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))])

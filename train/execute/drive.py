@@ -7,7 +7,7 @@ that they stay on their arcs, and can always stop at the end of what they may dr
 from __future__ import annotations
 
 from collections import Counter
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -161,7 +161,10 @@ class Drive:
         self._limits = _limits_of(config.robot, config.time_step * config.action_repeat)
         self.simulator = Simulator(config, 1, grid=curves.grid)
         lasts = [motions[-1:] for motions in order.own]
-        goals = [curves.end(*last[0][1:3])[:2] if last else start[:2] for last, start in zip(lasts, order.starts, strict=True)]
+        goals = [
+            curves.end(*last[0][1:3])[:2] if last else start[:2]
+            for last, start in zip(lasts, order.starts, strict=True)
+        ]
         self.recorder = Recorder(self.simulator, (0,), start=Assignment(np.array(order.starts), np.array(goals)))
         self._follows, self._leads = _grouped(order.edges[:, ::-1], many), _grouped(order.edges, many)
         self._missing = np.array([len(before) for before in self._follows])

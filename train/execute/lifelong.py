@@ -55,7 +55,9 @@ class Pibt:
         for _ in range(window):
             arrived = (cell == goal for cell, goal in zip(steps[-1], goals, strict=True))
             fresh = (goal != before for goal, before in zip(goals, self._goals, strict=True))
-            self._age = [0 if new or there else age + 1 for new, there, age in zip(fresh, arrived, self._age, strict=True)]
+            self._age = [
+                0 if new or there else age + 1 for new, there, age in zip(fresh, arrived, self._age, strict=True)
+            ]
             self._goals = list(goals)
             steps.append(self._step(steps[-1], goals))
         return [list(cells) for cells in zip(*steps[1:], strict=True)]
@@ -82,7 +84,10 @@ class Pibt:
             if after[i] is None:
                 chooses(i, None)
         found = [cell for cell in after if cell is not None]
-        self._last = [old if new == old else (2 * new[0] - old[0], 2 * new[1] - old[1]) for old, new in zip(state, found, strict=True)]
+        self._last = [
+            old if new == old else (2 * new[0] - old[0], 2 * new[1] - old[1])
+            for old, new in zip(state, found, strict=True)
+        ]
         return found
 
     def _wanted(self, i: int, cell: Cell, goal: Cell) -> list[Cell]:

@@ -55,7 +55,7 @@ class Motion(NamedTuple):
 
 @kernel
 def _shoot(start, goal, setup, arcs):
-    """Write the quickest free curve from one pose to another into arcs float32[SHOT, 2]; return their number, seconds."""
+    """Write the quickest free curve between two poses into arcs float32[SHOT, 2]; return their number, and seconds."""
     goals = np.zeros((1, GOAL), np.float32)
     goals[0, 0], goals[0, 1], goals[0, 2] = goal
     nothing = np.zeros((0, BODY), np.float32)
@@ -95,7 +95,11 @@ class Curves:
         for length, steer in arcs.tolist():
             half = -length * math.tan(steer) / self.robot.wheelbase / 2
             chord = length * (math.sin(half) / half if abs(half) > _STRAIGHT else 1.0)
-            x, y, heading = x + chord * math.cos(heading + half), y + chord * math.sin(heading + half), heading + 2 * half
+            x, y, heading = (
+                x + chord * math.cos(heading + half),
+                y + chord * math.sin(heading + half),
+                heading + 2 * half,
+            )
         return x, y, heading
 
 

@@ -20,7 +20,7 @@ from scipy.sparse.csgraph import connected_components
 from train.execute.conflicts import NONE, Areas, Motions, collect, conflicts, sweeps_any, swept_rests
 from train.execute.motions import Choice, Curves, Motion, Pose, motions_of
 from train.execute.plan import GridPlan, path_of
-from warehouse_env.errors import PlanError
+from warehouse_env.errors import PlanError, counted
 from warehouse_env.maps.grid_map import Cell
 
 ROUNDS = 20  # of other curves
@@ -72,7 +72,9 @@ def find_order(plan: GridPlan, curves: Curves, tick: Callable[[int], None] = lam
     return best
 
 
-def _order(own: list[list[Motion]], paths: Sequence[tuple[list[Cell], list[int]]], areas: Areas, rng: np.random.Generator) -> Order:
+def _order(
+    own: list[list[Motion]], paths: Sequence[tuple[list[Cell], list[int]]], areas: Areas, rng: np.random.Generator
+) -> Order:
     """Return the order of the robots' motions along their paths (path_of)."""
     ranked = sorted(
         (paths[i][1][motion.leaves + 1] - 1, i, k) for i, motions in enumerate(own) for k, motion in enumerate(motions)
@@ -117,7 +119,10 @@ def _obstacles(pairs: NDArray[np.int64], motions: Motions) -> _Obstacles:
     first, second = pairs.T
     keys, links, forced = first * many + second, list[NDArray[np.int64]](), np.zeros((2, len(pairs)), np.bool_)
     for mover, other, columns, leads in ((first, second, (0, 1), (1, 0)), (second, first, (2, 3), (0, 1))):
-        for neighbours, column, who in ((motions.previous, columns[0], leads[0]), (motions.following, columns[1], leads[1])):
+        for neighbours, column, who in (
+            (motions.previous, columns[0], leads[0]),
+            (motions.following, columns[1], leads[1]),
+        ):
             at = np.flatnonzero(swept[:, column])
             beyond = neighbours[other[at]]
             forced[who, at[beyond == NONE]] = True  # 0: the first motion must go first, 1: the second
@@ -164,7 +169,7 @@ def _label(edges: NDArray[np.int64], motions: Motions) -> NDArray[np.int64]:
 def _pass_otherwise(
     obstacles: _Obstacles, motions: Motions, rng: np.random.Generator
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Pass obstacles in cycles on their other side while that leaves fewer motions in cycles; return edges and labels."""
+    """Pass obstacles in cycles on the other side while that leaves fewer motions in cycles; return edges and labels."""
     edges, group = _edges(obstacles, motions)
     label, patience = _label(edges, motions), PATIENCE
     while (label != NONE).any() and patience > 0:

@@ -9,7 +9,6 @@ Formats, told apart by their content:
 
 from __future__ import annotations
 
-import itertools
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -40,11 +39,12 @@ class GridPlan(NamedTuple):
     @property
     def makespan(self) -> int:
         """The step after which no robot moves any more."""
-        return int(np.flatnonzero((self.cells != self.cells[-1]).any(axis=(1, 2)))[-1:].sum()) + 1
+        moving = np.flatnonzero((self.cells != self.cells[-1]).any(axis=(1, 2)))
+        return int(moving[-1]) + 1 if len(moving) else 0
 
 
 def path_of(cells: NDArray[np.int64]) -> tuple[list[Cell], list[int]]:
-    """Return the different cells [K] of a robot's plan int[T + 1, 2] in order, and the step after which it is at each."""
+    """Return the cells of a robot's plan int[T + 1, 2] without its waits, and the step after which it is at each."""
     moved = np.flatnonzero((np.diff(cells, axis=0) != 0).any(axis=1)) + 1
     steps = [0, *moved.tolist()]
     return [(row, column) for row, column in cells[steps].tolist()], steps
@@ -128,9 +128,9 @@ def check_plan(cells: NDArray[np.int64], grid: GridMap) -> None:
     steps, robots = len(cells) - 1, cells.shape[1]
     if not 1 <= robots <= _MOST[0] or steps > _MOST[1]:
         raise PlanError(f"{counted(robots, 'robot')} over {steps:,} steps; at most {_MOST[0]:,} over {_MOST[1]:,}")
-    inside = ((cells >= 0) & (cells < grid.shape)).all(axis=2)
-    free = inside & ~grid.closed[tuple(np.where(inside[..., None], cells, 0).transpose(2, 0, 1))]
-    for step, robot in np.argwhere(~free)[:1].tolist():
+    inside = np.asarray(((cells >= 0) & (cells < grid.shape)).all(axis=2))
+    closed = grid.closed[tuple(np.where(inside[..., None], cells, 0).transpose(2, 0, 1))]
+    for step, robot in np.argwhere(np.logical_or(~inside, closed))[:1].tolist():
         raise PlanError(f"step {step}: robot {robot} is at {_at(cells, step, robot)}, which is no free cell")
     for step, robot in np.argwhere(np.abs(np.diff(cells, axis=0)).sum(axis=2) > 1)[:1].tolist():
         moved = f"from {_at(cells, step, robot)} to {_at(cells, step + 1, robot)}"
@@ -152,8 +152,3 @@ def check_plan(cells: NDArray[np.int64], grid: GridMap) -> None:
 
 def _at(cells: NDArray[np.int64], step: int, robot: int) -> str:
     return shown(tuple(cells[step, robot].tolist()))
-
-
-def steps_apart(steps: Sequence[int]) -> list[int]:
-    """Return the differences of following steps."""
-    return [after - before for before, after in itertools.pairwise(steps)]

@@ -100,7 +100,9 @@ class Episode:
         orders = from_table(_array(archive, "orders").tolist()) if "orders.npy" in members else None
         pose, start = numbers("pose", pose, (-1, -1, -1, 3)), None
         if "start_pose.npy" in members:
-            start = Assignment(_array(archive, "start_pose", _LARGEST_ARRAY), _array(archive, "start_goal", _LARGEST_ARRAY))
+            start = Assignment(
+                _array(archive, "start_pose", _LARGEST_ARRAY), _array(archive, "start_goal", _LARGEST_ARRAY)
+            )
             check_assignments([start], len(seeds), config.num_agents, grid)
         pose[..., 2] = within_a_turn(pose[..., 2])
         return cls(
@@ -209,4 +211,6 @@ class Recorder:
         actions = np.array(self._actions)
         shifts, pose = simulator.dispatcher.shifts, np.array(self._pose)
         orders = None if shifts is None else shifts.orders
-        return Episode(simulator.config, simulator.grid, self._seeds, actions, pose, self._policy, orders, start=self._start)
+        return Episode(
+            simulator.config, simulator.grid, self._seeds, actions, pose, self._policy, orders, start=self._start
+        )
