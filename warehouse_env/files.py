@@ -108,10 +108,7 @@ def text_lines(
     Bytes that are not UTF-8 come as half characters (surrogateescape). Raises `error` as `open_regular` does, and for
     a line of more than `longest` characters.
     """
-    with (
-        open_regular(given, kind, most, error) as file,
-        io.TextIOWrapper(file, "utf-8-sig", "surrogateescape") as text,
-    ):
+    with open_regular(given, kind, most, error) as file, io.TextIOWrapper(file, "utf-8-sig", "surrogateescape") as text:
         for number in itertools.count(1):
             line = text.readline(longest + 1)
             if len(line) > longest:

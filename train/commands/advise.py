@@ -14,14 +14,7 @@ from pathlib import Path
 from typing import Annotated, ClassVar
 
 from agents import POLICIES, make_policy, policy_config
-from train.advice.advice_page import (
-    FOLDER,
-    advice_page,
-    hall_parts,
-    loads_table,
-    places_table,
-    write_floor,
-)
+from train.advice.advice_page import FOLDER, advice_page, hall_parts, loads_table, places_table, write_floor
 from train.advice.answer import advise, answer
 from train.advice.capacity import for_kinds, most_with_a_start
 from train.advice.trials import AdvicePlan, TimeBudget
@@ -101,10 +94,7 @@ class Advise(Fleet, Work, RowOptions, OwnSensors):
         plan = dataclasses.replace(self._plan(grid), narrow=narrow)
         self._check(plan)
         plan = dataclasses.replace(plan, most=most_with_a_start(plan))
-        with (
-            self.file_of(self.json or self.out / "rows.jsonl") as file,
-            closing(self.workers()) as workers,
-        ):
+        with self.file_of(self.json or self.out / "rows.jsonl") as file, closing(self.workers()) as workers:
             plan = dataclasses.replace(plan, processes=workers.width)
             clock, begin = TimeBudget(None if self.episodes else self.minutes), time.monotonic()
             with (

@@ -98,11 +98,7 @@ def _of_line(grid: GridMap, plan: Plan) -> Row:
     if not plan.found:
         return dict.fromkeys(("line_length", "turn_angle", "clearance"))
     line = driven(plan)
-    return {
-        "line_length": plan.line_length,
-        "turn_angle": turn_angle(line),
-        "clearance": least_gap(grid, line),
-    }
+    return {"line_length": plan.line_length, "turn_angle": turn_angle(line), "clearance": least_gap(grid, line)}
 
 
 def _gap(length: float, optimal: float) -> float:

@@ -40,11 +40,7 @@ class WarehouseParallelEnv(FilmedWorld, ParallelEnv):  # type: ignore[misc]  # p
     }  # fmt: skip
 
     def __init__(
-        self,
-        config: EnvConfig | None = None,
-        *,
-        render_mode: str | None = None,
-        **options: Unpack[WorldOptions],
+        self, config: EnvConfig | None = None, *, render_mode: str | None = None, **options: Unpack[WorldOptions]
     ) -> None:
         """Build one world from `config` with `options` put in; ConfigError or MapError says what cannot be used."""
         self._show(build(Simulator, config, options), render_mode)

@@ -126,11 +126,7 @@ class WarehouseTensorEnv(VectorEnv[torch.Tensor, torch.Tensor, torch.Tensor]):
 
 
 def tensor_env(
-    num_worlds: int = 1,
-    config: EnvConfig | None = None,
-    *,
-    device: str = "cuda",
-    **options: Unpack[WorldOptions],
+    num_worlds: int = 1, config: EnvConfig | None = None, *, device: str = "cuda", **options: Unpack[WorldOptions]
 ) -> WarehouseTensorEnv:
     """Return an environment of torch tensors, e.g. `tensor_env(4096, num_agents=16, device="cuda")`.
 

@@ -121,12 +121,7 @@ class RouteBook(Portable):
     bound = ("_solid", "_one_way", "_routes", "_faces", "_tables", "_table", "_plans", "_lock")
 
     def __init__(
-        self,
-        grid: GridMap,
-        planner: Planner,
-        *,
-        keep_right: float = EnvConfig.keep_right,
-        wider: float = 1.0,
+        self, grid: GridMap, planner: Planner, *, keep_right: float = EnvConfig.keep_right, wider: float = 1.0
     ) -> None:
         """wider: width of the bodies over the default width (RobotSpec.wider)."""
         self.grid, self.planner = grid, planner

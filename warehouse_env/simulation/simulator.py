@@ -46,15 +46,7 @@ from warehouse_env.simulation.tasks.tasks import Arrival
 from warehouse_env.simulation.traffic import deadlock_recovery, decision, recovery
 from warehouse_env.simulation.traffic.path_ahead import COLUMNS, POSES
 from warehouse_env.simulation.traffic.waits import Jams, jams_of
-from warehouse_env.simulation.worlds import (
-    Equipment,
-    Features,
-    Setup,
-    ThreadScratch,
-    Vehicles,
-    Worlds,
-    make_scratch,
-)
+from warehouse_env.simulation.worlds import Equipment, Features, Setup, ThreadScratch, Vehicles, Worlds, make_scratch
 from warehouse_env.threads import MOST_THREADS, get_num_threads, side_by_side
 
 PARALLEL_FROM = 256  # robots in all from which other threads pay off

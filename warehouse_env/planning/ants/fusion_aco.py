@@ -15,12 +15,7 @@ from warehouse_env.planning.ants.aco import AntSystem, goal_distance, power
 from warehouse_env.planning.ants.colony import Colony
 from warehouse_env.planning.ants.walks import AntFloor, Table, Walks, deposit
 from warehouse_env.planning.field_walkers import follow
-from warehouse_env.planning.potential_field import (
-    alignment,
-    improved_force,
-    intermediate_point,
-    repulsion,
-)
+from warehouse_env.planning.potential_field import alignment, improved_force, intermediate_point, repulsion
 
 
 @dataclass(frozen=True)

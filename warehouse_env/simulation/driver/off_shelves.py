@@ -6,12 +6,7 @@ import numpy as np
 
 from warehouse_env.kernel import inline, part
 from warehouse_env.simulation.driver.driving import NARROW
-from warehouse_env.simulation.physics.footprint import (
-    body_touches_shelf,
-    disc_room,
-    sweep_is_free,
-    touches_obstacle,
-)
+from warehouse_env.simulation.physics.footprint import body_touches_shelf, disc_room, sweep_is_free, touches_obstacle
 from warehouse_env.simulation.physics.geometry import Pose, body_of, grown
 from warehouse_env.simulation.physics.kinematics import (
     approach,

@@ -11,16 +11,7 @@ from numpy.typing import NDArray
 from warehouse_env.kernel import inline
 from warehouse_env.observation import NEIGHBOUR
 from warehouse_env.simulation.driver.line import way_point
-from warehouse_env.simulation.physics.buckets import (
-    CENTRE_X,
-    CENTRE_Y,
-    COS,
-    SEARCH,
-    SILENT,
-    SIN,
-    SPEED,
-    bucket_at,
-)
+from warehouse_env.simulation.physics.buckets import CENTRE_X, CENTRE_Y, COS, SEARCH, SILENT, SIN, SPEED, bucket_at
 from warehouse_env.simulation.physics.discs import scan_discs
 from warehouse_env.simulation.physics.floor import padded_cell
 from warehouse_env.simulation.physics.geometry import ray_to_rectangle

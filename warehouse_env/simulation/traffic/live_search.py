@@ -15,13 +15,7 @@ from warehouse_env.routes.lanes import drivable_line
 from warehouse_env.simulation.traffic.ants import Trails, send_ants
 from warehouse_env.simulation.traffic.prices import PriceCache, Prices, ReplanQuery
 from warehouse_env.simulation.traffic.replan_search import Labels, find_way
-from warehouse_env.simulation.traffic.route_occupancy import (
-    NOTHING,
-    RouteOccupancy,
-    Site,
-    keep_all_up,
-    keep_up,
-)
+from warehouse_env.simulation.traffic.route_occupancy import NOTHING, RouteOccupancy, Site, keep_all_up, keep_up
 
 HORIZON = 40 * UNIT  # from a robot, up to which it looks; from there its way is the shortest
 NEAR = 25.0  # [m] from the end of what is laid of a route at which a robot is near it
