@@ -70,8 +70,6 @@ class Advise(Fleet, Work, RowOptions, OwnSensors):
     """Planner of the routes; the default is exact, since ant colonies plan longer than robots drive on large floors."""
     seed: int = 0
     """First seed; the others count up from it."""
-    json: Path | None = None
-    """File for the rows, one per episode, as JSON lines (OUT/rows.jsonl)."""
     out: Path = Path("results/advice")
     """Folder for the rows and the page."""
 
@@ -94,7 +92,7 @@ class Advise(Fleet, Work, RowOptions, OwnSensors):
         plan = dataclasses.replace(self._plan(grid), narrow=narrow)
         self._check(plan)
         plan = dataclasses.replace(plan, most=most_with_a_start(plan))
-        with self.file_of(self.json or self.out / "rows.jsonl") as file, closing(self.workers()) as workers:
+        with self.file() as file, closing(self.workers()) as workers:
             plan = dataclasses.replace(plan, processes=workers.width)
             clock, begin = TimeBudget(None if self.episodes else self.minutes), time.monotonic()
             with (

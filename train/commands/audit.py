@@ -15,15 +15,14 @@ from train.evaluation.audit.instants import OVERLAPS
 from train.evaluation.audit.watcher import Audit
 from train.evaluation.disturbances import known
 from train.evaluation.episodes import TICK, EpisodesJob
-from train.evaluation.jobs import Job, Result, Runner, Tick
+from train.evaluation.jobs import Job, Result, Tick
 from train.evaluation.rollout import run
-from train.evaluation.workers import GOES_ON
 from train.fleet.driven import load_simulated
 from train.reporting.report import Table, grouped, number
 from train.reporting.rows import Row, short_names
 from warehouse_env import __version__
 from warehouse_env.errors import ConfigError, counted
-from warehouse_env.files import check_writable, whereabouts, write_text
+from warehouse_env.files import whereabouts
 from warehouse_env.simulation.record.recording import Episode
 
 _SHOWN = 20  # faults in words; the rows have them all
@@ -47,16 +46,7 @@ class AuditCommand(Episodes):
 
     def run(self) -> None:
         """Audit all, print the table and the faults, write the rows and the table; exit with 1 if there is a fault."""
-        jobs = self._jobs()
-        check_writable(self.out / "table.md")
-        with (
-            self.file_of(self.rows_path, resumes=not self.files) as file,
-            Runner(file, file.old(), self.workers(), goes_on=GOES_ON) as run,
-        ):
-            rows = run(jobs)
-        table = audit_table(rows)
-        table.print()
-        write_text(self.out / "table.md", table.markdown())
+        rows = self.tabulate(self._jobs(), audit_table, resumes=not self.files)
         faults = sum(map(faults_of, rows))
         for sentence in itertools.islice(sentences(rows), _SHOWN):
             print(sentence)

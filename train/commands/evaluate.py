@@ -10,12 +10,13 @@ from typing import Annotated, Any, ClassVar
 
 from train.commands.layouts import BY_MAP
 from train.evaluation.disturbances import DISTURBANCES, UNDISTURBED, known
-from train.evaluation.episodes import play
+from train.evaluation.episodes import EpisodesJob
 from train.evaluation.fixed_set import SHIPPED, VERSION, benchmark_tables, experiments
+from train.evaluation.jobs import Job
 from train.evaluation.places import NOTES, PAGE
 from train.evaluation.robustness import robust_table
 from train.evaluation.rollout import Experiment, make_experiment
-from train.evaluation.workers import GOES_ON, RowOptions
+from train.evaluation.workers import RowOptions
 from train.job_files import OwnSensors
 from train.kinds import Fleet, Work
 from train.learning.config import HELD_OUT_SEED
@@ -91,28 +92,18 @@ class Driven(Checked):
 class Episodes(Working, RowOptions, Driven):
     """Options of the episodes to drive and of the files to write."""
 
-    json: Path | None = None
-    """File for the rows, one per episode, as JSON lines (default: OUT/rows.jsonl)."""
     out: Path = Path("results/evaluate")
     """Folder for the rows, the table and the pictures."""
 
-    @property
-    def rows_path(self) -> Path:
-        """Where the rows go."""
-        return self.json or self.out / "rows.jsonl"
-
     def tabulate(
-        self, experiments: Sequence[Experiment], table_of: Callable[[Sequence[Row]], Table],
-        notes: RowFile | None = None,
+        self, jobs: Sequence[Job], table_of: Callable[[Sequence[Row]], Table], notes: RowFile | None = None,
+        resumes: bool = True,
     ) -> list[Row]:  # fmt: skip
-        """Play the experiments, print and write the table and the rows; return the rows."""
-        table_path = self.out / "table.md"
-        check_writable(table_path)
-        with self.file_of(self.rows_path) as file:
-            rows = play(experiments, file, file.old(), self.workers(), notes, GOES_ON)
+        """Do the jobs, print and write the table and the rows; return the rows. notes, resumes: see `rows_of`."""
+        rows = self.rows_of(jobs, self.out / "table.md", notes, resumes=resumes)
         table = table_of(rows)
         table.print()
-        write_text(table_path, table.markdown())
+        write_text(self.out / "table.md", table.markdown())
         return rows
 
     def experiments(self, disturbance: str | None = None) -> list[Experiment]:
@@ -162,7 +153,8 @@ class Evaluate(Episodes):
             check_writable(self.report / PAGE)
         with RowFile(self.report and self.report / NOTES, keep=self.resume) as notes:
             noting = None if self.report is None else notes
-            rows = self.tabulate(experiments, lambda rows: evaluation_table(shown(rows)), noting)
+            jobs = [EpisodesJob(one, noted=noting is not None) for one in experiments]
+            rows = self.tabulate(jobs, lambda rows: evaluation_table(shown(rows)), noting)
         if self.pictures:
             from train.evaluation.pictures import evaluation_pictures
 
@@ -199,8 +191,7 @@ class Robust(Episodes):
     def run(self) -> None:
         """Play everything, print the table, write rows and table."""
         names = dict.fromkeys((UNDISTURBED, *map(known, self.disturbance)))
-        experiments = [experiment for name in names for experiment in self.experiments(name)]
-        self.tabulate(experiments, robust_table)
+        self.tabulate([EpisodesJob(one) for name in names for one in self.experiments(name)], robust_table)
         print(f"wrote the rows to {self.rows_path}, the table to {self.out}")
 
 
@@ -235,8 +226,6 @@ class Benchmark(RowOptions, OwnSensors):
     def _drive(self) -> list[Row]:
         # errors come before anything drives
         listed = [one for policy in dict.fromkeys(self.policy) for one in experiments(policy)]
-        check_writable(self.out / "table.md")
         tracks = [track for track, experiment in listed for _ in experiment.episodes]
-        with self.file_of(self.out / "rows.jsonl") as file:
-            rows = play([one for _, one in listed], file, file.old(), self.workers(), goes_on=GOES_ON)
+        rows = self.rows_of([EpisodesJob(one) for _, one in listed], self.out / "table.md")
         return [{**row, "track": track} for track, row in zip(tracks, rows, strict=True)]

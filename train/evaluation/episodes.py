@@ -7,10 +7,10 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from train.evaluation.jobs import Job, Result, Runner, Tick, Workers
+from train.evaluation.jobs import Job, Result, Tick
 from train.evaluation.places import PlaceNotes
 from train.evaluation.rollout import Experiment, Watcher, identity, run
-from train.reporting.rows import Row, RowFile
+from train.reporting.rows import Row
 from warehouse_env.simulation.simulator import Simulator
 
 TICK = 50  # steps between two notes of progress
@@ -83,21 +83,3 @@ class EpisodesJob(Job):
             return Result(run(self.experiment, [self.ticking(tick)]), [])
         places = PlaceNotes(self.experiment)
         return Result(run(self.experiment, [self.ticking(tick), places]), places.rows())
-
-
-def play(
-    experiments: Sequence[Experiment], file: RowFile, old: Sequence[Row] = (), workers: Workers | None = None,
-    notes: RowFile | None = None, goes_on: str = "",
-) -> list[Row]:  # fmt: skip
-    """Play experiments and write rows as episodes end; return all rows.
-
-    Episodes whose rows are among `old` are not played again. notes: the file for what `PlaceNotes` notes of the others.
-    workers, goes_on: see `Runner`.
-    """
-
-    def hear(number: int, noted: list[Row]) -> None:
-        if notes is not None:
-            notes.add(noted)
-
-    with Runner(file, old, workers, goes_on=goes_on, hear=hear) as runner:
-        return runner([EpisodesJob(one, notes is not None) for one in experiments])

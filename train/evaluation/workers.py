@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
 from train.evaluation.cluster import Cluster, check_address
-from train.evaluation.jobs import Here, Workers
+from train.evaluation.jobs import Here, Job, Runner, Workers
 from train.evaluation.kernels import compile_missing
 from train.evaluation.processes import Processes
-from train.reporting.rows import RowFile
+from train.reporting.rows import Row, RowFile
 from warehouse_env.checked import Checked
 from warehouse_env.errors import ConfigError
+from warehouse_env.files import check_writable
 
 GOES_ON = "the same command with --resume goes on"
 
@@ -30,6 +32,10 @@ class RowOptions(Checked):
     """Keep the rows in the file, and do only what is missing."""
     overwrite: bool = False
     """Replace the rows in the file."""
+    json: Path | None = None
+    """File for the rows, as JSON lines (default: rows.jsonl in the folder of the table)."""
+    out: Path = Path("results")
+    """Folder for the rows, and for what shows them."""
 
     usual_processes: ClassVar[int] = 1
 
@@ -44,6 +50,16 @@ class RowOptions(Checked):
             )
         check_address(self.ray)
 
+    @property
+    def folder(self) -> Path:
+        """Where everything goes."""
+        return self.out
+
+    @property
+    def rows_path(self) -> Path:
+        """Where the rows go."""
+        return self.json or self.folder / "rows.jsonl"
+
     def workers(self) -> Workers:
         """Return the workers, for a Runner, which stops them."""
         if self.ray is not None:
@@ -51,8 +67,28 @@ class RowOptions(Checked):
         processes = self.processes or self.usual_processes
         return Here() if processes == 1 else Processes(processes)
 
-    def file_of(self, path: Path, resumes: bool = True) -> RowFile:
+    def file(self, resumes: bool = True) -> RowFile:
         """Return the file of the rows, a context that refuses to replace any; resumes: whether --resume helps."""
         kept = "--resume keeps them and goes on, " * resumes
         advice = "" if self.overwrite else f"{kept}--overwrite replaces them, another --out leaves them alone"
-        return RowFile(path, self.resume, advice)
+        return RowFile(self.rows_path, self.resume, advice)
+
+    def rows_of(
+        self, jobs: Sequence[Job], page: Path, notes: RowFile | None = None, *, mixed: bool = False,
+        resumes: bool = True,
+    ) -> list[Row]:  # fmt: skip
+        """Do what is missing of jobs; return all rows, in order. WarehouseError if `page` could not be written then.
+
+        notes: the file for `Result.more`, more rows. mixed: see `Runner`. resumes: see `file`.
+        """
+        check_writable(page)
+
+        def hear(number: int, more: list[Row]) -> None:
+            if notes is not None:
+                notes.add(more)
+
+        with (
+            self.file(resumes) as file,
+            Runner(file, file.old(), self.workers(), goes_on=GOES_ON, mixed=mixed, hear=hear) as run,
+        ):
+            return run(jobs)

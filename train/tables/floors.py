@@ -54,7 +54,7 @@ class FloorsTable(TableOptions):
 
     def run(self) -> None:
         """Drive what is missing, then write the tables."""
-        rows = self.rows_of([EpisodesJob(one) for one in self.experiments()])
+        rows = self.rows_of([EpisodesJob(one) for one in self.experiments()], self.page, mixed=True)
         table = floors_table(rows, self.policy)
         table.print()
         self.write("Policies on many floors", [table])

@@ -8,12 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
-from train.evaluation.jobs import Job, Runner
 from train.evaluation.rollout import MOST
-from train.evaluation.workers import GOES_ON, RowOptions
+from train.evaluation.workers import RowOptions
 from train.reporting.report import Table
-from train.reporting.rows import Row
-from warehouse_env.files import check_writable, write_text
+from warehouse_env.files import write_text
 
 PAGE = "README.md"
 
@@ -27,8 +25,6 @@ class TableOptions(RowOptions):
 
     seed: int = 0
     """Seed of the runs; named maps are fixed."""
-    json: Path | None = None
-    """File for the rows, as JSON lines (rows.jsonl in the table's folder if left out)."""
     out: Path = Path("results/tables")
     """Folder for the rows and the page; each command but `papers` has its own folder in it."""
     ranges: ClassVar = {"seed": (0, 2**62), "runs": (1, MOST)}
@@ -39,21 +35,12 @@ class TableOptions(RowOptions):
         return self.out / self.name
 
     @property
-    def rows_path(self) -> Path:
-        """Where the rows go."""
-        return self.json or self.folder / "rows.jsonl"
-
-    def rows_of(self, jobs: Sequence[Job]) -> list[Row]:
-        """Return the rows of jobs, in their order; WarehouseError if the page cannot be written."""
-        check_writable(self.folder / PAGE)
-        with (
-            self.file_of(self.rows_path) as file,
-            Runner(file, file.old(), self.workers(), goes_on=GOES_ON, mixed=True) as run,
-        ):
-            return run(jobs)
+    def page(self) -> Path:
+        """The page of the tables."""
+        return self.folder / PAGE
 
     def write(self, title: str, tables: Sequence[Table], text: str = "") -> None:
         """Write the page: the title, some Markdown, and the tables; say where it is."""
         shown = "\n".join(table.markdown() for table in tables)
-        write_text(self.folder / PAGE, f"# {title}\n\n{text}{shown}")
-        print(f"wrote the tables to {self.folder / PAGE}, the rows to {self.rows_path}")
+        write_text(self.page, f"# {title}\n\n{text}{shown}")
+        print(f"wrote the tables to {self.page}, the rows to {self.rows_path}")

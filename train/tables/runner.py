@@ -114,7 +114,8 @@ class Studies(TableOptions):
     def made(self) -> list[Row]:
         """Run what is missing and write the page; return the rows."""
         chosen = self.chosen()
-        rows = self.rows_of([block for file, study in chosen for block in self.blocks(file, study)])
+        blocks = [block for file, study in chosen for block in self.blocks(file, study)]
+        rows = self.rows_of(blocks, self.page, mixed=True)
         text, tables, verdicts = f"{INTERVALS}\n\n", list[Table](), list[ClaimVerdict]()
         for _, study in chosen:
             figures = TableFigures(study.name, rows)

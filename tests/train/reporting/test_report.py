@@ -187,12 +187,12 @@ def test_rows_are_replaced_only_where_that_is_said(tmp_path: Path) -> None:
     path = tmp_path / "rows.jsonl"
     RowFile(path).add([{"a": 1}, {"a": 2}])
     with pytest.raises(WarehouseError, match=r"rows.jsonl holds 2 rows already: --resume .* --overwrite"):
-        RowOptions().file_of(path).__enter__()
+        RowOptions(json=path).file().__enter__()
     assert [one["a"] for one in read_rows(path)] == [1, 2]
     assert {one.name for one in tmp_path.iterdir()} == {"rows.jsonl"}  # and the lock is gone
-    with RowOptions(resume=True).file_of(path) as file:
+    with RowOptions(json=path, resume=True).file() as file:
         file.add([{"a": 3}])
-    with RowOptions(overwrite=True).file_of(path) as file:
+    with RowOptions(json=path, overwrite=True).file() as file:
         file.add([{"a": 4}])
     assert [one["a"] for one in read_rows(path)] == [4]
 
