@@ -17,7 +17,7 @@ from typing import Any, ClassVar, Literal, TypeVar, Union, get_args, get_origin,
 
 import numpy as np
 
-from warehouse_env.errors import ConfigError, shown, unknown_name
+from warehouse_env.errors import ConfigError, check_known, shown
 
 T = TypeVar("T")
 
@@ -133,10 +133,7 @@ def check_names(what: str, given: Any, owner: Any) -> None:
     """Raise ConfigError unless `given` is a dict, with near matches for a key that is no field of dataclass `owner`."""
     if not isinstance(given, dict):
         raise ConfigError(f"{what}s must be an object of names and values, not {shown(given)}")
-    known = [field.name for field in dataclasses.fields(owner)]
-    for name in given:
-        if name not in known:
-            raise unknown_name(what, name, known)
+    check_known(what, given, [field.name for field in dataclasses.fields(owner)])
 
 
 def parse_named(text: Any, kind: str, example: str) -> tuple[Any, dict[str, Any]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from typing import Any, SupportsInt
 
 _SHOWN = 80  # characters of a wrong value that an error repeats
@@ -64,3 +64,10 @@ def unknown_name(kind: str, name: Any, known: Iterable[str]) -> ConfigError:
     near = difflib.get_close_matches(name[:_SHOWN], names, n=3, cutoff=0.5) if isinstance(name, str) else []
     hint = f"did you mean {' or '.join(near)}?" if near else f"known: {', '.join(names)}"
     return ConfigError(f"unknown {kind} {shown(name)}; {hint}")
+
+
+def check_known(kind: str, names: Iterable[Any], known: Collection[Any]) -> None:
+    """Raise `unknown_name` for the first of `names` that is not known."""
+    for name in names:
+        if name not in known:
+            raise unknown_name(kind, name, known)

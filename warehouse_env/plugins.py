@@ -22,7 +22,7 @@ from types import ModuleType
 from typing import Any, NamedTuple
 
 from warehouse_env.checked import parse_named
-from warehouse_env.errors import ConfigError, WarehouseError, shown, unknown_name
+from warehouse_env.errors import ConfigError, WarehouseError, check_known, shown, unknown_name
 from warehouse_env.files import STAGED, file_digest, whereabouts
 
 _NAME = re.compile(r"(?P<home>[^:]+\.py|(?:[^\W\d]\w*)(?:\.[^\W\d]\w*)*):(?P<name>[^\W\d]\w*)(?::(?P<rest>.*))?", re.S)
@@ -92,9 +92,7 @@ def make(text: Any, kind: str, registry: Mapping[str, Any], parameters: Mapping[
     chosen, known = {**named, **parameters}, [*inspect.signature(registry[name]).parameters][len(given) :]
     if chosen and not known:
         raise ConfigError(f"{kind} {name} takes no parameters; leave out {', '.join(chosen)}")
-    for parameter in chosen:
-        if parameter not in known:
-            raise unknown_name(f"parameter of {kind} {name!r}:", parameter, known)
+    check_known(f"parameter of {kind} {name!r}:", chosen, known)
     with running(name) if name in LOADED else nullcontext():
         return registry[name](*given, **chosen)
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Literal
 
 from warehouse_env.checked import CheckedPart, from_plain, parse_named
-from warehouse_env.errors import unknown_name
+from warehouse_env.errors import check_known
 
 OWN = "own"  # in a text: the traffic that a policy needs
 
@@ -57,8 +57,7 @@ def read_traffic(text: str, own: TrafficSpec | None = None) -> TrafficSpec:
     """
     name, switches = parse_named(text, "traffic", "rules:routes=false")
     known = TRAFFIC if own is None else {OWN: own, **TRAFFIC}
-    if name not in known:
-        raise unknown_name("traffic", name, known)
+    check_known("traffic", [name], known)
     return from_plain(TrafficSpec, {**vars(known[name]), **switches})
 
 

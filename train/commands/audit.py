@@ -13,7 +13,7 @@ import tyro
 from train.commands.evaluate import Episodes
 from train.evaluation.audit.instants import OVERLAPS
 from train.evaluation.audit.watcher import Audit
-from train.evaluation.disturbances import known
+from train.evaluation.disturbances import DISTURBANCES
 from train.evaluation.episodes import TICK, EpisodesJob
 from train.evaluation.jobs import Job, Result, Tick
 from train.evaluation.rollout import run
@@ -21,7 +21,7 @@ from train.fleet.driven import load_simulated
 from train.reporting.report import Table, grouped, number
 from train.reporting.rows import Row, short_names
 from warehouse_env import __version__
-from warehouse_env.errors import ConfigError, counted
+from warehouse_env.errors import ConfigError, check_known, counted
 from warehouse_env.files import whereabouts
 from warehouse_env.simulation.record.recording import Episode
 
@@ -67,8 +67,8 @@ class AuditCommand(Episodes):
             configs = [episode.config for _, episode in episodes]
             jobs: list[Job] = [RecordedEpisode(path, len(episode.actions)) for path, episode in episodes]
         else:
-            disturbances = tuple(map(known, self.disturbance)) or (None,)
-            experiments = [one for name in disturbances for one in self.experiments(name)]
+            check_known("disturbance", self.disturbance, DISTURBANCES)
+            experiments = [one for name in self.disturbance or (None,) for one in self.experiments(name)]
             configs = [one.config for one in experiments]
             jobs = [DrivenEpisodes(one) for one in experiments]
         for config in configs:  # raises before anything drives

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
 from train.commands.layouts import BY_MAP
-from train.evaluation.disturbances import DISTURBANCES, UNDISTURBED, known
+from train.evaluation.disturbances import DISTURBANCES, UNDISTURBED
 from train.evaluation.episodes import EpisodesJob
 from train.evaluation.fixed_set import SHIPPED, VERSION, benchmark_tables, experiments
 from train.evaluation.jobs import Job
@@ -25,7 +25,7 @@ from train.reporting.report import Table, evaluation_table, require_charts
 from train.reporting.rows import Row, RowFile, read_rows, whole_rows
 from warehouse_env.checked import Checked
 from warehouse_env.config import ArrivalMode, EnvConfig
-from warehouse_env.errors import ConfigError
+from warehouse_env.errors import ConfigError, check_known
 from warehouse_env.files import check_writable, write_text
 from warehouse_env.maps.layouts import make_layout
 from warehouse_env.planning import make_planner
@@ -190,7 +190,8 @@ class Robust(Episodes):
 
     def run(self) -> None:
         """Play everything, print the table, write rows and table."""
-        names = dict.fromkeys((UNDISTURBED, *map(known, self.disturbance)))
+        check_known("disturbance", self.disturbance, DISTURBANCES)
+        names = dict.fromkeys((UNDISTURBED, *self.disturbance))
         self.tabulate([EpisodesJob(one) for name in names for one in self.experiments(name)], robust_table)
         print(f"wrote the rows to {self.rows_path}, the table to {self.out}")
 

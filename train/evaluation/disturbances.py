@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 
 from agents.policy import Observation
 from warehouse_env.config import EnvConfig, RobotSpec
-from warehouse_env.errors import unknown_name
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.observation import observation_layout
 from warehouse_env.simulation.simulator import Simulator
@@ -96,13 +95,6 @@ DISTURBANCES: dict[str, Disturbance] = {
     "people": Disturbance("4 people walk", {"people": 4}),
     "many_people": Disturbance("12 people walk", {"people": 12}),
 }
-
-
-def known(name: str) -> str:
-    """Return the name of a disturbance; WarehouseError that lists them all for any other."""
-    if name not in DISTURBANCES:
-        raise unknown_name("disturbance", name, DISTURBANCES)
-    return name
 
 
 class Senses:

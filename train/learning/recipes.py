@@ -21,7 +21,7 @@ from agents.weights_folder import read_record
 from train.learning.config import DRAWN, PPOConfig, ReinforceConfig, ThreadedPPOConfig, TrainingConfig
 from train.reporting.rows import Row, read_rows
 from warehouse_env.checked import from_plain
-from warehouse_env.errors import WeightsError, unknown_name
+from warehouse_env.errors import WeightsError, check_known
 from warehouse_env.files import read_json
 
 # As in the papers, routes are fixed and the policy alone avoids collisions: no shield, live routes or shared rewards.
@@ -72,8 +72,7 @@ RECIPES: dict[str, tuple[type[TrainingConfig], dict[str, Any]]] = {
 
 def by_recipe(recipe: str, **options: Any) -> Any:
     """Return the options of a recipe's trainer; those that are given override it. ConfigError for no recipe."""
-    if recipe not in RECIPES:
-        raise unknown_name("recipe", recipe, RECIPES)
+    check_known("recipe", [recipe], RECIPES)
     kind, changes = RECIPES[recipe]
     return kind(**({"name": recipe, "recipe": recipe} | changes | options))
 

@@ -20,7 +20,7 @@ from train.evaluation.rollout import POLICY_STREAM, config_of
 from train.kinds import Kinds
 from warehouse_env.checked import Checked, check_names, from_plain
 from warehouse_env.config import EnvConfig
-from warehouse_env.errors import ConfigError, shown, unknown_name
+from warehouse_env.errors import ConfigError, check_known, shown, unknown_name
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import LAYOUTS, make_layout
 from warehouse_env.render.replay import moment_of, station_cells
@@ -77,8 +77,7 @@ def read_command(message: bytes) -> Command:
     if not isinstance(data, dict) or not isinstance(data.get("do"), str):
         raise ConfigError(f'a message must be a JSON object that says what to "do", not {shown(data)}')
     name = data.pop("do")
-    if name not in COMMANDS:
-        raise unknown_name("command", name, COMMANDS)
+    check_known("command", [name], COMMANDS)
     kind = COMMANDS[name]
     check_names(f"{name} parameter", data, kind)
     return from_plain(kind, data)
@@ -119,8 +118,7 @@ class LiveFloors:
         """Return a floor of `names`; pages cannot name files."""
         if name == self.first:
             return self._given
-        if name not in self.names:
-            raise unknown_name("floor", name, self.names)
+        check_known("floor", [name], self.names)
         return make_layout(name)
 
 

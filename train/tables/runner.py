@@ -23,7 +23,7 @@ from train.tables.options import TableOptions
 from train.tables.published import against_published
 from train.tables.study import ClaimVerdict, PrintedLine, TableStudy, TableSystem, TableTask
 from train.tables.verdicts import RULE, judge, verdict_counts
-from warehouse_env.errors import unknown_name
+from warehouse_env.errors import check_known
 
 PLANNING = ("warehouse_env/maps", "warehouse_env/planning")  # the code that makes a plan
 EXPERIMENT = (*PLANNING, "train/tables")  # the code that makes an experiment's row
@@ -158,9 +158,7 @@ class PapersTable(Studies):
 
     def chosen(self) -> list[tuple[str, TableStudy]]:
         """Return the tables of the named papers; WarehouseError for a wrong name."""
-        for name in self.papers:
-            if name not in PAPERS:
-                raise unknown_name("paper", name, PAPERS)
+        check_known("paper", self.papers, PAPERS)
         return [(file, study) for file in dict.fromkeys(self.papers or PAPERS) for study in studies_of(file).values()]
 
 

@@ -11,7 +11,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from warehouse_env.config import EnvConfig, EnvOptions
-from warehouse_env.errors import ActionError, ConfigError, shown, unknown_name
+from warehouse_env.errors import ActionError, ConfigError, check_known, shown
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning.plan import Planner
 from warehouse_env.routes.book import RouteBook
@@ -76,9 +76,7 @@ def assignments_of(options: object, robots: Sequence[int], one: bool = False) ->
     given = {} if options is None else options
     if not isinstance(given, Mapping):
         raise ConfigError(f"options={shown(options)} must be a dict of {', '.join(_RESET)}")
-    for name in given:
-        if name not in _RESET:
-            raise unknown_name("option of a reset", name, _RESET)
+    check_known("option of a reset", given, _RESET)
     count = given.get("num_agents")
     if count is not None and {check_count("num_agents", count)} != set(robots):
         raise ConfigError(f"only parallel_env and aec_env change their number of robots, to {count} or any other")

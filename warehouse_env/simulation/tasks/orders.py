@@ -24,7 +24,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from warehouse_env.errors import ConfigError, MapWarning, WarehouseError, shown, unknown_name
+from warehouse_env.errors import ConfigError, MapWarning, WarehouseError, check_known, shown
 from warehouse_env.files import as_number, complete_file, read_text
 from warehouse_env.maps.grid_map import Cell, GridMap
 
@@ -213,6 +213,5 @@ ALLOCATORS: dict[str, Allocator] = {"nearest": nearest, "fifo": fifo, "optimal":
 
 def make_allocator(name: str) -> Allocator:
     """Return a rule by its name; ConfigError, with near matches, for an unknown one."""
-    if name not in ALLOCATORS:
-        raise unknown_name("allocation", name, ALLOCATORS)
+    check_known("allocation", [name], ALLOCATORS)
     return ALLOCATORS[name]
