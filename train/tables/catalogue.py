@@ -12,7 +12,6 @@ from functools import cache, partial
 from pathlib import Path
 
 from train.tables.papers import avoidance, coordinator, settings
-from train.tables.papers.settings import pairs_on_floors
 from train.tables.study import Experiment, TableSetting, TableStudy
 from warehouse_env.checked import from_plain
 from warehouse_env.planning import PLANNERS
@@ -20,20 +19,11 @@ from warehouse_env.planning import PLANNERS
 FOLDER = Path(__file__).parent / "studies"
 PAPERS = ("000", "001", "002", "003", "004")
 
-SETTINGS: dict[str, Callable[[], tuple[TableSetting, ...]]] = {
-    "in_zone": settings.in_zone,
-    "cross_zone": settings.cross_zone,
-    "clutter_and_blocks": settings.clutter_and_blocks,
-    "walker_floors": settings.walker_floors,
-    "six_agvs": coordinator.six_agvs,
-    "paper002_floors": settings.paper002_floors,
-    "moving_obstacle": avoidance.settings,
-    "traps_and_clutter": settings.traps_and_clutter,
-    "more_clutter": settings.more_clutter,
-    "floors_of_references": settings.floors_of_references,
-    "shares_of_obstacles": settings.shares_of_obstacles,
-    "pairs_on_floors": pairs_on_floors,
-}
+SETTINGS: dict[str, Callable[[], tuple[TableSetting, ...]]] = {made.__name__: made for made in (
+    settings.in_zone, settings.cross_zone, settings.clutter_and_blocks, settings.walker_floors, coordinator.six_agvs,
+    settings.paper002_floors, avoidance.moving_obstacle, settings.traps_and_clutter, settings.more_clutter,
+    settings.floors_of_references, settings.shares_of_obstacles, settings.pairs_on_floors,
+)}  # fmt: skip
 EXPERIMENTS: dict[str, Experiment] = {
     "each alone": coordinator.on_grid,
     "coordinator": partial(coordinator.on_grid, aside=True, new_route=True),

@@ -165,7 +165,7 @@ def obstacles(seed: int) -> dict[str, TableTask]:
     return {kind: TableTask(grid, START, GOAL, (one,)) for kind, one in ends.items()}
 
 
-def settings() -> tuple[TableSetting, ...]:
+def moving_obstacle() -> tuple[TableSetting, ...]:
     """Return the floors with an obstacle that stands, crosses, or comes towards the robot."""
     every = [obstacles(seed) for seed in range(MAPS)]
     return tuple(TableSetting(kind, tuple(one[kind] for one in every)) for kind in (STANDING, CROSSING, ONCOMING))

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from warehouse_env.config import EnvConfig
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.maps.moves import label_regions
-from warehouse_env.simulation.tasks.sampled import body_reach, covered, disc_of
+from warehouse_env.simulation.tasks.sampled import covered, disc_of
 
 APART = 0.3  # [m] between the bodies of two that stand at neighbouring places, at any headings
 
@@ -30,7 +30,7 @@ def standing_places(grid: GridMap, config: EnvConfig, count: int) -> list[Cell]:
     inside = np.zeros(grid.shape, dtype=np.bool_)
     inside[tuple(grid.free_cells.T)] = True
     order = _by_use(grid, config, disc, inside)
-    apart = (2 * body_reach(config) + APART) / grid.cell_size
+    apart = (2 * config.widest_body.farthest + APART) / grid.cell_size
     free, chosen = inside.copy(), list[Cell]()
     for cell in order:
         if len(chosen) == count:

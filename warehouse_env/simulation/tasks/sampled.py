@@ -31,16 +31,10 @@ from warehouse_env.simulation.tasks.tasks import Tasks
 MARGIN = 0.05  # [m] between a passing body and the disc of a parked one
 
 
-def body_reach(config: EnvConfig) -> float:
-    """Return the largest distance [m] of a body's point from the front axle."""
-    robot = config.widest_body
-    return math.hypot(max(robot.rear_reach, robot.front_overhang), robot.width / 2)
-
-
 def disc_of(config: EnvConfig, cell: float) -> NDArray[np.int64]:
     """Return int64[K, 2]: where (row, column), from a goal's cell, a parked body may bar a cell of `cell` [m]."""
     off = config.pose_radius if config.arrival == "pose" else config.arrival_radius
-    reach = (off + body_reach(config) + config.widest_body.width / 2 + MARGIN) / cell
+    reach = (off + config.widest_body.farthest + config.widest_body.width / 2 + MARGIN) / cell
     steps = np.arange(-math.floor(reach), math.floor(reach) + 1)
     offsets = np.stack(np.meshgrid(steps, steps, indexing="ij"), axis=-1).reshape(-1, 2)
     within: NDArray[np.int64] = offsets[(offsets**2).sum(axis=1) < reach * reach]
@@ -88,7 +82,7 @@ class OneShotTasks(Tasks):
         super().__init__(grid, config, state, world)
         self._disc = disc_of(config, grid.cell_size)
         self._reach = int((self._disc**2).sum(axis=1).max())  # squared [cells]
-        self._apart = (2 * body_reach(config) + float(GAP)) / grid.cell_size  # [cells] between starts
+        self._apart = (2 * config.widest_body.farthest + float(GAP)) / grid.cell_size  # [cells] between starts
         self._starts: list[Cell] = []
         self._ends = np.zeros((config.num_agents, 2), dtype=np.int64)  # the goals
 
