@@ -99,11 +99,8 @@ def _sizes(config: EnvConfig) -> dict[str, int]:
     """Return the numbers of each slice, in their order; 0 for an empty one."""
     sensor = config.sensor
     sizes = {
-        "lidar": sensor.rays,
-        "ego": EGO,
-        "route": 2 * sensor.route_points,
-        "neighbours": NEIGHBOUR * sensor.neighbours,
-    }
+        "lidar": sensor.rays, "ego": EGO, "route": 2 * sensor.route_points, "neighbours": NEIGHBOUR * sensor.neighbours,
+    }  # fmt: skip
     if sensor.predictions:
         sizes["predictions"] = len(config.speed_levels) * len(config.lateral_offsets)
     if sensor.extra is not None:

@@ -116,13 +116,9 @@ class WarehouseEnv(EnvBase):  # type: ignore[misc]
 
 
 def torchrl_env(
-    num_worlds: int = 1,
-    config: EnvConfig | None = None,
-    *,
-    device: str = "cpu",
-    seed: int | None = None,
-    **options: Unpack[WorldOptions],
-) -> WarehouseEnv:
+    num_worlds: int = 1, config: EnvConfig | None = None, *, device: str = "cpu", seed: int | None = None,
+    **options: Unpack[WorldOptions]
+) -> WarehouseEnv:  # fmt: skip
     """Return a TorchRL environment, e.g. `torchrl_env(64, num_agents=16, layout="open")`.
 
     device: "cpu" simulates everything; a GPU, as "cuda", what `tensor_env` does. seed: of the first reset.

@@ -22,15 +22,9 @@ _BETWEEN = "   "  # the parts of a caption
 
 
 def film(
-    path: str | os.PathLike[str],
-    *policies: str,
-    begin: float = 0.0,
-    seconds: float = 12.0,
-    speed: float = 2.0,
-    pixels: int = 368,
-    seed: int = 0,
-    **options: Unpack[ConfigChanges],
-) -> None:
+    path: str | os.PathLike[str], *policies: str, begin: float = 0.0, seconds: float = 12.0, speed: float = 2.0,
+    pixels: int = 368, seed: int = 0, **options: Unpack[ConfigChanges]
+) -> None:  # fmt: skip
     """Drive each policy from the same seed, and film them side by side into a .gif or .mp4 file.
 
     The film shows `seconds` [s] from `begin` on, `speed` times as fast as real time; the longest side of a floor is

@@ -106,14 +106,9 @@ def _table(track: str, rows: Sequence[Row], cases: Sequence[Case]) -> Table:
         lines.append((goals, (str(policy), _driven_with(own[0]), *_cells(goals, means, own))))
     lines.sort(key=lambda line: -line[0].mean)
     header = (
-        "policy",
-        "driven with",
-        "goals/robot-h",
-        *dict.fromkeys(group_of.values()),
-        "contacts/km",
-        "stuck %",
+        "policy", "driven with", "goals/robot-h", *dict.fromkeys(group_of.values()), "contacts/km", "stuck %",
         "stood s",
-    )
+    )  # fmt: skip
     return Table(f"{track}: {TRACKS[track]}", header, tuple(cells for _, cells in lines), NOTE)
 
 

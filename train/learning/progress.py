@@ -129,13 +129,9 @@ class ProgressLog:
             self._board.close()
 
     def update(
-        self,
-        steps: int,
-        seconds: float,
-        spent: float,
-        figures: Callable[[], dict[str, float]],
+        self, steps: int, seconds: float, spent: float, figures: Callable[[], dict[str, float]],
         losses: dict[str, float],
-    ) -> None:
+    ) -> None:  # fmt: skip
         """Note one update; every LOG_SECONDS, and at the end of the budget, a row is written.
 
         Args:

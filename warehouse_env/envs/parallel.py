@@ -201,13 +201,9 @@ class WarehouseSingleEnv(FilmedWorld, gymnasium.Env[NDArray[np.float32], Any]):
     bound = ("_infos",)
 
     def __init__(
-        self,
-        config: EnvConfig | None = None,
-        *,
-        others: Others | None = None,
-        render_mode: str | None = None,
-        **options: Unpack[WorldOptions],
-    ) -> None:
+        self, config: EnvConfig | None = None, *, others: Others | None = None, render_mode: str | None = None,
+        **options: Unpack[WorldOptions]
+    ) -> None:  # fmt: skip
         """Build one world from `config` with `options` put in.
 
         `others` maps the other robots' observations float32[N-1, D] to their actions [N-1] or [N-1, 2];

@@ -275,13 +275,9 @@ def _takes_world(method: Callable[..., Any], *arguments: Any, **options: Any) ->
 
 
 def vec_env(
-    num_worlds: int | Sequence[int] = 1,
-    config: EnvConfig | None = None,
-    *,
-    configs: Sequence[EnvConfig] | None = None,
-    render_mode: str | None = None,
-    **options: Unpack[WorldOptions],
-) -> WarehouseVecEnv:
+    num_worlds: int | Sequence[int] = 1, config: EnvConfig | None = None, *, configs: Sequence[EnvConfig] | None = None,
+    render_mode: str | None = None, **options: Unpack[WorldOptions]
+) -> WarehouseVecEnv:  # fmt: skip
     """Return a VecEnv of `num_worlds` worlds, e.g. `vec_env(64, num_agents=16, layout="narrow")`.
 
     `configs` mixes several warehouses (layouts, robot counts) in one VecEnv: `num_worlds` worlds of each, or a

@@ -18,20 +18,10 @@ LARGEST = 4096  # [cells] of a floor's side, which a robot crosses in an hour
 
 
 def blocks(
-    rows: int = 92,
-    columns: int = 92,
-    *,
-    block_rows: int = 2,
-    block_columns: int = 3,
-    aisle: int = 3,
-    cross: int = 6,
-    zone_rows: int = 4,
-    zone_columns: int = 3,
-    rim_rows: int = 3,
-    rim_columns: int = 5,
-    station_spacing: int = 4,
+    rows: int = 92, columns: int = 92, *, block_rows: int = 2, block_columns: int = 3, aisle: int = 3, cross: int = 6,
+    zone_rows: int = 4, zone_columns: int = 3, rim_rows: int = 3, rim_columns: int = 5, station_spacing: int = 4,
     corridor_stations: bool = True,
-) -> GridMap:
+) -> GridMap:  # fmt: skip
     """Return a floor of storage zones: regular shelf blocks between aisles, zones between cross corridors.
 
     rows, columns: size of the floor. block_rows, block_columns: size of a shelf block. aisle: width between blocks.

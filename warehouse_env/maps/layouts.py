@@ -66,32 +66,16 @@ def _rough_heights() -> NDArray[np.float32]:
 def narrow() -> GridMap:
     """Return a dense 46 x 46 floor: 11 x 4 shelf blocks of 2 x 9 cells, aisles and rims of 2 cells."""
     floor = blocks(
-        46,
-        46,
-        block_rows=2,
-        block_columns=9,
-        aisle=2,
-        cross=2,
-        zone_rows=11,
-        zone_columns=4,
-        rim_rows=2,
-        rim_columns=2,
-        corridor_stations=False,
-    )
+        46, 46, block_rows=2, block_columns=9, aisle=2, cross=2, zone_rows=11, zone_columns=4, rim_rows=2,
+        rim_columns=2, corridor_stations=False,
+    )  # fmt: skip
     return dataclasses.replace(floor, name="narrow")
 
 
 LAYOUTS: dict[str, Callable[..., GridMap]] = {
-    "paper46": paper46,
-    "paper46_rough": paper46_rough,
-    "narrow": narrow,
-    "single_lane": single_lane,
-    "open": open_floor,
-    "random": random_floor,
-    "aisles": aisles,
-    "blocks": blocks,
-    "pillars": pillars,
-}
+    "paper46": paper46, "paper46_rough": paper46_rough, "narrow": narrow, "single_lane": single_lane,
+    "open": open_floor, "random": random_floor, "aisles": aisles, "blocks": blocks, "pillars": pillars,
+}  # fmt: skip
 
 
 def _length(straight: int, diagonal: int) -> float:

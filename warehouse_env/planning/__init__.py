@@ -30,36 +30,15 @@ from warehouse_env.planning.swarms.fish_swarm import FishSwarm
 from warehouse_env.planning.swarms.waypoints import ParticleSwarm
 
 __all__ = [
-    "PLANNERS",
-    "BasePlanner",
-    "Plan",
-    "Planner",
-    "add_planner",
-    "climb",
-    "make_planner",
-    "min_turns",
-    "path_length",
-    "turns",
-    "validate",
-]
+    "PLANNERS", "BasePlanner", "Plan", "Planner", "add_planner", "climb", "make_planner", "min_turns", "path_length",
+    "turns", "validate",
+]  # fmt: skip
 
 PLANNERS: dict[str, Callable[..., Planner]] = {
-    "dijkstra": Dijkstra,
-    "astar": AStar,
-    "astar_turns": AStarTurns,
-    "theta_star": ThetaStar,
-    "apf": Apf,
-    "apf_improved": ApfImproved,
-    "aco": Aco,
-    "pf_aco": PfAco,
-    "apf_aco": ApfAco,
-    "fusion_aco": FusionAco,
-    "acs": Acs,
-    "shaa_acs": ShaaAcs,
-    "iaco": Iaco,
-    "pso": ParticleSwarm,
-    "afsa": FishSwarm,
-}
+    "dijkstra": Dijkstra, "astar": AStar, "astar_turns": AStarTurns, "theta_star": ThetaStar, "apf": Apf,
+    "apf_improved": ApfImproved, "aco": Aco, "pf_aco": PfAco, "apf_aco": ApfAco, "fusion_aco": FusionAco, "acs": Acs,
+    "shaa_acs": ShaaAcs, "iaco": Iaco, "pso": ParticleSwarm, "afsa": FishSwarm,
+}  # fmt: skip
 
 
 _MEMBERS = ("plan(grid, start, goal, rng, cost=None)", "takes_cost", "name", "key")  # of a Planner

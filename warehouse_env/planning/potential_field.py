@@ -85,14 +85,9 @@ def improved_force(push, energy, goal, gain, exponent):
     for row in range(rows):
         for col in range(cols):
             force[row, col] = force_at(
-                float(goal[0] - row),
-                float(goal[1] - col),
-                push[row, col, 0],
-                push[row, col, 1],
-                energy[row, col],
-                gain,
-                exponent,
-            )
+                float(goal[0] - row), float(goal[1] - col), push[row, col, 0], push[row, col, 1], energy[row, col],
+                gain, exponent,
+            )  # fmt: skip
     return force
 
 

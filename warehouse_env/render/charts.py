@@ -38,12 +38,9 @@ def draw_floor(ax: Axes, grid: GridMap) -> None:
 
 
 def paths(
-    grid: GridMap,
-    cells: Mapping[str, NDArray[np.number[Any]]],
-    title: str,
-    path: str | os.PathLike[str],
+    grid: GridMap, cells: Mapping[str, NDArray[np.number[Any]]], title: str, path: str | os.PathLike[str],
     notes: Mapping[str, str] | None = None,
-) -> None:
+) -> None:  # fmt: skip
     """Write a picture of planned paths: for each planner int[L, 2] cells (row, col), or the float[K, 2] of a line.
 
     notes: text beside a planner's name in the legend, such as length and turns.
@@ -73,11 +70,9 @@ def paths(
 
 
 def convergence(
-    best: Mapping[str, NDArray[np.floating[Any]]],
-    optimum: float,
-    path: str | os.PathLike[str],
+    best: Mapping[str, NDArray[np.floating[Any]]], optimum: float, path: str | os.PathLike[str],
     title: str = "Convergence",
-) -> None:
+) -> None:  # fmt: skip
     """Write convergence curves: for each planner float[runs, iterations], the best length so far [cells].
 
     The line is the median of all runs, the band their 10th to 90th percentile; both begin where that many runs have a

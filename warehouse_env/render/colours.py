@@ -26,16 +26,9 @@ _SPARE = (PURPLE, SKY, INDIGO, OLIVE, VERMILION, GREEN, ORANGE, BLUE)
 
 # fixed colours: a policy or planner has the same colour in every picture
 _NAMED: dict[str, RGB] = {
-    "follow": GREY,
-    "brake": ORANGE,
-    "reinforce": GREEN,
-    "ppo": BLUE,
-    "dijkstra": GREY,
-    "astar": SKY,
-    "astar_turns": PURPLE,
-    "aco": ORANGE,
-    "pf_aco": BLUE,
-}
+    "follow": GREY, "brake": ORANGE, "reinforce": GREEN, "ppo": BLUE, "dijkstra": GREY, "astar": SKY,
+    "astar_turns": PURPLE, "aco": ORANGE, "pf_aco": BLUE,
+}  # fmt: skip
 
 
 @lru_cache(maxsize=1024)

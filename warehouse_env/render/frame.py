@@ -64,22 +64,14 @@ def scene_of(simulator: Any, world: int = 0) -> Scene:
     parts = [simulator.grid.name, counted(len(counts), "robot"), counted(goals, "goal")]
     parts.append(counted(collisions, "collision"))
     return Scene(
-        grid=simulator.grid,
-        bodies=simulator.config.robots,
-        pose=np.array(state.pose[world]),
-        goal=np.array(state.goal[world], dtype=np.int64),
-        routes=routes,
+        grid=simulator.grid, bodies=simulator.config.robots, pose=np.array(state.pose[world]),
+        goal=np.array(state.goal[world], dtype=np.int64), routes=routes,
         touching=np.array(simulator.events.touching[world], dtype=np.bool_),
         alive=np.array(state.alive[world], dtype=np.bool_) if shifts is None else shifts[world].at_work(),
-        time=float(simulator.seconds(world)),
-        text="   ".join(parts),
-        steer=np.array(state.steer[world]),
-        waits_for=jams.waits_for[world],
-        deadlocked=jams.cycle[world] >= 0,
-        goal_pose=goal_poses(simulator, world),
-        loaded=None if shifts is None else shifts[world].carries.copy(),
-        people=places(simulator.people.persons[world]),
-    )
+        time=float(simulator.seconds(world)), text="   ".join(parts), steer=np.array(state.steer[world]),
+        waits_for=jams.waits_for[world], deadlocked=jams.cycle[world] >= 0, goal_pose=goal_poses(simulator, world),
+        loaded=None if shifts is None else shifts[world].carries.copy(), people=places(simulator.people.persons[world]),
+    )  # fmt: skip
 
 
 def route_ahead(route: NDArray[np.float32], driven: float) -> NDArray[np.float32]:

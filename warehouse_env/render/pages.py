@@ -145,11 +145,8 @@ def write_replay_page(path: Path, replays: Sequence[Replay], title: str) -> None
 def _about(replay: Replay, columns: list[dict[str, Any]]) -> dict[str, Any]:
     """Return what the page says of a replay beside the packed arrays, in JSON types."""
     return about_world(replay.name, replay.grid, replay.config, replay.seed) | {
-        "frames": len(replay.pose),
-        "seconds": replay.seconds,
-        "every": replay.every,
-        "packed": columns,
-    }
+        "frames": len(replay.pose), "seconds": replay.seconds, "every": replay.every, "packed": columns,
+    }  # fmt: skip
 
 
 def thinned(replay: Replay, most: int = MOST) -> Replay:
@@ -197,14 +194,9 @@ def live_page(title: str, near_miss_gap: float, about: dict[str, Any]) -> LivePa
         "connect-src 'self'; base-uri 'none'; form-action 'none'"
     )
     parts = {
-        "title": html.escape(title),
-        "policy": policy,
-        "near": f"{near_miss_gap:g}",
-        "style": style[1:-1],
-        "about": as_json(about),
-        "data": "",
-        "script": script[1:-1],
-    }
+        "title": html.escape(title), "policy": policy, "near": f"{near_miss_gap:g}", "style": style[1:-1],
+        "about": as_json(about), "data": "", "script": script[1:-1],
+    }  # fmt: skip
     return LivePage(assembled(LIVE, parts), f"{policy}; frame-ancestors 'none'")
 
 

@@ -62,17 +62,9 @@ Shares = Callable[[NDArray[np.float32]], NDArray[np.floating[Any]]]
 
 REWARD_TERMS = tuple(field.name for field in dataclasses.fields(RewardWeights))
 FLAGS = (
-    "alive",
-    "loaded",
-    "touching",
-    "deadlocked",
-    "arrived",
-    "hit_robot",
-    "hit_shelf",
-    "near_miss",
-    "hit_person",
+    "alive", "loaded", "touching", "deadlocked", "arrived", "hit_robot", "hit_shelf", "near_miss", "hit_person",
     "served",
-)
+)  # fmt: skip
 _STRAIGHT = 0.001  # [m] from a straight line within which a way-point is dropped
 
 
@@ -109,12 +101,9 @@ class Replay:
 
 
 def replay_of(
-    episode: Any,
-    name: str,
-    policy: Shares | None = None,
-    world: int = 0,
+    episode: Any, name: str, policy: Shares | None = None, world: int = 0,
     moved: Callable[[Any], object] = lambda _: None,
-) -> Replay:
+) -> Replay:  # fmt: skip
     """Run an episode again and keep what the page shows of one world.
 
     episode: an Episode of simulation/record/recording.py, or anything with its `config`, `grid`, `seeds`, `pose` and

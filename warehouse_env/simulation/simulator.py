@@ -81,15 +81,9 @@ class Simulator(Portable):
     )  # fmt: skip
 
     def __init__(
-        self,
-        config: EnvConfig,
-        num_worlds: int = 1,
-        *,
-        grid: GridMap | None = None,
-        planner: Planner | None = None,
-        routes: RouteBook | None = None,
-        orders: Sequence[Order] | None = None,
-    ) -> None:
+        self, config: EnvConfig, num_worlds: int = 1, *, grid: GridMap | None = None, planner: Planner | None = None,
+        routes: RouteBook | None = None, orders: Sequence[Order] | None = None,
+    ) -> None:  # fmt: skip
         """Build the worlds; call `reset` before the first step.
 
         grid, planner, orders: replace those that the config names; routes: a RouteBook shared with other simulators.

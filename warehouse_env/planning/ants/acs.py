@@ -146,13 +146,9 @@ class Acs(AntSystem):
         free = int(floor.legal.any(axis=1).sum())
         level = 1.0 / (max(free, 1) * (float(goal_distance(floor)[start]) + 1.0))
         return Colony(
-            np.full_like(eta, level),
-            lambda iteration: (eta, eta),
-            partial(self._update, floor),
-            greedy=lambda iteration: self.greed,
-            local_decay=self.local_decay,
-            local_level=level,
-        )
+            np.full_like(eta, level), lambda iteration: (eta, eta), partial(self._update, floor),
+            greedy=lambda iteration: self.greed, local_decay=self.local_decay, local_level=level,
+        )  # fmt: skip
 
     def heuristic_table(self, floor: AntFloor) -> Table:
         """(1/d)^beta float64[C, 8] of every edge."""

@@ -63,17 +63,9 @@ class Search(NamedTuple):
 
 
 def run(
-    floor: AntFloor,
-    colony: Colony,
-    start: int,
-    ants: int,
-    iterations: int,
-    rng: np.random.Generator,
-    *,
-    patience: int | None = None,
-    backtrack: bool = True,
-    appraise: Callable[[Walks], int] | None = None,
-) -> Search:
+    floor: AntFloor, colony: Colony, start: int, ants: int, iterations: int, rng: np.random.Generator, *,
+    patience: int | None = None, backtrack: bool = True, appraise: Callable[[Walks], int] | None = None,
+) -> Search:  # fmt: skip
     """Let ants walk from a cell to the goal on a floor of C cells, appraise their paths, and mark.
 
     The best path has the least (cost, turns). All random numbers follow from one draw of `rng`. patience: stop after so

@@ -51,11 +51,9 @@ class FusionAco(AntSystem):
         near = power(1.0 / goal_distance(floor), self.exponent)[floor.neighbour]
         cosine = alignment(self.force(grid, divmod(floor.goal, floor.columns))).reshape(-1, 8)
         return Colony(
-            pheromone=np.ones_like(near),
-            attraction=self._attraction(near, cosine),
-            update=partial(self._update, floor),
-            trail_power=self.trail_exponent,
-        )
+            pheromone=np.ones_like(near), attraction=self._attraction(near, cosine),
+            update=partial(self._update, floor), trail_power=self.trail_exponent,
+        )  # fmt: skip
 
     def force(self, grid: GridMap, goal: Cell) -> NDArray[np.float64]:
         """The resultant force on every cell float64[H, W, 2] (eq. 24), diverted round local minima if asked."""

@@ -122,14 +122,9 @@ def _descend(line, nodes, need, solid, weights):
 
 
 def smooth(
-    cells: NDArray[np.int64],
-    occupied: NDArray[np.bool_],
-    *,
-    deviation: float = 0.5,
-    length: float = 0.5,
-    clearance: float = 0.35,
-    power: int = 2,
-) -> NDArray[np.float64]:
+    cells: NDArray[np.int64], occupied: NDArray[np.bool_], *, deviation: float = 0.5, length: float = 0.5,
+    clearance: float = 0.35, power: int = 2,
+) -> NDArray[np.float64]:  # fmt: skip
     """Return the smoothed path float64[L, 2], (row, col) in cells, one node for each cell and the same ends.
 
     cells: int64[L, 2], a path by the moves of eq. 26; occupied: bool[H, W].

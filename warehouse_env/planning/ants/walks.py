@@ -78,14 +78,9 @@ class Walks(NamedTuple):
 def empty_walks(start: int, ants: int, cells: int) -> Walks:
     """Return room for the paths of ants from the cell `start` on a floor of `cells` cells; none has arrived yet."""
     return Walks(
-        np.full(ants, start, np.int64),
-        np.zeros((ants, cells), np.int8),
-        np.full(ants, -1, np.int64),
-        np.full(ants, np.inf),
-        np.zeros(ants, np.int64),
-        np.full(ants, np.inf),
-        np.full(ants, np.inf),
-    )
+        np.full(ants, start, np.int64), np.zeros((ants, cells), np.int8), np.full(ants, -1, np.int64),
+        np.full(ants, np.inf), np.zeros(ants, np.int64), np.full(ants, np.inf), np.full(ants, np.inf),
+    )  # fmt: skip
 
 
 @kernel

@@ -95,14 +95,9 @@ class FishSwarm(WaypointSwarm):
         return best, best_cost
 
     def _prey(
-        self,
-        paths: Paths,
-        place: Code,
-        cost: NDArray[np.float64],
-        hungry: NDArray[np.int64],
-        vision: float,
+        self, paths: Paths, place: Code, cost: NDArray[np.float64], hungry: NDArray[np.int64], vision: float,
         rng: np.random.Generator,
-    ) -> None:
+    ) -> None:  # fmt: skip
         """Move the hungry fish int64[h], in place."""
         edge = np.array(paths.shape) - 1.0
         for _ in range(self.tries):

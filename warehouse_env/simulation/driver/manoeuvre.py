@@ -88,11 +88,8 @@ def _margin_at(pose, margin, around):
 def _to_go(pose, goals, around):
     """Return (whether a goal is reached, seconds from there on; or estimated seconds to the best goal)."""
     least, arrived, long, large = (
-        np.float32(np.inf),
-        False,
-        around.p["length_scale"],
-        min(around.p["length_scale"], _LARGE),
-    )
+        np.float32(np.inf), False, around.p["length_scale"], min(around.p["length_scale"], _LARGE),
+    )  # fmt: skip
     for k in range(goals.shape[0]):
         c, s, after = goals[k, COSINE], goals[k, SINE], goals[k, COST]
         dx, dy, turn = pose.x - goals[k, X], pose.y - goals[k, Y], wrap(pose.heading - goals[k, HEADING])

@@ -64,20 +64,12 @@ class Met(NamedTuple):
 def make_sights(robots: int, rays: int, neighbours: int, commands: int, passages: int) -> Sights:
     """Return the scratch of sensing and predictions; commands, passages: 0 if there are no predictions."""
     return Sights(
-        np.empty((TURNED, rays), np.float32),
-        np.empty((robots if commands else 0, SAMPLES, POSE), np.float32),
-        np.empty((robots if commands else 0, SAMPLES, POSE), np.float32),
-        np.empty(neighbours, np.int32),
-        np.empty(neighbours, np.float32),
-        np.empty(commands, np.float32),
-        np.empty((commands, 3), np.float32),
-        np.empty((SAMPLES, POSE), np.float32),
-        np.empty(1, ROBOT),
-        np.zeros(on_routes.ROWS * LANES, np.float32),
-        np.empty(LANES, np.int32),
-        np.empty((passages, 2), np.int32),
-        np.empty(robots if commands else 0, np.float32),
-    )
+        np.empty((TURNED, rays), np.float32), np.empty((robots if commands else 0, SAMPLES, POSE), np.float32),
+        np.empty((robots if commands else 0, SAMPLES, POSE), np.float32), np.empty(neighbours, np.int32),
+        np.empty(neighbours, np.float32), np.empty(commands, np.float32), np.empty((commands, 3), np.float32),
+        np.empty((SAMPLES, POSE), np.float32), np.empty(1, ROBOT), np.zeros(on_routes.ROWS * LANES, np.float32),
+        np.empty(LANES, np.int32), np.empty((passages, 2), np.int32), np.empty(robots if commands else 0, np.float32),
+    )  # fmt: skip
 
 
 @inline

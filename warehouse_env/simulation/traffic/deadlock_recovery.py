@@ -77,13 +77,9 @@ def _write_way_back(r, p, avoid):
     for k in range(BEHIND_IT):
         behind = p["offset"] + np.float32(k + 1) * BEHIND_STEP * p["length_scale"]
         write_body(
-            motion["x"] - behind * motion["cos"],
-            motion["y"] - behind * motion["sin"],
-            motion["cos"],
-            motion["sin"],
-            p,
+            motion["x"] - behind * motion["cos"], motion["y"] - behind * motion["sin"], motion["cos"], motion["sin"], p,
             avoid[k],
-        )
+        )  # fmt: skip
     return BEHIND_IT
 
 
