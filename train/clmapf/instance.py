@@ -48,11 +48,6 @@ class Instance:
     goals: Poses
     discs: NDArray[np.float64]  # [K, 2]
 
-    @property
-    def cell(self) -> tuple[float, bool, int]:
-        """Cell of the benchmark: side of the floor, whether there are discs, number of robots."""
-        return self.width, len(self.discs) > 0, len(self.names)
-
 
 def middle_of(pose: Sequence[float] | NDArray[np.float64]) -> tuple[float, float, float, float]:
     """Return the centre of the body at a pose, and its cosine and sine."""

@@ -44,12 +44,9 @@ def exists(directory: Path) -> bool:
 
 
 def write(directory: Path, arrays: Arrays, data: Mapping[str, Any]) -> None:
-    """Replace the checkpoint in `directory` (made if missing).
+    """Replace the checkpoint in `directory`, which holds nothing else and is made if missing.
 
-    Args:
-        directory: of the checkpoint alone.
-        arrays: of any shape and number type.
-        data: JSON types; must hold "update", the number of updates done, which names the file.
+    arrays: of any shape and number type. data: JSON types, with "update", the number of updates done.
     """
     name = f"arrays-{data['update']}.safetensors"
     with complete_file(directory / name) as part:

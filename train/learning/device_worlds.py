@@ -31,9 +31,7 @@ ROUND = 20  # env steps between those after which worlds end, since a reset take
 class TrainingDevice(DeviceSimulator):
     """TrainingSimulator's twin on a device; its worlds end only every ROUND steps, and a jammed one a step later.
 
-    Attributes:
-        fields: the robots' fields on the device, by record and name.
-        stuck, ends: see TrainingSimulator; `stuck` is a tensor.
+    fields: the robots' fields on the device, by record and name. stuck (a tensor), ends: see TrainingSimulator.
     """
 
     def __init__(

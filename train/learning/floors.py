@@ -36,10 +36,9 @@ def check_fixed(layouts: Iterable[str]) -> None:
 class FloorSchedule:
     """Tells the floor of each simulator of a training, from the number of steps alone.
 
-    Attributes:
-        mixes: (environment, number of worlds) of each simulator; a layout with `seed=new` has one for each floor.
-        drawn: number of each of the latter -> steps by which its floors end earlier, so that they end in turn.
-        steps: of the training so far.
+    mixes: (environment, number of worlds) of each simulator; a layout with `seed=new` has one for each floor. drawn:
+    number of each of the latter -> steps by which its floors end earlier, so that they end in turn. steps: of the
+    training so far.
     """
 
     def __init__(self, mixes: Iterable[tuple[EnvConfig, int]], seed: Sequence[int], episodes: int) -> None:

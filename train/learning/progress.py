@@ -81,23 +81,15 @@ def _steps(row: Row) -> float:
 
 
 class ProgressLog:
-    """Writes averages over some seconds of updates to the bar, to a file of rows and to TensorBoard.
-
-    Attributes:
-        last: figures of the last row.
-    """
+    """Writes averages over some seconds of updates to the bar, to rows, whose last is `last`, and to TensorBoard."""
 
     def __init__(
         self, directory: Path, show: bool, steps: int, settings: Mapping[str, Any] = {}, beside: Reference | None = None
     ) -> None:
         """Open the log of the run in `directory`.
 
-        Args:
-            directory: of the run.
-            show: the bar, where there is a terminal.
-            steps: agent-steps done before; later rows of a broken run go.
-            settings: of the training, for TensorBoard.
-            beside: other trainings, shown beside this one in lines and in TensorBoard.
+        show: the bar, where there is a terminal. steps: agent-steps done before; later rows of a broken run go.
+        settings: of the training, for TensorBoard. beside: other trainings, shown in lines and in TensorBoard.
         """
         path = directory / ROWS
         write_rows(path, [row for row in whole_rows(path) if _steps(row) <= steps])
@@ -134,12 +126,8 @@ class ProgressLog:
     ) -> None:  # fmt: skip
         """Note one update; every LOG_SECONDS, and at the end of the budget, a row is written.
 
-        Args:
-            steps: agent-steps done in all.
-            seconds: of training in all.
-            spent: share of the budget, 0 to 1.
-            figures: gives what happened in the worlds since its last call; called with each row.
-            losses: figures of this update alone.
+        steps, seconds: agent-steps and time of training in all. spent: share of the budget, 0 to 1. figures: gives what
+        happened in the worlds since its last call; called with each row. losses: figures of this update alone.
         """
         self._losses.append(losses)
         self._bar.update(self._task, completed=spent)

@@ -47,12 +47,9 @@ def advantages(
 
     A_t = d_t + gamma lambda A_{t+1},  d_t = r_t + gamma V(o_{t+1}) - V(o_t); an ended episode cuts the sum.
 
-    Args:
-        reward: float32[T, R].
-        value: float32[T + 1, R], V(o_t); the last row continues the return.
-        ended: bool[T, R], the episode was cut after the step (o_{t+1} is then the first of the next one).
-        last_value: float32[T, R], V of the cut episode's last observation, where `ended`.
-        gamma, gae_lambda: discount and weight.
+    reward: float32[T, R]. value: float32[T + 1, R], V(o_t); the last row continues the return. ended: bool[T, R], the
+    episode was cut after the step (o_{t+1} is then the first of the next one). last_value: float32[T, R], V of the cut
+    episode's last observation, where `ended`. gamma, gae_lambda: discount and weight.
     """
     out = reward + gamma * torch.where(ended, last_value, value[1:]) - value[:-1]
     keep = gamma * gae_lambda * ~ended
@@ -76,13 +73,7 @@ class RolloutWorker:
 
     @torch.no_grad()
     def collect(self, net: ActorCritic, weights: RewardWeights, seed: list[int]) -> Rollout:
-        """Let all robots act for one rollout. Its tensors are overwritten by the next one.
-
-        Args:
-            net: policy and critic as they stand.
-            weights: of the reward.
-            seed: of the draws.
-        """
+        """Let all robots act for one rollout, with draws by `seed`. Its tensors are overwritten by the next one."""
         rng, worlds = rng_of(seed, self._config.device), self.worlds
         worlds.set_reward(weights)
         self._ended.zero_()

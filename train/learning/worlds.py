@@ -45,12 +45,9 @@ def shape_reward(reward: Any, terms: Any, robots: Any, stood: Any, shared: float
     A robot with the command to stand pays nothing for a contact, nor for a collision if it stood already: otherwise
     giving way first would not pay.
 
-    Args:
-        reward: float32[B, N].
-        terms: float32[B, N, T], of which it is the sum.
-        robots: ROBOT[B, N] after the step, or its fields.
-        stood: bool[B, N], whether each robot stood before the step.
-        shared: share of a reward that is the mean over all robots within NEAR, itself among them.
+    reward: float32[B, N], the sum of terms float32[B, N, T]. robots: ROBOT[B, N] after the step, or its fields. stood:
+    bool[B, N], before the step. shared: share of a reward that is the mean over all robots within NEAR, its own among
+    them.
     """
     told = (robots["events"]["touching"] != 0) & (robots["commanded"]["target_speed"] == 0)
     reward -= told * terms[..., _CONTACT]
@@ -84,25 +81,18 @@ def jammed_worlds(robots: Any, jam_seconds: float) -> Any:
 class TrainingSimulator(Simulator):
     """Worlds whose episodes end at different times, and early in a jam, where little is learned.
 
-    Attributes:
-        fields: ROBOT[B, N].
-        stuck: robots that in the last step had not come forward for `stuck_after` of the config.
-        ends: for each world that ended with the last step, whether it had jammed.
+    fields: ROBOT[B, N]. stuck: robots that in the last step had not come forward for `stuck_after` of the config. ends:
+    for each world that ended with the last step, whether it had jammed.
     """
 
     def __init__(
         self, config: EnvConfig, num_worlds: int, jam_seconds: float, shared: float, routes: RouteBook | None = None,
         late_braking: float = 0.0,
     ) -> None:  # fmt: skip
-        """Make the worlds.
+        """Make the worlds, whose episodes last max_steps of the config at most.
 
-        Args:
-            config: of the environment; its max_steps bounds an episode.
-            num_worlds: how many.
-            jam_seconds: a world is truncated once a fifth of its robots have not come forward for this long [s].
-            shared: see shape_reward.
-            routes: shared with other simulators on the floor; None: its own.
-            late_braking: see price_late_braking.
+        jam_seconds: a world is truncated once a fifth of its robots have not come forward for this long [s]. shared:
+        see shape_reward. routes: shared with other simulators on the floor. late_braking: see price_late_braking.
         """
         super().__init__(config, num_worlds, routes=routes)
         self._shared, self._jam_seconds, self.fields, self._late = shared, jam_seconds, self.robots, late_braking
@@ -135,10 +125,8 @@ class TrainingSimulator(Simulator):
 class TrainingWorlds:
     """Rows are the robots of all worlds of all simulators, in order.
 
-    Attributes:
-        observation: float32[rows, D], of the worlds as they now stand.
-        reward: float32[rows], of the last step.
-        tally: counts of goals, collisions and metres.
+    observation: float32[rows, D], of the worlds as they now stand. reward: float32[rows], of the last step. tally:
+    counts of goals, collisions and metres.
     """
 
     replays = True  # its last actions restore the state
@@ -148,11 +136,9 @@ class TrainingWorlds:
     ) -> None:
         """Make and reset all worlds.
 
-        Args:
-            make: makes a TrainingSimulator of an environment, a number of worlds and `routes`.
-            mixes: environments and worlds of each; all with the same observation, action and max_steps.
-            seed: of the training, and what tells these worlds from others.
-            floor_episodes: episodes of max_steps after which a layout with `seed=new` gets a new floor.
+        make: from an environment, a number of worlds and `routes` to a TrainingSimulator. mixes: environments and
+        worlds of each; all with the same observation, action and max_steps. seed: of the training, and what tells these
+        worlds from others. floor_episodes: of max_steps, after which a layout with `seed=new` gets a new floor.
         """
         self._make, self._seed, self._floors = make, seed, FloorSchedule(mixes, seed, floor_episodes)
         counts = [worlds for _, worlds in self._floors.mixes]

@@ -22,9 +22,8 @@ class WaitingRecord:
 
     A deadlock ends when a member moves AWAY or reaches a goal. Until then its members are in no other.
 
-    Attributes:
-        deadlocks: of each world.
-        longest: of each world, the longest time that a robot stood within a metre of one place [s], and why.
+    deadlocks: of each world. longest: of each, the longest time that a robot stood within a metre of one place [s], and
+    why.
     """
 
     def __init__(self, simulator: Simulator) -> None:
