@@ -1,7 +1,5 @@
 """A registry of policies, each made for one environment configuration."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable
 from dataclasses import dataclass, field

@@ -5,8 +5,6 @@ simulator's next step needs, and its sums depend on the machine, the threads and
 has the same bits on every machine, alone or among others.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from math import comb, perm
 

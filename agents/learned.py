@@ -1,7 +1,5 @@
 """Policies from a folder of weights. The forward pass is our own: as fast as torch for a few robots, and lighter."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

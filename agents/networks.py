@@ -1,7 +1,5 @@
 """The actor and the critic that the trainers fit: two separate networks shared by all robots."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import cast

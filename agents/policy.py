@@ -1,7 +1,5 @@
 """The protocols of policies, from observations to actions, and the drawing of actions."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any, Protocol, runtime_checkable
 

@@ -1,7 +1,5 @@
 """`orca`: optimal reciprocal collision avoidance for discs, by the library pyrvo."""
 
-from __future__ import annotations
-
 import importlib
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Rules along the route: `follow` it, `brake` for others, paper 001's coordinator, which steps aside (`rules`)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

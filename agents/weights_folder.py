@@ -1,7 +1,5 @@
 """A learned policy on disk: weights.safetensors, config.json, CARD.md. Read without torch and without pickles."""
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
 import json

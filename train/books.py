@@ -1,7 +1,5 @@
 """Route caches that simulators on one floor share, so that a process plans each route once."""
 
-from __future__ import annotations
-
 from warehouse_env.config import EnvConfig
 from warehouse_env.maps.fitting import load_floor
 from warehouse_env.maps.grid_map import GridMap

@@ -3,8 +3,6 @@
 A new command is one line in COMMANDS. Its module is imported only when it is called, so that help is quick.
 """
 
-from __future__ import annotations
-
 import errno
 import importlib
 import inspect

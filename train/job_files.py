@@ -1,7 +1,5 @@
 """What options name: own parts, loaded once here and in each worker; and files, as bytes that travel to machines."""
 
-from __future__ import annotations
-
 import dataclasses
 import hashlib
 import os

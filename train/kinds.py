@@ -1,7 +1,5 @@
 """Kinds of robots by share, the fleets of any size that they make, and the options of kinds and of robots' work."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

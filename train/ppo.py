@@ -5,8 +5,6 @@ are used instead: a policy folder, and checkpoints of plain arrays. Resuming res
 the worlds start again.
 """
 
-from __future__ import annotations
-
 import math
 import warnings
 

@@ -1,7 +1,5 @@
 """The trainers behind `warehouse train`, each by the kind of its options."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from statistics import fmean
 

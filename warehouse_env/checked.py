@@ -4,8 +4,6 @@ Own code, because no library does this: pydantic and msgspec convert "3" to 3 or
 typeguard accept True as a number, convert nothing and report errors in paragraphs.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import math

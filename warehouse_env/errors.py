@@ -1,7 +1,5 @@
 """Errors of bad input: one subclass of ValueError for each kind, each with a message of one clear sentence."""
 
-from __future__ import annotations
-
 import difflib
 from collections.abc import Collection, Iterable
 from typing import Any, SupportsInt

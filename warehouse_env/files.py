@@ -1,7 +1,5 @@
 """All reading and writing of users' files: inputs are regular files of limited size, outputs complete or absent."""
 
-from __future__ import annotations
-
 import contextlib
 import functools
 import glob

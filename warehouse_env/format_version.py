@@ -1,7 +1,5 @@
 """Versions of files and messages as other programs write them."""
 
-from __future__ import annotations
-
 import re
 
 _VERSION = re.compile(r"\s*v?(\d{1,3})(\.\d{1,9}){0,3}([-+]\S*)?\s*", re.ASCII | re.IGNORECASE)

@@ -4,8 +4,6 @@ Which entry comes first depends on the pushes alone: an entry passes another onl
 and keeps the size.
 """
 
-from __future__ import annotations
-
 from warehouse_env.kernel import inline
 
 

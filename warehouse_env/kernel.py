@@ -9,8 +9,6 @@ Numba compiles a function again, with all that it calls, for each width of whole
 caller passes 0 and another an int32 from an array, both pass `whole(...)`. That saves a quarter of compiling.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any, Protocol, TypeVar
 

@@ -1,7 +1,5 @@
 """The observation's named slices: what every policy reads, and the simulator writes."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any, NamedTuple
 

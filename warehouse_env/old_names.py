@@ -1,7 +1,5 @@
 """Names of older versions: options in stored configurations, policies and trainers, and what they are called today."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from warehouse_env.errors import ConfigError, shown

@@ -5,8 +5,6 @@ plugin goes into a registry under that name and is found there like any other. N
 episodes, weights) never run code.
 """
 
-from __future__ import annotations
-
 import hashlib
 import importlib
 import importlib.util

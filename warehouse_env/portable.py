@@ -1,7 +1,5 @@
 """Objects that can be pickled and deep-copied at any moment and continue from there."""
 
-from __future__ import annotations
-
 from typing import Any, ClassVar
 
 

@@ -1,7 +1,5 @@
 """The entry point of the command `warehouse`, which first checks that no other package hides ours."""
 
-from __future__ import annotations
-
 import importlib
 import importlib.util
 import sys

@@ -7,8 +7,6 @@ Numba is not asked for its number of threads either: that call starts them, and 
 one OpenMP.
 """
 
-from __future__ import annotations
-
 import os
 import time
 from collections import deque

@@ -1,7 +1,5 @@
 """How robots meet, as a part of EnvConfig: named presets, the single switches behind them, and what is uncertain."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Literal
 

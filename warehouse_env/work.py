@@ -1,7 +1,5 @@
 """The robots' work, as parts of EnvConfig: service times, orders, batteries."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

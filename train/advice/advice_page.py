@@ -1,7 +1,5 @@
 """An advice as a page: the answer, the figures behind it, and the recommended floor as files."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 

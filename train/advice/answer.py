@@ -1,7 +1,5 @@
 """An advice: its course (how many robots, where they wait, which changes to try) and its answer in words."""
 
-from __future__ import annotations
-
 import math
 import re
 from typing import NamedTuple

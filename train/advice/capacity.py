@@ -3,8 +3,6 @@
 Each choice is measured again on seeds that had no part in it.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import NamedTuple

@@ -3,8 +3,6 @@
 Pick faces and stations stay, so robots have the same tasks on every changed floor.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Sequence
 from typing import NamedTuple

@@ -3,8 +3,6 @@
 Pure functions from rows or means to numbers of robots.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from itertools import count, takewhile

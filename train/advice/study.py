@@ -1,7 +1,5 @@
 """Episodes by policy, number of robots and floor: each driven once and timed; races between such teams."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import NamedTuple, TypeVar

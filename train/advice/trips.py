@@ -1,7 +1,5 @@
 """Random trips on a floor: their routes, the traffic they make, where robots wait, and what a trip costs."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

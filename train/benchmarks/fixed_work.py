@@ -4,8 +4,6 @@ It is the same in every version of this package: it calls nothing of it, and its
 here.
 """
 
-from __future__ import annotations
-
 import ctypes
 import math
 import os

@@ -1,7 +1,5 @@
 """The measurements of `warehouse bench`: each part yields rows. Heavy imports stay inside the parts."""
 
-from __future__ import annotations
-
 import statistics
 import sys
 from collections.abc import Callable, Iterator

@@ -4,8 +4,6 @@ Each runs its navigation task with random actions, and computes observations and
 resets are not timed.
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 import time

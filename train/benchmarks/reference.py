@@ -4,8 +4,6 @@ Every chunk is a fixed number of steps from the same start, so slow and fast mac
 of neighbouring chunks by processor time, so it does not depend on a machine whose speed varies.
 """
 
-from __future__ import annotations
-
 import copy
 import datetime
 import shutil

@@ -1,7 +1,5 @@
 """Whole Reeds-Shepp curves from a node of a search to the goal, compared with the best route so far."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

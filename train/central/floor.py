@@ -4,8 +4,6 @@ A piece of a route is (x, y, heading) where it begins, its rate (1 forwards, -1 
 its seconds, at unit speed. Lengths are in the floor's units.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any, NamedTuple
 

@@ -6,8 +6,6 @@ Reeds-Shepp curves to the goal. Motion off the floor or over a disc is excluded;
 MAPF-LNS2, Li et al. 2022), so that there is a route even if none is free yet.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -4,8 +4,6 @@ Large neighbourhood search for fewer meetings (MAPF-LNS2; Li et al. 2022), then 
 al. 2021). The effort is counted in nodes, not seconds, so that a seed gives the same routes on any machine.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple

@@ -5,8 +5,6 @@ the slot. Two checks are never further apart than the time in which the bodies' 
 (conservative advancement; Mirtich 1996), so no meeting is missed.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """The state of a search: nodes, their queue, and the table of cells of (x, y, heading, step)."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

@@ -4,8 +4,6 @@ Between two looks at a gap lies no more time than the fastest points of both wou
 advancement; Mirtich 1996), so that no overlap deeper than the slack is missed, however short.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

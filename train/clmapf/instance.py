@@ -8,8 +8,6 @@ forwards or backwards, and turns by less than half a circle; it waits if they ar
 after its last it stands.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Iterator, Sequence

@@ -1,7 +1,5 @@
 """The arcs that robots drive between the states of a solution, and the faults of each arc by itself."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Iterator

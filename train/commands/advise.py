@@ -1,7 +1,5 @@
 """`warehouse advise`: how many robots a floor supports, where they wait, and which change helps, as a page."""
 
-from __future__ import annotations
-
 import dataclasses
 import os
 import sys

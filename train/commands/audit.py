@@ -1,7 +1,5 @@
 """`warehouse audit`: check recorded or driven episodes for overlaps at every instant, as jobs; a table, sentences."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

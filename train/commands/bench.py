@@ -1,7 +1,5 @@
 """`warehouse bench`: measure speeds on this machine, as rows, tables, and ratios within the same run."""
 
-from __future__ import annotations
-
 import os
 import platform
 from collections.abc import Callable, Iterator, Mapping, Sequence

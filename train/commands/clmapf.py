@@ -1,7 +1,5 @@
 """`warehouse clmapf`: solve the public benchmark of car-like robots, or check solutions of it."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field

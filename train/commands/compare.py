@@ -1,7 +1,5 @@
 """`warehouse compare RUN [RUN]`: evaluations side by side, with paired differences -> a table, and rows."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """`warehouse compile`: compile all kernels ahead of time."""
 
-from __future__ import annotations
-
 import os
 import time
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """`warehouse demo`: the shipped policies against three rules: table, pictures, video."""
 
-from __future__ import annotations
-
 import os
 import time
 from dataclasses import dataclass, field

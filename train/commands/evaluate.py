@@ -1,7 +1,5 @@
 """`warehouse evaluate`, `robust` and `benchmark`: policies over held-out episodes -> rows, a table, pictures."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """`warehouse export`: a trained policy in a form that other programs read."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any

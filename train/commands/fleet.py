@@ -1,7 +1,5 @@
 """`warehouse fleet`: write an episode as VDA 5050 messages, check messages, or judge a real fleet."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`warehouse live`: a running simulation, shown and steered on a page in the browser."""
 
-from __future__ import annotations
-
 import threading
 import webbrowser
 from dataclasses import dataclass

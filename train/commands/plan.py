@@ -1,7 +1,5 @@
 """`warehouse plan`: planners against each other on the tasks of one map -> rows, a table, pictures."""
 
-from __future__ import annotations
-
 import re
 import statistics
 import warnings

@@ -1,7 +1,5 @@
 """`warehouse train RECIPE`."""
 
-from __future__ import annotations
-
 import dataclasses
 import shlex
 from dataclasses import dataclass

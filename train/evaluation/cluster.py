@@ -3,8 +3,6 @@
 Only this process writes files. A job's input files travel with it, so nodes need the same program and nothing else.
 """
 
-from __future__ import annotations
-
 import contextlib
 import importlib.metadata
 import importlib.util

@@ -5,8 +5,6 @@ observes: the path follower, the shield and right of way know a robot's own stat
 only the shield. A new disturbance is a line in DISTURBANCES.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections import deque

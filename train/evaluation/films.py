@@ -1,7 +1,5 @@
 """Short films of policies that drive, side by side."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator
 from typing import Unpack

@@ -3,8 +3,6 @@
 The rows of the shipped policies are in `fixed_set.jsonl`, one an episode.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple

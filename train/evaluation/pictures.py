@@ -1,7 +1,5 @@
 """Pictures of results: which rows and plans go into which chart, under which file name."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path

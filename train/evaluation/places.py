@@ -1,7 +1,5 @@
 """Notes beside the rows: where on the floor robots wait and collide, and how their trips compare with the plan."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """One run of a planner on a task: a checked plan and its row, for `plan`, the tables and the benchmark."""
 
-from __future__ import annotations
-
 import itertools
 import math
 import time

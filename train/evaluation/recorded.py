@@ -1,7 +1,5 @@
 """Recorded episodes, with the policy's preferences at every moment, and the worst episodes of an evaluation."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable, Sequence
 from itertools import islice, zip_longest

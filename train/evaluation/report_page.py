@@ -1,7 +1,5 @@
 """The report of an evaluation: a page with its table, charts, heat maps and worst episodes, from rows and notes."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """One experiment: an environment, a policy and seeds, played to the end -> one row per episode."""
 
-from __future__ import annotations
-
 import math
 import statistics
 import time

@@ -1,7 +1,5 @@
 """The options of commands with many jobs: the workers, and what becomes of rows that are there already."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -4,8 +4,6 @@ So a killed process leaves either the old checkpoint or the new one. CARD.md of 
 trained on, and for how long.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from pathlib import Path

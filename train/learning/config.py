@@ -4,8 +4,6 @@ Each trainer has a dataclass; recipes.py has the defaults that made each policy.
 HELD_OUT_SEED and evaluations the seeds from there on, so no measured episode was trained on.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import os
 from dataclasses import dataclass, field

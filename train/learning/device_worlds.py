@@ -4,8 +4,6 @@ Nothing waits for the device but the simulators themselves. They step side by si
 own, since the small kernels of one leave most of a GPU idle.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """Floors drawn anew while a policy trains: those of a layout with `seed=new`, as in "aisles:seed=new"."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Sequence
 

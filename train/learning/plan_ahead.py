@@ -1,7 +1,5 @@
 """Plan tables that a training makes before it begins, where they pay."""
 
-from __future__ import annotations
-
 import math
 from functools import partial
 

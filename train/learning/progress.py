@@ -1,7 +1,5 @@
 """The progress of a training: counts, spaced evaluations, a bar or lines, progress.jsonl, and TensorBoard's log."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections import defaultdict, deque

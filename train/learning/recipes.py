@@ -4,8 +4,6 @@ Beside a new training stands how those by the same recipe went: quantiles over t
 `python -m train.learning.recipes runs/a runs/b > agents/weights/NAME/curves.json` makes those of a recipe.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import sys

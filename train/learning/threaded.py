@@ -8,8 +8,6 @@ The critic's value continues the return after each rollout. The advantage A is t
 2016); with gae_lambda = 1 it is exactly the truncated return minus the baseline.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial

@@ -1,7 +1,5 @@
 """What `run_training` and the benchmarks need to know of a training algorithm, and what all trainers share."""
 
-from __future__ import annotations
-
 import dataclasses
 import time
 from abc import ABC, abstractmethod

@@ -6,8 +6,6 @@ therefore enough to restore the state; a checkpoint keeps them. The floors of `s
 (floors.py). Rewards and counts are written for arrays and for a device's tensors alike (device_worlds.py).
 """
 
-from __future__ import annotations
-
 import itertools
 from collections import deque
 from collections.abc import Callable, Sequence

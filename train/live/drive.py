@@ -1,7 +1,5 @@
 """Drive a live world: step it at a pace, carry out commands, and send what happens to all pages."""
 
-from __future__ import annotations
-
 import queue
 import threading
 import time

@@ -7,8 +7,6 @@ made). A message of length 0 only keeps the connection alive.
 Each page has a queue of messages, so that a slow one never holds up the world or another page.
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 import queue

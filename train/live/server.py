@@ -4,8 +4,6 @@ GET /TOKEN/ is the page, GET /TOKEN/states an endless stream of messages, POST /
 answers with its result.
 """
 
-from __future__ import annotations
-
 import hmac
 import json
 import secrets

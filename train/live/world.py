@@ -3,8 +3,6 @@
 The same setting gives the same bits, at any pace and with any pages.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import json
 from collections.abc import Mapping

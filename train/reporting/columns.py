@@ -2,8 +2,6 @@
 trainings and episodes, and what the policies are driven with.
 """
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Callable, Iterable, Sequence

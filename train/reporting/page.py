@@ -1,7 +1,5 @@
 """Pages: text, tables and pictures in one HTML file that works offline, light or dark."""
 
-from __future__ import annotations
-
 import platform
 import shlex
 import sys

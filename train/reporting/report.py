@@ -1,7 +1,5 @@
 """From rows to tables, as text and as Markdown. Pictures of an evaluation are in `train/evaluation/pictures.py`."""
 
-from __future__ import annotations
-
 import math
 import re
 import sys

@@ -4,8 +4,6 @@ A file has one study or several as [[studies]]; what stands above them is shared
 every planner at its defaults.
 """
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Callable
 from functools import cache, partial

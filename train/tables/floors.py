@@ -1,7 +1,5 @@
 """`warehouse tables floors`: drive policies and the rule on named floors and floors drawn at random."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ A measure turns the rows of one task into independent samples: one a run where e
 turns), or one in all where the runs have it together (best, worst, standard deviation).
 """
 
-from __future__ import annotations
-
 import math
 import statistics
 from collections.abc import Callable, Sequence

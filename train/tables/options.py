@@ -1,7 +1,5 @@
 """The options that all commands of `warehouse tables` share, and how they run jobs and write their page."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -3,8 +3,6 @@
 `python -m train.tables.published ROWS.jsonl ...` writes the published lines anew from finished runs.
 """
 
-from __future__ import annotations
-
 import math
 import sys
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Judge the claims of a table by its figures."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Callable, Sequence

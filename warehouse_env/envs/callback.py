@@ -1,7 +1,5 @@
 """stable-baselines3: log the metrics of ended episodes, for example in TensorBoard."""
 
-from __future__ import annotations
-
 import numpy as np
 from stable_baselines3.common.callbacks import BaseCallback
 

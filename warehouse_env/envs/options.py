@@ -1,7 +1,5 @@
 """How adapters build Simulators from keyword arguments, reset them as options say, and pack actions."""
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeVar

@@ -1,7 +1,5 @@
 """PettingZoo: every robot is an agent; Gymnasium: robot 0 learns, others follow a rule. One Simulator of one world."""
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Callable, Mapping
 from typing import Any, ClassVar, Unpack

@@ -1,7 +1,5 @@
 """The rows of a VecEnv, filled from a block of worlds."""
 
-from __future__ import annotations
-
 from warehouse_env.kernel import kernel
 
 

@@ -1,7 +1,5 @@
 """A Gymnasium vector environment of torch tensors: worlds on a GPU (or on the CPU), one row for each robot."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any, Unpack
 

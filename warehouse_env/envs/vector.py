@@ -1,7 +1,5 @@
 """stable-baselines3: a VecEnv whose rows are worlds x robots, all sharing one policy."""
 
-from __future__ import annotations
-
 import inspect
 import time
 from collections.abc import Callable, Sequence

@@ -4,8 +4,6 @@ solid: uint8[H + 2, W + 2], shelves with a rim; its square [i, j] lies from ((j 
 only when first needed, because importing numba takes about 0.4 s.
 """
 
-from __future__ import annotations
-
 import math
 
 from warehouse_env.kernel import inline, kernel

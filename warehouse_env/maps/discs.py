@@ -4,8 +4,6 @@ Planners, lanes and goals see cells: a cell that a disc reaches into is occupied
 holds them in metres of the map's own frame, as {"discs": [{"x": 3.5, "y": 2.5, "radius": 0.3}, ...]}.
 """
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from typing import Any

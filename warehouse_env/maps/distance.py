@@ -7,8 +7,6 @@ is kept as two counts, straight and diagonal, so it does not depend on the order
 Imported only when first needed, because importing numba takes about 0.4 s.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from warehouse_env.kernel import kernel

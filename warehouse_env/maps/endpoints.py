@@ -1,7 +1,5 @@
 """Default picks and stations for a map that names none."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -5,8 +5,6 @@ tight cells, or on cells where the body fits at no heading, move to the nearest 
 stands in front of a shelf, not at its face. If cells are wide enough for the body, nothing changes.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import multiprocessing

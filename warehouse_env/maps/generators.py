@@ -1,7 +1,5 @@
 """Generators of warehouse floors; each returns a checked GridMap, or raises ConfigError for a bad parameter."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

@@ -3,8 +3,6 @@
 `LAYOUTS` maps a name to the function that makes the floor; a new layout is one more line there.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """The 8 moves of eq. 26 (paper 000): what lies beyond each, which are legal, and what they cost."""
 
-from __future__ import annotations
-
 from typing import Any, TypeVar
 
 import numpy as np

@@ -4,8 +4,6 @@ Formats: Sturtevant, "Benchmarks for Grid-Based Pathfinding", 2012. A scenario's
 and its length is the shortest by octile moves without cutting corners, which are the moves of eq. 26 (paper 000).
 """
 
-from __future__ import annotations
-
 import math
 import os
 from pathlib import Path

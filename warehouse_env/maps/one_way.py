@@ -5,8 +5,6 @@ may neither leave nor enter the cell; robots may cross it. As text, directions a
 arrow otherwise; they lie in NAME.oneway beside NAME.map.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

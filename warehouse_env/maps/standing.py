@@ -1,7 +1,5 @@
 """Kernels that convert metres and cells where robots may stand anywhere; GridMap says the same for arrays."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from warehouse_env.kernel import inline, kernel, part

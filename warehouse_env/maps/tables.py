@@ -1,7 +1,5 @@
 """Check the arrays and numbers of a map: read-only copies of the right shape, or a MapError in one sentence."""
 
-from __future__ import annotations
-
 import operator
 from typing import Any, TypeVar
 

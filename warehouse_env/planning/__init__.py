@@ -10,8 +10,6 @@ Which to take when; `warehouse tables planners` has the figures (200 pairs of ce
    The ants of `shaa_acs` follow nearly the true distance. The others are for comparison.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Any-angle search: shortest lines that need not follow the 8 directions of the lattice."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import ClassVar

@@ -1,7 +1,5 @@
 """BasePlanner: what all planners share, so that each is only its parameters and its search."""
 
-from __future__ import annotations
-
 import dataclasses
 import time
 import warnings

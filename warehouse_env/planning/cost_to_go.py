@@ -4,8 +4,6 @@ Costs are whole thousandths of a cell, so sums do not depend on their order and 
 replanning uses a field as the bound of its search and as the rest of the path beyond its horizon.
 """
 
-from __future__ import annotations
-
 from collections import OrderedDict
 from typing import NamedTuple
 

@@ -3,8 +3,6 @@
 It sees only the shelves near it, so it is fast and can fail; a walk that fails gives an empty Plan.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

@@ -4,8 +4,6 @@ A cost is kept as two whole numbers: diagonal steps, and millionths of a cell fo
 computed from them once, so equal costs are equal numbers whatever the order of steps and tolls (sqrt(2) is irrational).
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import ClassVar

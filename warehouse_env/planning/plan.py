@@ -1,7 +1,5 @@
 """Plan, the Planner protocol, measures of a path, and validators of paths and lines."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from functools import lru_cache

@@ -4,8 +4,6 @@ Forces are float64[H, W, 2] as (d_row, d_col), the frame of MOVES, so that an an
 Every shelf cell is an obstacle of its own; distances are those between cell centres, in cells.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Colours that colour-blind readers can tell apart too (after Okabe and Ito, 2008); each thing always has its own."""
 
-from __future__ import annotations
-
 import zlib
 from collections.abc import Iterable
 from functools import lru_cache

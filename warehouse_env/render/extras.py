@@ -1,7 +1,5 @@
 """Import the optional packages that pictures need, with one clear sentence if one is missing."""
 
-from __future__ import annotations
-
 import importlib
 import os
 from typing import Any

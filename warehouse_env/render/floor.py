@@ -1,7 +1,5 @@
 """The static part of every picture: floor, floor heights, shelves, pick faces and stations. Uses only numpy."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """One moment of a warehouse as a picture, drawn in memory: no display is needed."""
 
-from __future__ import annotations
-
 import importlib.util
 import math
 from collections.abc import Sequence

@@ -4,8 +4,6 @@ replay_codec.py packs a replay's arrays. So that one of a thousand robots opens 
 and way-points that a page needs. train/live/ serves the live page and sends its data.
 """
 
-from __future__ import annotations
-
 import base64
 import dataclasses
 import hashlib

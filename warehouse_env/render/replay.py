@@ -3,8 +3,6 @@
 Lines are simplified to fewer points by Douglas and Peucker (1973).
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ The browser unpacks them (page/data.js). Positions are kept to 2 mm or a 26,000t
 of a turn; speeds, steering and rewards to a 127th of their largest value, preferences to a 63rd.
 """
 
-from __future__ import annotations
-
 import zlib
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple

@@ -1,7 +1,5 @@
 """Small anti-aliased shapes: each is painted large on its own tile, then shrunk onto the frame."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from functools import lru_cache

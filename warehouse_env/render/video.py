@@ -1,7 +1,5 @@
 """Write frames into a video file one by one, so that a long episode needs no memory, or show them in a window."""
 
-from __future__ import annotations
-
 import contextlib
 import math
 import os

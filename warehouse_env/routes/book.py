@@ -6,8 +6,6 @@ once, kept in a file, and read once a process. That of `paper46` under the defau
 others lie in the user's cache.
 """
 
-from __future__ import annotations
-
 import hashlib
 import itertools
 import math

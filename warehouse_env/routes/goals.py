@@ -5,8 +5,6 @@ of its body is in the middle of the cell. It drives on without a turn, others ca
 nothing else fits. Only forklifts face a shelf; this robot carries its load on its back (paper 000 has no fork).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple

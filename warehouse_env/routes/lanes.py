@@ -5,8 +5,6 @@ need a side each. The line is relaxed like an elastic band: every point is drawn
 neighbours, and away from shelves nearer than CLEARANCE.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any, NamedTuple
 

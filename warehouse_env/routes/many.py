@@ -1,7 +1,5 @@
 """Many routes at a time, without Python: a GPU's worlds want a quarter of a million at their first reset."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

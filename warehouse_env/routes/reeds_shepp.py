@@ -16,8 +16,6 @@ API, for any kernel (scalars, float64, pure): a goal seen from the start (`seen_
     rolled(x, y, heading, length, curvature)        the pose at the end of a segment
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

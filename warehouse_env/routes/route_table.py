@@ -3,8 +3,6 @@
 A route depends on its start, its goal, and the cell behind a robot in a single lane, so worlds and simulators share it.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor

@@ -1,7 +1,5 @@
 """Actions of policies -> commands of robots: (speed [m/s], lateral offset [m]), or (acceleration, steering rate)."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import gymnasium

@@ -5,8 +5,6 @@ comes from the seed and the world. The counter names the purpose, the world's ep
 drawn for it (such as its goal's number), and the attempt.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """Check the arguments of a Simulator besides its config."""
 
-from __future__ import annotations
-
 import math
 import os
 from collections.abc import Sequence

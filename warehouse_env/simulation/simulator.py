@@ -1,7 +1,5 @@
 """The Simulator, the one stateful object around the kernels: config, random generators, arrays, routes, tasks."""
 
-from __future__ import annotations
-
 import math
 import weakref
 from collections.abc import Callable, Sequence

@@ -4,8 +4,6 @@ ROBOT nests one record for each part of the simulation that writes it. Ten array
 one robot 2% for unpacking and gain nothing.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple

@@ -8,8 +8,6 @@ hands parts of the batch to threads.
 Features that a config does not use are not compiled: see worlds.py.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from warehouse_env.kernel import inline, kernel

@@ -5,8 +5,6 @@ mean steering. So the ends of a step determine it, if it is one physics step and
 steering in the middle of the step are solved for.
 """
 
-from __future__ import annotations
-
 import math
 
 from warehouse_env.kernel import inline, part

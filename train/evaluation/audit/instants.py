@@ -4,8 +4,6 @@ Two checks of a gap are never further apart than the time in which the bodies' f
 (conservative advancement; Mirtich 1996), so that nothing is missed.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any, NamedTuple
 

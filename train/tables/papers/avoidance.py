@@ -7,8 +7,6 @@ attracts; shelves and the obstacle repel. Out of reach the robot follows its pat
 knows where the obstacle is, not where it goes; the obstacle ignores the robot. Both make one move a step.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Callable

@@ -12,8 +12,6 @@ Our readings where the paper is silent: arrived robots stay, and the others take
 behind a waiting one, and where it has neither a step aside nor a route. `six_agvs` is the experiment of section 3.3.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Iterable, Iterator, Sequence

@@ -3,8 +3,6 @@
 Equal arguments give equal maps. A task without other ends leads from the upper left to the lower right corner.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import zlib

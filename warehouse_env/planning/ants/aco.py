@@ -1,7 +1,5 @@
 """What all ant systems share besides the loop, the traditional colony, and the potential-field colony of paper 001."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial

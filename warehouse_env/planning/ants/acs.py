@@ -7,8 +7,6 @@ w_ij * x_j alone excites, not the sum. Activity falls to between a third and a t
 would end some 300 to 650 cells from the goal: a state is a mantissa with a whole exponent of its own.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import partial

@@ -5,8 +5,6 @@ Systems differ in the slots of `Colony`: attraction tables, greed and pheromone 
 (simulation/traffic/ants.py) uses `send` with another weighing function.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple

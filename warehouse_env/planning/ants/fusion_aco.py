@@ -1,7 +1,5 @@
 """The fusion of ant colony and improved potential field of paper 002."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial

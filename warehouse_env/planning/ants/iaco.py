@@ -7,8 +7,6 @@ segments, measured to the shelves' faces. Start and goal do not move. docs/plann
 read.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import partial

@@ -6,8 +6,6 @@ eq. 26. Of all such choices this finds the one with the least (length + tolls, t
 detour that saves more tolls than it costs is kept.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """The potential-field ant colony of paper 000, and what we add to it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial

@@ -3,8 +3,6 @@
 Cells are flat indices row * columns + column, an edge is (cell, move), and a path is its moves from the start.
 """
 
-from __future__ import annotations
-
 import math
 from functools import lru_cache
 from typing import NamedTuple

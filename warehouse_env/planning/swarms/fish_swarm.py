@@ -1,7 +1,5 @@
 """Artificial fish swarm over way-points, with adaptive vision: a baseline of paper 003."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import ClassVar

@@ -6,8 +6,6 @@ hits a shelf. So a fixed walker, which knows the map but no distances around she
 code is a path, unless there is none. The particle swarm is a baseline of paper 003.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 

@@ -1,7 +1,5 @@
 """Actions as tensors -> commands on the device, as the Simulator decodes them (simulation/actions.py)."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

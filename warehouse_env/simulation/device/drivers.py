@@ -4,8 +4,6 @@ A driver takes (thread, threads, batch). On the CPU it is called for each thread
 thread of a kernel (memory.py). No function of the step is written twice.
 """
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 from numba.extending import register_jitable

@@ -1,7 +1,5 @@
 """A table of routes on a device, and the host's part in it: routes that robots want for the first time."""
 
-from __future__ import annotations
-
 import sys
 import time
 from collections.abc import Iterator, Sequence

@@ -3,8 +3,6 @@
 A search for a route is long and branches, which a GPU does slowly, while the cores of the host would only wait.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Memory and launches of a device: torch tensors that kernels see as arrays of the types that they have on the CPU."""
 
-from __future__ import annotations
-
 import math
 import os
 import re

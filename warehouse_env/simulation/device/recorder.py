@@ -1,7 +1,5 @@
 """Episodes of chosen worlds of a device, as the files that `warehouse replay` and `audit` take."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

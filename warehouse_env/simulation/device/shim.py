@@ -5,8 +5,6 @@ by libdevice, `min` and `max` by comparison as in Python, and no fused multiply-
 GPU. Machine code is kept on disk, and NVIDIA's cuda.core launches it.
 """
 
-from __future__ import annotations
-
 import functools
 import hashlib
 import importlib.metadata

@@ -3,8 +3,6 @@
 The host keeps a Simulator of one world, for its setup, and makes the routes that no robot has asked for before.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import Any
 

@@ -4,8 +4,6 @@ Used only if `EnvConfig.arrival` is not "pass". A goal is a point (goal_x, goal_
 event `arrived` says that the robot stands, so its service can begin in the same step.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from warehouse_env.kernel import inline

@@ -1,7 +1,5 @@
 """Standing bodies that a manoeuvre (manoeuvre.py) drives around, or moves away from."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

@@ -4,8 +4,6 @@ A single shot from where the robot will have slowed down (shots.py); if none is 
 ends with a shot. driving.py drives the result. Who searches when: traffic/recovery.py.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from warehouse_env.kernel import inline, part

@@ -7,8 +7,6 @@ where robots stop at goals (`stopping`, step.Features), the robot stands at its 
 speed.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from warehouse_env.kernel import inline, part

@@ -4,8 +4,6 @@ The path follower (tracking.py) drives by these functions, and right of way pred
 They must stay the same, or grants would not match the motion.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from warehouse_env.kernel import inline

@@ -16,8 +16,6 @@ than ARCS arcs ends there; all of it is free, and the next search starts at its 
 returns CUT_OFF if `most` nodes do not decide.
 """
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

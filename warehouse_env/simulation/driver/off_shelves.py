@@ -1,7 +1,5 @@
 """Whether a robot can carry out a command and then stop clear of all shelves: the path follower's test."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from warehouse_env.kernel import inline, part

@@ -15,8 +15,6 @@ Values: 0 off the paths, or at the rim, beyond which there may be room; BARRED i
 way. A field takes 0.15 ms, as much as a hundred nodes of a search.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from warehouse_env.heap import pop, push

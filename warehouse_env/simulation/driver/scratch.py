@@ -4,8 +4,6 @@ A search reads nothing that an earlier one left. A set for 20,000 nodes takes 3.
 there are as many sets as concurrent kernel calls.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

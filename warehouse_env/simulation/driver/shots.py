@@ -5,8 +5,6 @@ of the manoeuvre search (turning.py). The shortest curve turns at full lock, and
 a wider turn.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from warehouse_env.kernel import part

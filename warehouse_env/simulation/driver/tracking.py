@@ -8,8 +8,6 @@ ends), the follower requests a manoeuvre back to the route (`seeks`); the search
 blocked it for HELD seconds.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from warehouse_env.kernel import inline

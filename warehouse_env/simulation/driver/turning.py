@@ -5,8 +5,6 @@ without obstacles, found by Dijkstra's algorithm backwards from the goal over th
 Hybrid-state A* (Dolgov et al. 2010) uses Reeds-Shepp lengths, which ignore steering and stopping times.
 """
 
-from __future__ import annotations
-
 from functools import lru_cache
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Broad phase: robots sorted into a uniform grid of buckets, so that the cost per robot does not grow with N."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -5,8 +5,6 @@ to its start with zero speed. This repeats until nothing overlaps; at worst, no 
 another. The shield has already checked the way; under it, only the ends are checked. contact_episodes.py counts.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -4,8 +4,6 @@ A contact episode begins with a touch and ends when the gap exceeds `near_miss_g
 counts once. A near miss is a gap under `near_miss_gap` that opens again without a touch.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from warehouse_env.kernel import inline

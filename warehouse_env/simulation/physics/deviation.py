@@ -11,8 +11,6 @@ A robot that believes to be farther off its plan than the bounds allow brakes, a
 stands. So beyond the bounds it drives in jerks, and contacts are possible.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Any, NamedTuple

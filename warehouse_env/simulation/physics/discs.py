@@ -3,8 +3,6 @@
 Kernels take the discs of a floor, or None: Numba does not compile a branch on an argument that is None.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

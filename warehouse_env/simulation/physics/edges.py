@@ -3,8 +3,6 @@
 Made once per map and range. A ray then meets a handful of edges instead of cells; a run of shelves has only one edge.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """The floor as the kernels see it: padded shelves, y up, and a fine field of guaranteed clearance."""
 
-from __future__ import annotations
-
 import math
 from functools import lru_cache
 from typing import NamedTuple

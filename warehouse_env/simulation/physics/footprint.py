@@ -1,7 +1,5 @@
 """The robot's body on the floor: does it, or its sweep along an arc, touch a shelf?"""
 
-from __future__ import annotations
-
 import numpy as np
 
 from warehouse_env.kernel import inline, part

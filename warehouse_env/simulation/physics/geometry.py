@@ -1,7 +1,5 @@
 """Exact contact and distance of oriented rectangles, by separating axes. Rectangles are tuples of scalars."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Limits and body of a robot: its own in a fleet of several kinds, else those of the world."""
 
-from __future__ import annotations
-
 from warehouse_env.kernel import inline
 
 

@@ -4,8 +4,6 @@ Paper 000, eq. (2): dx = v cos b, dy = v sin b, db = w. At the fixed axle it hol
 w = -v tan(d) / L: the rear wheels turned left swing the tail right and the nose right.
 """
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

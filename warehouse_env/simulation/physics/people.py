@@ -10,8 +10,6 @@ can stop before anybody could reach its body (passive motion safety: Bouraine, F
 avoid standing people; right of way grants nothing across people.
 """
 
-from __future__ import annotations
-
 from collections import defaultdict
 
 import numpy as np

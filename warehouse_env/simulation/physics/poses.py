@@ -4,8 +4,6 @@ Kernels rely on the result: finite numbers, points on the floor, headings in [-p
 other code checks them.
 """
 
-from __future__ import annotations
-
 import contextlib
 import math
 from collections.abc import Sequence

@@ -4,8 +4,6 @@ Outlines show that most motions are far from everything. The others are sampled 
 contact.py; sweep.py checks between two samples.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from warehouse_env.kernel import inline, part

@@ -5,8 +5,6 @@ of the arc, and if both bodies move, it leads or lags even speed by at most the 
 arcs are cut into shorter pieces.
 """
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

@@ -4,8 +4,6 @@ Taylor series on a reduced range; the remainders are below float32's resolution.
 (libm, NumPy, LLVM) differ from each other in the last bit, which would flip contacts.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -7,8 +7,6 @@ lowers the command to this speed, at the robot's pose now and at the step's end.
 as hard as it can.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Totals over an episode -> one row of numbers, of a world or of each robot."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Statistics of the wait-for graph: the number of deadlocks, and the chain behind the longest stand."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

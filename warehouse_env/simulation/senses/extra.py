@@ -1,7 +1,5 @@
 """The slice `extra` of the observation, which a user's own sensor fills for many worlds at a time."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

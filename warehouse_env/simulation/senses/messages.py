@@ -11,8 +11,6 @@ losses cost time, never a contact. A silent robot
 Losses are drawn before each env step for a purpose of their own (draws.py), so that the same seed has the same tasks.
 """
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

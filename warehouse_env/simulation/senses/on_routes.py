@@ -4,8 +4,6 @@ A step of the path follower waits for the one before, and each of its operations
 fill the pauses, and go through the same vector instructions. Predictions look ahead with it.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from warehouse_env.kernel import inline

@@ -5,8 +5,6 @@ far it may drive before it would meet one there: up to where the one-cell part o
 passages before. Robots in a passage tell those before it which way they go.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -6,8 +6,6 @@ before a shelf. It may brake at any time. Without the shield, a command conflict
 may meet can still brake after it.
 """
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

@@ -5,8 +5,6 @@ those of the slice `neighbours`, as they plan (plans.py); they are as large as t
 that leads towards another in aisles of one cell (passages.py) also leads to a conflict, even if they would meet later.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from warehouse_env.kernel import inline, part

@@ -3,8 +3,6 @@
 A policy gives one action, or a number for every action, such as logits. Right of way tries the offsets in this order.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

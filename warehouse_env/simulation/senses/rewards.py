@@ -1,7 +1,5 @@
 """Events -> named terms -> weighted sum."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

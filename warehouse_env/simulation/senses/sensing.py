@@ -3,8 +3,6 @@
 For each edge and each robot, the lidar loops over all rays without a branch, which compiles to vector instructions.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """Given starts and goals, for scenes, benchmarks and a user's own tasks."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The kernel that places the robots of worlds that begin, with their first goals and routes."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from warehouse_env.kernel import kernel, part, whole

@@ -1,7 +1,5 @@
 """Give robots tasks and routes: at the reset, on arrival, and where another robot bars their way."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any

@@ -6,8 +6,6 @@ resistance as a share of its weight (BatterySpec.resistance), P the power that i
 No robot strands: it drives to the nearest charger once its charge falls to 1.5 times the energy of the way there.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from enum import IntEnum, auto
 from typing import Any

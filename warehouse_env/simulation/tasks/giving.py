@@ -3,8 +3,6 @@
 A route that is not in the floor's table yet is `wanted`: the host makes it (RouteTable.fill), and calls again.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

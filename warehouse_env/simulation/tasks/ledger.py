@@ -1,7 +1,5 @@
 """The accounts of one world's shift: orders drawn, open, assigned, done; time in service, in queues; empty driving."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Sequence

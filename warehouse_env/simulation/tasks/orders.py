@@ -9,8 +9,6 @@ Cells are row:column; an order with several pick faces visits them in this order
 the distance from each robot to each order's first pick face.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 import math

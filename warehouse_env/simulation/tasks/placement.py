@@ -1,7 +1,5 @@
 """Stand robots at the start: on distinct endpoints, facing along their first route, touching nothing."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

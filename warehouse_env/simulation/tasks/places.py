@@ -4,8 +4,6 @@ A place is a cell that is neither pick face nor station. A robot that stands the
 connected. Where the floor allows it, the free cells around the place stay connected, so it blocks no aisle.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Sequence
 

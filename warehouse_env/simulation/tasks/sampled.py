@@ -9,8 +9,6 @@ checked exactly on the grid for the worst parking poses. In any order of arrival
 still drive to its goal.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from typing import Any

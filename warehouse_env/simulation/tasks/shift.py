@@ -12,8 +12,6 @@ and when its battery is low.
 Robots that stand count as parked (`alive` 0): others see them standing, and no rule asks them to leave.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Any

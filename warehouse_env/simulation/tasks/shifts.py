@@ -6,8 +6,6 @@ sqrt(r) times (the same kinetic energy), so that it stops within the same way. T
 counts on is that of the empty robot: brakes are made for the payload.
 """
 
-from __future__ import annotations
-
 import math
 from collections import defaultdict
 from collections.abc import Sequence

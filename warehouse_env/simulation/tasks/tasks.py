@@ -1,7 +1,5 @@
 """Choose the robots' goals: endpoints, distinct at any moment."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import ClassVar, NamedTuple

@@ -11,8 +11,6 @@ eta = a*L + b*N + c*T (eqs. 8-15 on an even floor; planning/ants/pf_aco.py), and
 - Ants walk up to the replanning horizon, and give up when they cannot beat the best way any more.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

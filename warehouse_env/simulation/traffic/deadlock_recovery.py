@@ -9,8 +9,6 @@ The first searches reach only near room. After waits.SHUT_IN_AFTER of waiting, a
 no range limit, and the robots behind clear the way that this robot would take without them (driver/room_field.py).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from warehouse_env.kernel import inline, kernel, part, whole

@@ -4,8 +4,6 @@ Wait cycles are resolved by a kernel of its own (deadlock_recovery.py): it inclu
 long to compile, and few runs need it.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from warehouse_env.kernel import kernel

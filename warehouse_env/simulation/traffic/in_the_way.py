@@ -4,8 +4,6 @@ This is geometry alone, whatever moves the robots. The body is carried along the
 present offset from the line, in place and heading, fades out over the first metre. Others are taken where they are.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from warehouse_env.kernel import inline, part

@@ -19,8 +19,6 @@ A table (route_occupancy.py) says who stands and passes where. Robots look one a
 their index, so that two that meet do not both turn away at once. A world's routes depend on its own robots alone.
 """
 
-from __future__ import annotations
-
 import hashlib
 import math
 from typing import Any

@@ -1,7 +1,5 @@
 """Kernels that find one live route: a way around all others, and the line along it (live.py says when)."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

@@ -10,8 +10,6 @@ the robots under rules what to expect of them.
 What was tried instead: docs/measured/trials.md.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from warehouse_env.kernel import inline, part

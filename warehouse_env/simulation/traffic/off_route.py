@@ -3,8 +3,6 @@
 Recovery can take a robot metres away, into another aisle or out of its own, from where no short search leads back.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from warehouse_env.config import EnvConfig

@@ -5,8 +5,6 @@ a granted stretch is the same piece of floor in the next decision. A path is kep
 rewritten after two metres or when the robot leaves it.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from warehouse_env.kernel import inline, part, whole

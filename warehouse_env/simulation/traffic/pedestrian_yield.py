@@ -5,8 +5,6 @@ wait for each other, a wait cycle that recovery resolves (deadlock_recovery.py).
 both do if the cycle persists: it leaves its place.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from warehouse_env.kernel import inline

@@ -6,8 +6,6 @@ table (route_occupancy.py) lists robots. They are computed in float64 where a ke
 Python would not.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any, NamedTuple
 

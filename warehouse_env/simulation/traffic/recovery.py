@@ -8,8 +8,6 @@ is at its goal pose already, STAYS if it is already off the bodies `avoid`, NONE
 deadlock_recovery.py calls it for robots that wait for each other. `seek` calls it for the path follower.
 """
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

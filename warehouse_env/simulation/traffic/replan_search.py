@@ -9,8 +9,6 @@ The arriving move matters only for sharp turns. The states of a cell are closed 
 heuristic is the same: after a move that was made without a sharp turn, no later state goes on at less cost.
 """
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

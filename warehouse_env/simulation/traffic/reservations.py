@@ -3,8 +3,6 @@
 All poses are listed by square of the floor, so each pose is compared only with those near it.
 """
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

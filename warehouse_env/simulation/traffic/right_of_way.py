@@ -19,8 +19,6 @@ for a while (local_activation.py). The shield stays in force below it (shield.py
 lets a robot move where it could not stop clear of all others.
 """
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

@@ -7,8 +7,6 @@ The contents depend on robots and routes alone. The list of a cell has no partic
 depend on the order: prices.py adds whole numbers.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any, NamedTuple
 

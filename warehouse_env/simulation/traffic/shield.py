@@ -15,8 +15,6 @@ A robot whose messages are lost brakes along the stop that it published last, wh
 (senses/messages.py).
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -14,8 +14,6 @@ a metre of progress along its route, and `contact_time` in touch. The shield add
 refused the robot's commands without a break.
 """
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np
