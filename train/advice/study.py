@@ -138,14 +138,11 @@ def race(
             values.append(value)
         if done + 1 >= FEWEST:
             best = left[best_of(left)]
-            left = {arm: own for arm, own in left.items() if not _worse(own, best)}
+            below = {arm: mean_interval(np.subtract(own, best).tolist()).high < 0 for arm, own in left.items()}
+            left = {arm: own for arm, own in left.items() if not below[arm]}
     return left
 
 
 def best_of(raced: Mapping[Arm, Sequence[float]]) -> Arm:
     """Return the arm with the highest mean, the first of equals."""
     return max(raced, key=lambda arm: float(np.mean(raced[arm])) if raced[arm] else 0.0)
-
-
-def _worse(values: Sequence[float], best: Sequence[float]) -> bool:
-    return mean_interval(np.subtract(values, best).tolist()).high < 0

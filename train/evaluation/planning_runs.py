@@ -66,28 +66,16 @@ def plan_once(
             validate_line(grid, plan.line, task.start, task.goal)
     length = path_length(plan.cells)
     row: Row = {
-        "planner": label or planner.name,
-        "layout": grid.name,
-        "task": task.name,
-        "start": list(task.start),
-        "goal": list(task.goal),
-        "run": run,
-        "seed": seed,
-        "success": plan.found,
-        "length": length if plan.found else None,
-        "optimal_length": task.optimal_length,
+        "planner": label or planner.name, "layout": grid.name, "task": task.name, "start": list(task.start),
+        "goal": list(task.goal), "run": run, "seed": seed, "success": plan.found,
+        "length": length if plan.found else None, "optimal_length": task.optimal_length,
         "gap": _gap(length, task.optimal_length) if plan.found else None,
-        "turns": turns(plan.cells) if plan.found else None,
-        "min_turns": task.min_turns,
-        "climb_m": climb(grid, plan.cells) if plan.found else None,
-        **_of_line(grid, plan),
-        "converged_at": plan.converged_at or None,
-        "iterations": len(plan.best_by_iteration),
-        "ms": 1000 * plan.seconds,
-        "cpu_ms": 1000 * worked,  # the same on a busy machine
-        "parameters": planner.key,
-        "version": __version__,
-    }
+        "turns": turns(plan.cells) if plan.found else None, "min_turns": task.min_turns,
+        "climb_m": climb(grid, plan.cells) if plan.found else None, **_of_line(grid, plan),
+        "converged_at": plan.converged_at or None, "iterations": len(plan.best_by_iteration),
+        "ms": 1000 * plan.seconds, "cpu_ms": 1000 * worked,  # the latter is the same on a busy machine
+        "parameters": planner.key, "version": __version__,
+    }  # fmt: skip
     return PlanningRun(task, row["planner"], row, plan)
 
 

@@ -37,7 +37,8 @@ class Table:
         """
         file = file or sys.stdout
         columns = range(len(self.header))
-        console = make_console(file, _table_width([self._width(index) for index in columns]))
+        widths = [max(1, *map(len, column)) for column in zip(self.header, *self.cells, strict=True)]
+        console = make_console(file, _table_width(widths))
         if _table_width([self._least(index) for index in columns]) <= console.width:
             shown = RichTable(title=self.title, title_justify="left", title_style="bold")
             for index in columns:
@@ -61,9 +62,6 @@ class Table:
                 console.print(listed)
         if self.note:
             console.print(self.note, highlight=False)
-
-    def _width(self, index: int) -> int:
-        return max(len(self.header[index]), *(len(row[index]) for row in self.cells), 1)
 
     def _least(self, index: int) -> int:
         """Return the width at which a column still shows numbers on one line and words whole."""

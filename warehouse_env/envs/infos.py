@@ -64,22 +64,11 @@ class RobotInfos:
         infos: list[dict[str, Any]] = [
             {
                 "reward_terms": {
-                    "progress": progress,
-                    "arrival": arrival,
-                    "collision": collision,
-                    "contact": contact,
-                    "proximity": proximity,
-                    "time": time,
-                    "smoothness": smoothness,
-                    "path_length": path_length,
+                    "progress": progress, "arrival": arrival, "collision": collision, "contact": contact,
+                    "proximity": proximity, "time": time, "smoothness": smoothness, "path_length": path_length,
                 },
-                "distance_m": driven,
-                "goals": arrived,
-                "collisions_robot": hit_robot,
-                "collisions_shelf": hit_shelf,
-                "collisions_person": hit_person,
-                "near_misses": near_miss,
-                "gap": gap,
+                "distance_m": driven, "goals": arrived, "collisions_robot": hit_robot, "collisions_shelf": hit_shelf,
+                "collisions_person": hit_person, "near_misses": near_miss, "gap": gap,
             }
             for (progress, arrival, collision, contact, proximity, time, smoothness, path_length), (
                 driven, gap, arrived, hit_robot, hit_shelf, near_miss, hit_person,

@@ -68,15 +68,13 @@ def about_page(robots: int) -> dict[str, Any]:
     """Return a page's data for this number of robots, in JSON types: names of flags and terms, colours, layers."""
     few = robots < MANY
     return {
-        "flags": FLAGS,
-        "terms": REWARD_TERMS,
+        "flags": FLAGS, "terms": REWARD_TERMS,
         "colours": {
-            "robots": [hexed(robot_colour(i)) for i in range(robots)],
-            "contact": hexed(CONTACT),
+            "robots": [hexed(robot_colour(i)) for i in range(robots)], "contact": hexed(CONTACT),
             "waiting": hexed(WAITING),
         },
         "layers": {"routes": True, "goals": few, "trails": few, "lidar": True, "waiting": True, "numbers": True},
-    }
+    }  # fmt: skip
 
 
 def about_world(name: str, grid: GridMap, config: EnvConfig, seed: int) -> dict[str, Any]:
@@ -85,21 +83,15 @@ def about_world(name: str, grid: GridMap, config: EnvConfig, seed: int) -> dict[
     rows, across = grid.shape
     discrete = config.action_type == "discrete"
     return {
-        "name": name,
-        "about": f"{grid.name}, {counted(robots, 'robot')}, traffic {traffic}, seed {seed}",
-        "robots": robots,
-        "gridRows": rows,
-        "gridColumns": across,
-        "cell": grid.cell_size,
-        "discs": grid.discs.tolist(),
+        "name": name, "about": f"{grid.name}, {counted(robots, 'robot')}, traffic {traffic}, seed {seed}",
+        "robots": robots, "gridRows": rows, "gridColumns": across, "cell": grid.cell_size, "discs": grid.discs.tolist(),
         "bodies": [
             {"length": body.length, "width": body.width, "wheelbase": body.wheelbase, "front": body.front_overhang}
             for body in config.kinds
         ],
         "kinds": config.kind_of,
         "idle": "parked" if config.tasks == "one_shot" else "says nothing",  # a robot of a real fleet
-        "people": config.people,
-        "personRadius": PERSON_RADIUS,
+        "people": config.people, "personRadius": PERSON_RADIUS,
         "lidar": {"rays": config.sensor.rays, "range": config.sensor.lidar_range},
         "levels": config.speed_levels if discrete else [],
         "offsets": config.lateral_offsets if discrete else [],
@@ -126,18 +118,14 @@ def write_replay_page(path: Path, replays: Sequence[Replay], title: str) -> None
     columns, data = zip(*map(packed, replays), strict=True)
     most = max(replay.pose.shape[1] for replay in replays)
     parts = {
-        "title": html.escape(title),
-        "policy": _POLICY,
-        "near": f"{replays[0].config.near_miss_gap:g}",
-        "style": style_of(),
+        "title": html.escape(title), "policy": _POLICY, "near": f"{replays[0].config.near_miss_gap:g}",
+        "style": style_of(), "script": scripts_of(REPLAY, REPLAY_SCRIPTS),
         "about": as_json(about_page(most) | {"replays": [*map(_about, replays, columns)]}),
         "data": "\n".join(
             f'<script type="text/plain" class="data">{base64.b64encode(one).decode()}</script>' for one in data
         ),
-        "script": scripts_of(REPLAY, REPLAY_SCRIPTS),
-    }
-    page = assembled(REPLAY, parts)
-    write_text(path, page)
+    }  # fmt: skip
+    write_text(path, assembled(REPLAY, parts))
 
 
 def _about(replay: Replay, columns: list[dict[str, Any]]) -> dict[str, Any]:

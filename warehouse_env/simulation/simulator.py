@@ -393,12 +393,11 @@ class Simulator(Portable):
         metrics, budget = turning_metrics(self._every_kind), recovery.QUICK if self.config.quick_searches else (MOST, 1)
         return recovery.SearchSetup(*self._limits, metrics, self._floor, *budget)
 
-    def _many(self) -> bool:
-        return self.num_worlds > 1 and self.num_worlds * self.num_agents >= PARALLEL_FROM and get_num_threads() > 1
-
     def _each(self, work: Callable[[int, int], int]) -> list[int]:
         """Call work(begin, end) for all worlds, in parts."""
-        return side_by_side(work, self._parts) if self._many() else [work(*part) for part in self._blocks]
+        if self.num_worlds > 1 and self.num_worlds * self.num_agents >= PARALLEL_FROM and get_num_threads() > 1:
+            return side_by_side(work, self._parts)
+        return [work(*part) for part in self._blocks]
 
     def _observe(self, worlds: list[int] | slice = slice(None)) -> None:
         """Observe these worlds, and all that wait for it."""
@@ -407,11 +406,7 @@ class Simulator(Portable):
 
     def _look(self, worlds: list[int] | slice) -> None:
         self._waiting[worlds] = 1
-        self._each(self._observe_waiting)
-
-    def _observe_waiting(self, begin: int, end: int) -> int:
-        self._call(step.run, begin, end, step.OBSERVE_WAITING)
-        return 0
+        self._each(lambda begin, end: self._call(step.run, begin, end, step.OBSERVE_WAITING))
 
     def episode_metrics(self, world: int = 0) -> dict[str, float]:
         """Return the row of numbers of a world's episode so far (see metrics.episode_row, and Tasks.cut_off)."""
