@@ -2,8 +2,6 @@
 that means "drive along your route at this speed, this far beside it", for every action type.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
@@ -13,6 +11,8 @@ from numpy.typing import NDArray
 from agents.policy import Action, Observation
 from warehouse_env.config import EnvConfig
 from warehouse_env.observation import EGO, NEIGHBOUR, observation_layout
+
+Floats = NDArray[np.float64]
 
 
 class RouteCommand:
@@ -100,9 +100,6 @@ def cruise_output(config: EnvConfig, bias: float) -> NDArray[np.float32]:
     level[int(np.argmax(config.speed_levels))] = bias
     offset[int(np.argmin(np.abs(config.lateral_offsets)))] = bias
     return (level[:, None] + offset[None, :]).ravel().astype(np.float32)
-
-
-Floats = NDArray[np.float64]
 
 
 class Neighbours(NamedTuple):

@@ -6,8 +6,6 @@ kernels that it calls, and of the constants that they use. So kernels are never 
 and an edit compiles only what depends on it. A read-only folder is read.
 """
 
-from __future__ import annotations
-
 import contextlib
 import functools
 import hashlib
@@ -17,7 +15,7 @@ import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numba
 import numpy as np
@@ -103,7 +101,7 @@ class _Locator:
         self._digest = digest(dispatcher)
         self._py_file = dispatcher.py_func.__code__.co_filename  # which Numba names in warnings
 
-    def from_function(self, py_func: object, py_file: str) -> _Locator:
+    def from_function(self, py_func: object, py_file: str) -> Self:
         """Return this locator, which is made for one function."""
         return self
 

@@ -6,9 +6,7 @@ runs. Here a function becomes half-optimised bitcode for its callers; a call fro
 halves the time of compiling. Bitcode is stored on disk like kernels.
 """
 
-from __future__ import annotations
-
-from typing import Any
+from typing import Any, Self
 
 from llvmlite import binding
 from numba.core.caching import CompileResultCacheImpl
@@ -73,7 +71,7 @@ class _FromBitcode:
     def __getattr__(self, name: str) -> Any:
         return getattr(self._context, name)
 
-    def codegen(self) -> _FromBitcode:
+    def codegen(self) -> Self:
         """Return itself, which stands in for the code generator."""
         return self
 

@@ -3,14 +3,12 @@
 Trials of a seed have the same starts and first goals on floors with the same endpoints, so they pair.
 """
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 from train.evaluation.jobs import Job, Result, Tick
 from train.evaluation.places import PlaceNotes
@@ -121,7 +119,7 @@ class Trial(Job):
         """The policy, the planner and the orders."""
         return self.policy, self.planner, *filter(None, [self._orders_file])
 
-    def left(self, rows: Sequence[Row]) -> tuple[Sequence[Row], Trial | None]:
+    def left(self, rows: Sequence[Row]) -> tuple[Sequence[Row], Self | None]:
         """Return its row, if there is one."""
         return (rows[:1], None) if rows else ([], self)
 

@@ -1,11 +1,9 @@
 """Calls timed in turns, so that a machine whose speed varies treats them alike."""
 
-from __future__ import annotations
-
 import statistics
 import time
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 from train.reporting.rows import Row
 
@@ -21,7 +19,7 @@ class Timed(NamedTuple):
     rows: int
     steps: int
 
-    def warmed(self, steps: int) -> Timed:
+    def warmed(self, steps: int) -> Self:
         """Return this after some steps; the timed steps continue where these end."""
         for k in range(steps):
             self.call(k)

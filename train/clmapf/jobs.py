@@ -1,7 +1,5 @@
 """Jobs that solve an instance, or check a solution of it exactly at every instant, and the tables of their rows."""
 
-from __future__ import annotations
-
 import itertools
 import math
 import time
@@ -98,14 +96,6 @@ def row_of(instance: Instance) -> Row:
     }  # fmt: skip
 
 
-def figures(checked: SolutionCheck) -> Row:
-    """Return a row about a solution."""
-    return {
-        **checked._asdict(), "solved": not checked.faults, "fault_count": len(checked.faults),
-        "faults": [str(fault) for fault in checked.faults[:_FAULTS]],
-    }  # fmt: skip
-
-
 def instances_in(folder: Path) -> list[str]:
     """Return the names of all instances below a folder, in order."""
     if not folder.is_dir():
@@ -187,6 +177,14 @@ class SolutionCheck(NamedTuple):
     body_beyond_border: float  # how far a body reaches beyond the border
     slack: float  # overlaps up to this count as rounding; all above twice this are found
     unit_of_t: float  # [s]
+
+
+def figures(checked: SolutionCheck) -> Row:
+    """Return a row about a solution."""
+    return {
+        **checked._asdict(), "solved": not checked.faults, "fault_count": len(checked.faults),
+        "faults": [str(fault) for fault in checked.faults[:_FAULTS]],
+    }  # fmt: skip
 
 
 def check(instance: Instance, schedule: dict[str, States], unit: float = 1.0) -> SolutionCheck:

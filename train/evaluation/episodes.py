@@ -1,11 +1,10 @@
 """Experiments whose episodes are played as jobs."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Self
 
 from train.evaluation.jobs import Job, Result, Tick
 from train.evaluation.places import PlaceNotes
@@ -49,7 +48,7 @@ class EpisodesJob(Job):
         orders = (config.orders and config.orders.file) or ""
         return self.experiment.policy, config.planner, config.layout, orders
 
-    def left(self, rows: Sequence[Row]) -> tuple[Sequence[Row], EpisodesJob | None]:
+    def left(self, rows: Sequence[Row]) -> tuple[Sequence[Row], Self | None]:
         """Return the valid rows, and a job for the missing episodes."""
         one = self.experiment
         by_seed = {row["seed"]: row for row in rows if isinstance(row.get("seed"), int)}
@@ -59,7 +58,7 @@ class EpisodesJob(Job):
         rest = dataclasses.replace(self, experiment=dataclasses.replace(one, episodes=missing)) if missing else None
         return [found[k] for k in one.episodes if k in found], rest
 
-    def parts(self, most: float) -> list[EpisodesJob]:
+    def parts(self, most: float) -> list[Self]:
         """Return jobs of few episodes each."""
         one, count = self.experiment, len(self.experiment.episodes)
         each = max(1, min(SIDE_BY_SIDE, math.floor(most / one.config.max_steps)))

@@ -4,8 +4,6 @@ Jobs whose rows are in the file are skipped. Rows are the same whether this proc
 (processes.py) or the nodes of a cluster (cluster.py).
 """
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 import json
@@ -13,7 +11,7 @@ import random
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache
 from pathlib import Path
-from typing import Any, ClassVar, NamedTuple, Protocol
+from typing import Any, ClassVar, NamedTuple, Protocol, Self
 
 import warehouse_env
 from train.reporting.report import make_progress
@@ -70,11 +68,11 @@ class Job:
         """Names, as typed, of the files and folders that it reads; other names are ignored."""
         return ()
 
-    def left(self, rows: Sequence[Row]) -> tuple[Sequence[Row], Job | None]:
+    def left(self, rows: Sequence[Row]) -> tuple[Sequence[Row], Self | None]:
         """Return the rows of its identity that are valid, and the job that is left to be done; None if nothing is."""
         return [], self
 
-    def parts(self, most: float) -> Sequence[Job]:
+    def parts(self, most: float) -> Sequence[Self]:
         """Return jobs that together give the same rows, if possible none larger than `most`."""
         return [self]
 
@@ -182,7 +180,7 @@ class Runner:
         self._file, self._known, self._workers = file, list(old), workers or Here()
         self._goes_on, self._mixed, self._progress, self._hear = goes_on, mixed, progress, hear
 
-    def __enter__(self) -> Runner:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *error: object) -> None:

@@ -1,7 +1,5 @@
 """A training around its updates: folder, budget, log, checkpoints, and a clean stop on Ctrl-C."""
 
-from __future__ import annotations
-
 import dataclasses
 import importlib.metadata
 import os
@@ -12,6 +10,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 
@@ -52,7 +51,7 @@ class Position:
     code: dict[str, str] = dataclasses.field(default_factory=dict)  # the user's own parts, each with its digest
 
     @classmethod
-    def of(cls, saved: checkpoint.Checkpoint) -> Position:
+    def of(cls, saved: checkpoint.Checkpoint) -> Self:
         """Return that of a checkpoint; earlier versions kept neither files nor digests."""
         return cls(
             **{field.name: saved.data[field.name] for field in dataclasses.fields(cls) if field.name in saved.data}

@@ -4,11 +4,9 @@ A job is a block: all runs of one system on one task. Its rows carry everything 
 maps or parameters are run again.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -66,7 +64,7 @@ class PlanBlock(Job):
             "code": code_of(*(EXPERIMENT if system.experiment else PLANNING)),
         }  # fmt: skip
 
-    def left(self, rows: Sequence[Row]) -> tuple[Sequence[Row], PlanBlock | None]:
+    def left(self, rows: Sequence[Row]) -> tuple[Sequence[Row], Self | None]:
         """Return the rows of all runs, if none is missing."""
         whole = of_all_runs(rows, self.runs)
         return (whole, None) if whole else ([], self)

@@ -4,11 +4,9 @@
 the tables. Lengths are in cells, times in milliseconds, shares from 0 to 1.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Final, Literal, NamedTuple
+from typing import Final, Literal, NamedTuple, Self
 
 import numpy as np
 
@@ -108,7 +106,7 @@ class ClaimVerdict(NamedTuple):
     by_clock: bool = False
 
     @classmethod
-    def graded(cls, holds: Sequence[bool], why: str) -> ClaimVerdict:
+    def graded(cls, holds: Sequence[bool], why: str) -> Self:
         """Return the verdict on a claim that holds in some places: in all, in part, nowhere; open if there are none."""
         if not holds:
             return cls(OPEN, "nothing was run for it")

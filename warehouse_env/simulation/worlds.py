@@ -4,12 +4,10 @@ A feature that a config does not use is None and not compiled: Numba leaves out 
 a field that may be None is passed on as an argument to the function that asks.
 """
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable
 from functools import cached_property
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,7 +34,7 @@ class Features(NamedTuple):
     erring: Literal[True] | None  # bodies differ from their plans (deviation.py)
 
     @classmethod
-    def of(cls, config: EnvConfig) -> Features:
+    def of(cls, config: EnvConfig) -> Self:
         """Return the features of a config."""
         field, stopping = config.traffic_spec.shield, config.arrival != "pass"
         has = (config.action_type != "raw", stopping, config.people > 0, field, deviation.errs(config))

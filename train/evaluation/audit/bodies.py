@@ -4,10 +4,8 @@ The gap of two separate rectangles is the distance of a corner of one from the o
 lies in the other, or an edge of one runs through the other.
 """
 
-from __future__ import annotations
-
 import math
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,7 +34,7 @@ class AuditBody(NamedTuple):
     piece: float  # [s]
 
     @classmethod
-    def of(cls, config: EnvConfig, robot: RobotSpec) -> AuditBody:
+    def of(cls, config: EnvConfig, robot: RobotSpec) -> Self:
         """Return what a config says of robots of a kind."""
         return cls(
             robot.length / 2, robot.width / 2, robot.rear_reach - robot.length / 2,
@@ -65,7 +63,7 @@ class AuditFleet(NamedTuple):
     radius: float  # [m] of the widest
 
     @classmethod
-    def of(cls, config: EnvConfig) -> AuditFleet:
+    def of(cls, config: EnvConfig) -> Self:
         """Return what a config says."""
         bodies = tuple(AuditBody.of(config, robot) for robot in config.kinds)
         return cls(bodies, np.array(config.kind_of), max(body.radius for body in bodies))

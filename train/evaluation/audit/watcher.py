@@ -1,10 +1,8 @@
 """`Audit`, a watcher that keeps the faults of the robots it watches."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +29,7 @@ class _Looks(NamedTuple):
     people: NDArray[np.float64]  # [B, M, 2]
 
     @classmethod
-    def at(cls, simulator: Simulator) -> _Looks:
+    def at(cls, simulator: Simulator) -> Self:
         """Copy the state."""
         robots, persons = simulator.robots, simulator.people.persons
         states = np.empty((*robots.shape, STATE))

@@ -3,8 +3,6 @@
 One compressed file of arrays, without pickle: the config as JSON, the map, the seeds, the actions, the poses.
 """
 
-from __future__ import annotations
-
 import contextlib
 import dataclasses
 import io
@@ -14,7 +12,7 @@ import zipfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.lib import format as npy
@@ -79,13 +77,13 @@ class Episode:
             )  # fmt: skip
 
     @classmethod
-    def load(cls, path: str | Path) -> Episode:
+    def load(cls, path: str | Path) -> Self:
         """Read a file of `save`; WarehouseError with one sentence if it is missing, damaged or of another format."""
         with opened(path) as archive:
             return cls._read(archive)
 
     @classmethod
-    def _read(cls, archive: zipfile.ZipFile) -> Episode:
+    def _read(cls, archive: zipfile.ZipFile) -> Self:
         about = json.loads(_array(archive, "about", _LONGEST_TEXT).tobytes())
         if about.get("format") != FORMAT:
             raise WarehouseError(f"it has episode format {shown(about.get('format'))}, not {FORMAT}")

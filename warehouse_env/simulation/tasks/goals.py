@@ -1,9 +1,7 @@
 """Goals drawn by counter: endpoints, distinct at any moment in a world."""
 
-from __future__ import annotations
-
 from functools import lru_cache
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +23,7 @@ class GoalState(NamedTuple):
     taken: NDArray[np.bool_]  # [B, E]: a robot's goal
 
     @classmethod
-    def of(cls, worlds: int, robots: int, endpoints: int) -> GoalState:
+    def of(cls, worlds: int, robots: int, endpoints: int) -> Self:
         """Return the state of worlds without goals."""
         each = worlds, robots
         taken = np.zeros((worlds, endpoints), np.bool_)
