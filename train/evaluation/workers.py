@@ -31,7 +31,7 @@ class RowOptions(Checked):
     overwrite: bool = False
     """Replace the rows in the file."""
     json: Path | None = None
-    """File for the rows, as JSON lines (default: rows.jsonl in the folder of the table)."""
+    """File for the rows, as JSON lines (default: rows.jsonl beside the table or page)."""
     out: Path = Path("results")
     """Folder for the rows, and for what shows them."""
 

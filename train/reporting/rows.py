@@ -3,8 +3,6 @@
 A row is a flat dict of JSON values, one episode or one run each. Every table and picture is made from rows alone.
 """
 
-from __future__ import annotations
-
 import errno
 import json
 import math
@@ -180,11 +178,11 @@ class Interval(NamedTuple):
     high: float
     samples: int
 
-    def times(self, factor: float) -> Interval:
+    def times(self, factor: float) -> Self:
         """Return it with mean and limits times a factor."""
-        return Interval(factor * self.mean, factor * self.low, factor * self.high, self.samples)
+        return self._replace(mean=factor * self.mean, low=factor * self.low, high=factor * self.high)
 
-    def cut(self, most: float = math.inf) -> Interval:
+    def cut(self, most: float = math.inf) -> Self:
         """Return it with the limits cut to the values that are possible, 0 to `most`; NaN stays NaN."""
         return self._replace(low=max(self.low, 0.0), high=min(self.high, most))
 

@@ -1,13 +1,11 @@
 """GridMap: shelves, floor heights and endpoints on a grid; the only place that converts metres and cells."""
 
-from __future__ import annotations
-
 import dataclasses
 import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -92,7 +90,7 @@ class GridMap:
         """Pickle the fields only; the copy is checked and read-only again, with empty caches."""
         return GridMap, tuple(getattr(self, field.name) for field in dataclasses.fields(self))
 
-    def __deepcopy__(self, memo: dict[int, Any]) -> GridMap:
+    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
         """Return itself: it is immutable, and all copies share its caches."""
         return self
 
@@ -179,11 +177,11 @@ class GridMap:
         """float64[H, W, 8], cells of length that `price` and `speed` add to each move; or None."""
         return moves.surplus(self.speed, self.price, self.pace)
 
-    def at_pace(self, pace: float) -> GridMap:
+    def at_pace(self, pace: float) -> Self:
         """Return the map for robots of this unlimited speed [m/s]."""
         return self if self.speed is None or pace == self.pace else dataclasses.replace(self, pace=pace)
 
-    def without(self, cell: Cell) -> GridMap:
+    def without(self, cell: Cell) -> Self:
         """Return the map with one more cell occupied, to plan on; it keeps a single endpoint."""
         from warehouse_env.maps.endpoints import largest_region
 
