@@ -4,7 +4,7 @@
 the tables. Lengths are in cells, times in milliseconds, shares from 0 to 1.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final, Literal, NamedTuple, Self
 
@@ -13,7 +13,7 @@ import numpy as np
 from train.reporting.rows import Row
 from train.tables.measures import MEASURES
 from warehouse_env.checked import CheckedPart
-from warehouse_env.errors import ConfigError, unknown_name
+from warehouse_env.errors import ConfigError, check_known
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.planning import Planner, make_planner, min_turns
 
@@ -163,13 +163,8 @@ class TableStudy(CheckedPart):
         labels = [system.label for system in self.systems]
         if len(set(labels)) != len(labels):
             raise ConfigError(f"study {self.name}: two systems have one label; labels must differ")
-        measures = (*self.measures, *(name for line in self.printed for name in line.figures))
-        self._known("measure", (*measures, *(claim.measure for claim in self.claims)), MEASURES)
-        named = (name for claim in self.claims for name in (claim.ours, claim.other))
-        self._known("system", (*named, *(line.ours for line in self.printed)), labels)
-
-    def _known(self, what: str, names: Iterable[str], known: Iterable[str]) -> None:
-        """Raise ConfigError for the first name that is not known; "" is left out."""
-        for name in names:
-            if name and name not in known:
-                raise unknown_name(f"study {self.name}: {what}", name, known)
+        measures = [*self.measures, *(name for line in self.printed for name in line.figures)]
+        measures += [claim.measure for claim in self.claims]
+        named = [name for claim in self.claims for name in (claim.ours, claim.other)]
+        check_known(f"study {self.name}: measure", filter(None, measures), MEASURES)
+        check_known(f"study {self.name}: system", filter(None, [*named, *(line.ours for line in self.printed)]), labels)
