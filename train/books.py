@@ -4,7 +4,6 @@ from warehouse_env.config import EnvConfig
 from warehouse_env.maps.fitting import load_floor
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning import make_planner
-from warehouse_env.planning.plan import Planner
 from warehouse_env.routes.book import RouteBook
 from warehouse_env.simulation.simulator import Simulator
 
@@ -12,10 +11,9 @@ _MOST = 64  # books kept, the most recently used
 _books: dict[tuple[object, ...], RouteBook] = {}
 
 
-def book_of(config: EnvConfig, grid: GridMap | None = None, planner: Planner | None = None) -> RouteBook:
-    """Return this process's book of a floor, planner and lanes; grid, planner: instead of those the config names."""
-    grid = load_floor(config, grid)
-    planner = make_planner(config.planner) if planner is None else planner
+def book_of(config: EnvConfig, grid: GridMap | None = None) -> RouteBook:
+    """Return this process's book of a floor, planner and lanes; grid: instead of that which the config names."""
+    grid, planner = load_floor(config, grid), make_planner(config.planner)
     floor = (grid.name, grid.key, grid.picks.tobytes(), grid.stations.tobytes())
     key = (*floor, planner.key, config.keep_right, config.widest_body.wider)
     book = _books.pop(key, None) or RouteBook(
@@ -27,8 +25,6 @@ def book_of(config: EnvConfig, grid: GridMap | None = None, planner: Planner | N
     return book
 
 
-def simulator_of(
-    config: EnvConfig, worlds: int, grid: GridMap | None = None, planner: Planner | None = None
-) -> Simulator:
+def simulator_of(config: EnvConfig, worlds: int, grid: GridMap | None = None) -> Simulator:
     """Return a new simulator on the book of `book_of`."""
-    return Simulator(config, worlds, routes=book_of(config, grid, planner))
+    return Simulator(config, worlds, routes=book_of(config, grid))

@@ -21,7 +21,6 @@ from warehouse_env import __version__
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, counted
 from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.planning.plan import Planner
 from warehouse_env.simulation.record.waiting import WaitingRecord
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.traffic_spec import read_traffic, written_traffic
@@ -99,16 +98,14 @@ def make_experiment(
     return Experiment(policy, config.replace(max_steps=steps), seed, tuple(range(episodes)), disturbance)
 
 
-def run(
-    experiment: Experiment, watch: Sequence[Watcher] = (), grid: GridMap | None = None, planner: Planner | None = None
-) -> list[Row]:
+def run(experiment: Experiment, watch: Sequence[Watcher] = (), grid: GridMap | None = None) -> list[Row]:
     """Play all episodes side by side, one world each; return their rows in the order of their seeds.
 
-    grid, planner: instead of those that the config names. An episode's numbers do not depend on the others: every world
-    has its own generators, and the policy sees one world at a time. ms_per_step is the median time of a decision of one
-    world, policy and simulator together, so that compiling does not count.
+    grid: instead of that which the config names. An episode's numbers do not depend on the others: every world has its
+    own generators, and the policy sees one world at a time. ms_per_step is the median time of a decision of one world,
+    policy and simulator together, so that compiling does not count.
     """
-    simulator = simulator_of(experiment.config, len(experiment.seeds), grid, planner)
+    simulator = simulator_of(experiment.config, len(experiment.seeds), grid)
     simulator.reset(experiment.seeds)
     measured, ms_per_step = play_out(experiment, simulator, watch)
     return [_row(experiment, k, values, ms_per_step) for k, values in zip(experiment.episodes, measured, strict=True)]
