@@ -25,7 +25,6 @@ class Policy(Protocol):
         `observation` is float32[B, N, D], laid out as `observation_layout` of the env config it was made for; `rng` is
         the only source of chance: the same generator state gives the same actions.
         """
-        ...
 
 
 @runtime_checkable
@@ -34,11 +33,9 @@ class Recurrent(Protocol):
 
     def memory(self, worlds: int) -> Memory:
         """Return the memory of so many worlds at the start of their episodes, an array [worlds, ...]."""
-        ...
 
     def act(self, observation: Observation, rng: np.random.Generator, memory: Memory) -> tuple[Action, Memory]:
         """Return actions as `Policy.act` does, and the memory for the next decision, [B, ...] as given."""
-        ...
 
 
 @runtime_checkable
@@ -53,7 +50,6 @@ class Preferring(Protocol):
 
     def preferences(self, observation: Observation) -> NDArray[np.float32]:
         """Return the preference for each action, float32[B, N, A] from float32[B, N, D]."""
-        ...
 
 
 class Actor:

@@ -91,15 +91,12 @@ class Workers(Protocol):
     @property
     def width(self) -> int:
         """Number of jobs done at a time."""
-        ...
 
     def each(self, jobs: Sequence[Numbered], moved: Progress) -> Iterator[tuple[int, Result]]:
         """Yield number and result of each job as it ends; after all, LostError names those that could not be done."""
-        ...
 
     def close(self) -> None:
         """Stop all jobs at once."""
-        ...
 
 
 class Here:

@@ -71,12 +71,10 @@ class Planner(Protocol):
     @property
     def name(self) -> str:
         """Its name in PLANNERS."""
-        ...
 
     @property
     def key(self) -> str:
         """Name and parameters as stable text: equal keys mean equal plans for equal random numbers."""
-        ...
 
     def plan(self, grid: GridMap, start: Cell, goal: Cell, rng: np.random.Generator, cost: CostMap = None) -> Plan:
         """Search from start to goal; an unreachable goal gives an empty Plan, an unusable cell a PlanError.
@@ -84,7 +82,6 @@ class Planner(Protocol):
         cost: cells of length that each move costs on top of its own, float64[H, W, 8]; or that entering a cell
             costs, float64[H, W]. Finite and not negative (ConfigError).
         """
-        ...
 
 
 def edge_cost(grid: GridMap, cost: NDArray[np.float64]) -> NDArray[np.float64]:
