@@ -26,7 +26,7 @@ DRAW_NOTHING = (
     "policies",
 )  # fmt: skip
 RESULTS = (  # commands whose results are rows
-    "advise", "audit", "bench", "clmapf", "compare", "evaluate", "fleet", "plan", "robust",
+    "advise", "audit", "bench", "benchmark", "clmapf", "compare", "evaluate", "fleet", "plan", "robust",
     "tables floors", "tables papers", "tables planners",
 )  # fmt: skip
 

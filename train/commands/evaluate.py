@@ -220,7 +220,7 @@ class Benchmark(RowOptions, OwnSensors):
         if driven:
             title = f"# Benchmark, version {VERSION} of the set\n\n"
             write_text(self.out / "table.md", title + "\n".join(table.markdown() for table in tables))
-            print(f"wrote the table and the rows to {self.out}")
+            print(f"wrote the rows to {self.rows_path}, the table to {self.out}")
 
     def _drive(self) -> list[Row]:
         # errors come before anything drives
