@@ -172,8 +172,8 @@ def hall_parts(hall: Hall, name: str) -> list[PagePart]:
     """Return two parts: the map with the floor over it, and what is doubtful; name: as it was typed."""
     label = f"The map of {hall.grid.name}, and the floor that robots drive on"
     caption = (
-        f"{label}, in metres of the map's own frame. Robots drive on whole cells of {hall.grid.cell_size:g} m; what is "
-        "sand-coloured is floor on the map, and none here."
+        f"{label}, in metres. Robots drive on whole cells of {hall.grid.cell_size:g} m; what is sand-coloured is floor "
+        "on the map, and none here."
     )
     read = [_sentence(line) for line in hall.report if not any(sign in line for sign in _SIGNS)]
     doubtful = [_sentence(line) for line in doubts(hall, name)]

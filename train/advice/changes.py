@@ -101,8 +101,8 @@ def _line(racks: NDArray[np.bool_], cell: Cell, along_row: bool) -> NDArray[np.b
 
 
 def _opened(grid: GridMap, cells: NDArray[np.bool_], what: str) -> Candidate:
-    corners, half = grid.world(grid.centre(np.argwhere(cells))), grid.cell_size / 2
-    (left, low), (right, high) = corners.min(axis=0) - half, corners.max(axis=0) + half
+    centres, half = grid.centre(np.argwhere(cells)), grid.cell_size / 2
+    (left, low), (right, high) = grid.world([centres.min(axis=0) - half, centres.max(axis=0) + half])
     where = f"x {left:g} to {right:g} m, y {low:g} to {high:g} m"
     text = f"{what} at {where} ({int(cells.sum())} shelf cells)"
     return Candidate(text, dataclasses.replace(grid, occupied=grid.occupied & ~cells), cells)

@@ -168,7 +168,7 @@ class _Timeline:
 
     def _line(self, nodes: tuple[tuple[float, float], ...], here: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return the line from the vehicle over the nodes to come."""
-        return np.concatenate([[here], np.array(nodes) - self._grid.origin]).astype(np.float32)
+        return np.concatenate([[here], self._grid.local(nodes)]).astype(np.float32)
 
     def _cell(self, point: NDArray[np.float32]) -> int:
         """Return the number of the cell nearest to a point."""
@@ -254,7 +254,7 @@ def places_of(vehicle: HeardVehicle, name: str, grid: GridMap) -> Track:
     there = reports[:, 4] == vehicle.maps.get(name, -1)
     seconds, x, y, theta = reports[there, :4].T
     last = np.append(np.diff(seconds) > 0, True)[: len(seconds)]
-    pose = np.stack([x - grid.origin[0], y - grid.origin[1], np.unwrap(theta)], axis=-1)[last]
+    pose = np.column_stack([grid.local(np.stack([x, y], axis=-1)), np.unwrap(theta) - grid.yaw])[last]
     elsewhere = np.diff(np.cumsum(~there)[there][last]) > 0
     seconds = seconds[last]
     gap, moved = np.diff(seconds), np.hypot(*np.diff(pose[:, :2], axis=0).T)

@@ -209,7 +209,7 @@ class VehicleWriter:
         replay, robot = self._story.replay, self._robot
         pose, speed = replay.pose[frame, robot].astype(float), float(replay.speed[frame, robot])
         x, y = replay.grid.world(pose).round(3).tolist()
-        theta = math.remainder(float(pose[2]), math.tau)
+        theta = math.remainder(float(pose[2]) + replay.grid.yaw, math.tau)
         turn = -speed * math.tan(float(replay.steer[frame, robot])) / replay.config.robot.wheelbase
         turn = -turn if replay.config.robot.front_steered else turn
         velocity = {"vx": round(speed, 3), "vy": 0.0, "omega": round(turn, 4)}

@@ -2,6 +2,7 @@
 
 import dataclasses
 import hashlib
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -25,6 +26,13 @@ FARTHEST = 1e8  # [m] of an origin
 DISTANCE_FIELDS_KEPT = 128  # per map; 17 kB each on 46 x 46 cells
 
 
+def turned(points: ArrayLike, angle: float) -> NDArray[np.float64]:
+    """Return float64[..., 2], points (x, y) turned counter-clockwise about (0, 0) by an angle [rad]."""
+    array = np.asarray(points, dtype=np.float64)
+    x, y, cosine, sine = array[..., 0], array[..., 1], math.cos(angle), math.sin(angle)
+    return np.stack([cosine * x - sine * y, sine * x + cosine * y], axis=-1)
+
+
 @dataclass(frozen=True, eq=False)
 class GridMap:
     """A warehouse floor; its arrays are checked, copied and made read-only (MapError if something is wrong).
@@ -41,6 +49,7 @@ class GridMap:
     price: float64[H, W, 8], factor of at least 1 on the length of each of MOVES, for planners; or None.
     tight: bool[H, W], floor on which robots' bodies do not fit, which planners avoid (maps/fitting.py); or None.
     pace: [m/s] of robots without limits; planners count the time lost by limits against it (`at_pace`).
+    yaw: [rad], the heading of the floor's x axis in the frame of the map's file.
     """
 
     occupied: NDArray[np.bool_]
@@ -57,6 +66,7 @@ class GridMap:
     price: NDArray[np.float64] | None = None
     tight: NDArray[np.bool_] | None = None
     pace: float = RobotSpec.max_speed
+    yaw: float = 0.0
 
     def __post_init__(self) -> None:
         occupied = tables.occupied_cells(self.occupied)
@@ -70,6 +80,7 @@ class GridMap:
             "occupied": frozen(occupied), "walls": frozen(walls), "discs": frozen(discs), "cell_size": cell,
             "height": frozen(height.astype(np.float32)), "one_way": frozen(one_way.checked(self.one_way, occupied)),
             "origin": tables.point(self.origin, "origin", FARTHEST),
+            "yaw": tables.number(self.yaw, "yaw", -FARTHEST, FARTHEST, "rad"),
             "pace": tables.number(self.pace, "pace", tables.SLOWEST, tables.FASTEST, "m/s"),
             "speed": tables.speed_limits(self.speed, occupied),
             "price": tables.price_factors(self.price, occupied.shape),
@@ -230,7 +241,11 @@ class GridMap:
 
     def world(self, points: ArrayLike) -> NDArray[np.float64]:
         """Return float64[..., 2], points (x, y) [m] of the simulation in the frame of the map's file."""
-        return np.asarray(points, dtype=np.float64)[..., :2] + self.origin
+        return turned(points, self.yaw) + self.origin
+
+    def local(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Return float64[..., 2], points (x, y) [m] in the frame of the map's file as the simulation has them."""
+        return turned(np.asarray(points, dtype=np.float64)[..., :2] - self.origin, -self.yaw)
 
     @cached_property
     def _distances(self) -> Callable[[Cell], NDArray[np.float64]]:

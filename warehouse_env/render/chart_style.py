@@ -111,12 +111,15 @@ def draw_discs(ax: Axes, grid: GridMap, colour: RGB, alpha: float = 1.0) -> None
 
 
 def set_metres(ax: Axes, grid: GridMap) -> None:
-    """Show all of a floor, equal in both directions, with ticks at round metres of the map's own frame."""
+    """Show all of a floor, equal in both directions, with ticks at round metres of the map's own frame.
+
+    A turned map has no such ticks; the floor's own metres stand there.
+    """
     sides = grid.shape[1] * grid.cell_size, grid.shape[0] * grid.cell_size
     ax.set(xlim=(0, sides[0]), ylim=(0, sides[1]))
     locator = load("matplotlib.ticker").MaxNLocator(_MOST_TICKS, steps=[1, 2, 5, 10])
     for axis, shift, side in zip((ax.xaxis, ax.yaxis), grid.origin, sides, strict=True):
-        if shift:
+        if shift and not grid.yaw:
             round_ones = [tick for tick in locator.tick_values(shift, shift + side) if 0 <= tick - shift <= side]
             axis.set_ticks([tick - shift for tick in round_ones], [f"{tick:.6g}" for tick in round_ones])
     ax.set_aspect("equal")

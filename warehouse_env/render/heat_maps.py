@@ -139,10 +139,9 @@ def cell_kinds(hall: Hall) -> NDArray[np.int64]:
 def _holds(hall: Hall, pixels: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return bool[H, W]: cells that contain the middle of a marked pixel bool[h, w]."""
     rows, columns = np.nonzero(pixels)
-    x, y = hall.occupancy.origin
+    left, _, low, _ = _extent(hall)
     side, height = hall.occupancy.resolution, hall.occupancy.values.shape[0]
-    points = np.column_stack([x + (columns + 0.5) * side, y + (height - rows - 0.5) * side])
-    cells = hall.raster.cells(points)
+    cells = hall.grid.cell(np.column_stack([left + (columns + 0.5) * side, low + (height - rows - 0.5) * side]))
     found = np.zeros(hall.grid.shape, dtype=np.bool_)
     found[tuple(cells[hall.raster.inside(cells)].T)] = True
     return found
@@ -168,7 +167,8 @@ def hall_map(hall: Hall, label: str) -> str:
         ax.plot(*grid.centre(grid.picks).T, "o", ms=0.6 * mark, c=hexed(INDIGO), label="pick face", **inks)
         ax.plot(*grid.centre(grid.stations).T, "s", ms=1.2 * mark, mec=hexed(BLUE), mfc="none", label="station", **inks)
         set_metres(ax, grid)
-        ax.set(xlabel="x [m] of the map", ylabel="y [m] of the map")
+        frame = "floor" if grid.yaw else "map"
+        ax.set(xlabel=f"x [m] of the {frame}", ylabel=f"y [m] of the {frame}")
         patch = load("matplotlib.patches").Patch
         shown = [one for number, one in enumerate(_KINDS.items()) if (kinds == number).any()]
         keys = [patch(fc=hexed(colour), alpha=alpha, label=name) for name, (colour, alpha) in shown]
@@ -196,6 +196,6 @@ def _pixels(hall: Hall) -> NDArray[np.float64]:
 
 def _extent(hall: Hall) -> tuple[float, float, float, float]:
     """Return the map's extent in the floor's own metres: left, right, bottom, top."""
-    (x, y), (left, low) = hall.occupancy.origin, hall.grid.origin
+    (x, y), (left, low) = hall.occupancy.origin, hall.raster.origin
     rows, columns = (side * hall.occupancy.resolution for side in hall.occupancy.values.shape)
     return x - left, x - left + columns, y - low, y - low + rows

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -132,15 +133,20 @@ def test_a_mask_that_marks_less_than_it_seems_is_noted(
     hnp.arrays(np.bool_, st.tuples(st.integers(2, 7), st.integers(2, 7))),
     st.sampled_from([(1.0, None), (1.0, 0.25), (0.5, 0.25)]),
     st.tuples(st.integers(-50, 50), st.integers(-50, 50)),
+    st.floats(-7, 7),
     st.randoms(),
 )
 @settings(max_examples=25, deadline=None)
-def test_a_floor_is_read_back_as_it_was_written(tmp_path_factory, occupied, sizes, origin, rng) -> None:  # type: ignore[no-untyped-def]
+def test_a_floor_is_read_back_as_it_was_written(tmp_path_factory, occupied, sizes, origin, yaw, rng) -> None:  # type: ignore[no-untyped-def]
     occupied[0, 0] = False
     cell, resolution = sizes
     arrows = np.array([[rng.randrange(5) for _ in row] for row in occupied]) * ~occupied
     speed = np.array([[rng.choice([0.75, 1.2, np.inf]) for _ in row] for row in occupied])
-    grid = GridMap(occupied, cell_size=cell, one_way=arrows, origin=origin, speed=speed, name="hall")
+    discs = [(0.3 * cell, 0.4 * cell, 0.2 * cell)][: rng.randrange(2) * bool(occupied.size - occupied.sum() > 1)]
+    arrows[-1:, :1] *= not discs
+    grid = GridMap(
+        occupied, cell_size=cell, one_way=arrows, origin=origin, discs=discs, speed=speed, name="hall", yaw=yaw
+    )
     name = write_hall(grid, tmp_path_factory.mktemp("h") / "hall.yaml", resolution)
     found = read_hall(name)
     assert (found.grid.occupied == grid.occupied).all()
@@ -148,7 +154,84 @@ def test_a_floor_is_read_back_as_it_was_written(tmp_path_factory, occupied, size
     assert found.grid.speed == pytest.approx(grid.speed)
     assert np.array_equal(found.grid.picks, grid.picks)
     assert np.array_equal(found.grid.stations, grid.stations)
-    assert np.allclose(found.grid.origin, origin)
+    assert np.allclose(found.grid.discs, grid.discs)
+    assert np.allclose(found.grid.world([(0, 0), (7, 1)]), grid.world([(0, 0), (7, 1)]))
+
+
+def test_a_turned_map_by_hand(tmp_path: Path) -> None:
+    """A quarter turn: the picture's rows point north in the map's frame, its columns west."""
+    grey = room(2, 4)
+    found = read_hall(hall(tmp_path, grey, YAML.replace("[-3.0, 2.0, 0.0]", "[-3.0, 2.0, 1.5707963267948966]")))
+    assert found.grid.shape == (1, 2)
+    assert found.grid.world([(0.0, 0.0), (1.5, 0.5)]).ravel() == pytest.approx([-3.0, 2.0, -3.5, 3.5])
+    assert found.grid.local([(-3.5, 3.5)]).ravel() == pytest.approx([1.5, 0.5])
+    assert found.raster.cells(np.array([(-3.5, 3.5)])).tolist() == [[0, 1]]
+    assert found.raster.centres(np.array([(0, 1)])).ravel() == pytest.approx([-3.5, 3.5])
+    assert found.report[-1] == "its south-west corner is at (-3, 2) m of the map, and its x axis turned by 90 degrees"
+
+
+def moved(points: np.ndarray, yaw: float) -> np.ndarray:
+    """Return points (x, y), turned about (0, 0) and moved by (40, -7) m: a rigid motion by complex numbers."""
+    there = (points @ (1, 1j)) * np.exp(1j * yaw) + (40 - 7j)
+    return np.stack([there.real, there.imag], axis=-1)
+
+
+def moved_files(folder: Path, yaw: float) -> str:
+    """Write a hall with all files beside it, moved; return its name."""
+    (folder / "t").mkdir()
+
+    def at(*point: float) -> list[float]:
+        found: list[float] = moved(np.array(point), yaw).tolist()
+        return found
+
+    for name, row, value in (("hall", 0, 0), ("keepout", 18, 100), ("speed", 20, 50)):
+        values = np.zeros((24, 32), np.int8)
+        values[4:8, 8:20] = 100 * (name == "hall")
+        values[row : row + 2, 4:12] = value
+        text = f"image: {name}.pgm\nresolution: 0.5\norigin: [{at(-3, 2)[0]}, {at(-3, 2)[1]}, {yaw}]\n"
+        map_server.write_pgm(np.where(values < 0, 205, values).astype(np.uint8), folder / "t" / f"{name}.pgm")
+        (folder / "t" / f"{name}.yaml").write_text(text + "mode: raw\n")
+    picks, stations = [at(1.5, 12.5), at(9.4, 9.7)], [at(-2.5, 2.5)]
+    both = {"picks": picks, "stations": stations}
+    listed = {kind: [{"id": k, "x": x, "y": y} for k, (x, y) in enumerate(one)] for kind, one in both.items()}
+    (folder / "t" / "hall.places.json").write_text(json.dumps(listed))
+    (x, y), discs = at(9.7, 3.3), folder / "t" / "hall.discs.json"
+    discs.write_text(json.dumps({"discs": [{"x": x, "y": y, "radius": 0.4}]}))
+    ends = [at(-0.5, 9.5), at(10.5, 9.5)]
+    nodes = [{"type": "Feature", "properties": {"id": k}, "geometry": {"type": "Point", "coordinates": end}}
+             for k, end in enumerate(ends)]  # fmt: skip
+    edge = {"type": "Feature", "properties": {"id": 2, "startid": 0, "endid": 1, "cost": 30.0},
+            "geometry": {"type": "LineString", "coordinates": ends}}  # fmt: skip
+    (folder / "t" / "lanes.geojson").write_text(json.dumps({"features": [*nodes, edge]}))
+    return f"{folder / 't' / 'hall.yaml'}:keepout=keepout.yaml,speed=speed.yaml,lanes=lanes.geojson"
+
+
+@given(st.floats(-4, 4) | st.sampled_from([np.pi / 6, np.pi / 2, np.pi, -np.pi / 2]))
+@settings(max_examples=20, deadline=None)
+def test_a_hall_is_the_same_whatever_its_yaw(tmp_path_factory, yaw) -> None:  # type: ignore[no-untyped-def]
+    """Map, masks, places, discs and lanes turned and moved together give the same floor, moved."""
+    still, turned = (read_hall(moved_files(tmp_path_factory.mktemp("h"), angle)) for angle in (0.0, yaw))
+    for name in ("occupied", "walls", "one_way", "picks", "stations", "speed"):
+        assert np.array_equal(getattr(still.grid, name), getattr(turned.grid, name)), name
+    assert np.allclose(still.grid.price, turned.grid.price)
+    assert len(still.grid.picks) == 2
+    assert still.barred.sum() == 4
+    assert (still.grid.speed[10] == 0.75).sum() == 4 == np.isfinite(still.grid.speed).sum()
+    assert (still.grid.one_way > 0).sum() > 5
+    assert np.allclose(still.grid.discs, turned.grid.discs, atol=1e-5)
+    assert len(still.grid.discs) == 1
+    points = np.random.default_rng(0).uniform(0, 12, (20, 2))
+    assert np.allclose(turned.grid.world(points), moved(points + (-3, 2), yaw))
+    assert np.allclose(turned.grid.local(turned.grid.world(points)), points)
+    assert len(still.notes) == len(turned.notes)
+
+
+def test_a_mask_with_another_yaw_is_refused(tmp_path: Path) -> None:
+    name = moved_files(tmp_path, 0.5)
+    mask = tmp_path / "t" / "keepout.yaml"
+    mask.write_text(mask.read_text().replace("0.5]", "0.6]"))
+    with pytest.raises(MapError, match=r"keepout mask keepout.yaml has a yaw of 0.6 rad, its map 0.5; turn the mask"):
+        read_hall(name)
 
 
 def test_pictures_of_other_kinds(tmp_path: Path) -> None:
@@ -176,7 +259,7 @@ def test_pictures_of_other_kinds(tmp_path: Path) -> None:
         ("resolution: 0.5\n", "", "resolution must be a number"),
         ("resolution: 0.5", "resolution: true", "resolution must be a number"),
         ("-3.0", ".nan", "origin must be a number"),
-        ("2.0, 0.0", "2.0, 1.57", "yaw"),
+        ("2.0, 0.0", "2.0, .inf", "origin must be a number"),
         ("[-3.0, 2.0, 0.0]", "3", "origin must be a list"),
         ("negate: 0", "negate: 7", "negate 7 must be 0 or 1"),
         ("0.65", "0.2", "must be below"),

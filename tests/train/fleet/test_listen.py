@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import cmath
 import contextlib
+import dataclasses
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -46,6 +49,42 @@ def test_our_own_episode_comes_back(tmp_path: Path) -> None:
     assert row["robot_km"] == pytest.approx(simulated["robot_km"], rel=0.02)  # chords, and what contacts put back
     assert row["waiting_share"] == pytest.approx(simulated["waiting_share"], abs=0.05)
     assert min(simulated[name] for name in ("collisions_robot", "collisions_person", "near_misses")) > 0
+
+
+def test_on_a_turned_map_messages_are_turned_and_come_back() -> None:
+    """Positions and headings turn by 150 degrees about the floor's corner; all else stays the same."""
+    plain, angle = story(), math.radians(150)
+    grid = dataclasses.replace(plain.replay.grid, yaw=angle)
+    turned = plain._replace(replay=dataclasses.replace(plain.replay, grid=grid))
+    both = [[message.payload for message in messages_of(one, NAMES)] for one in (plain, turned)]
+    corner, ways = complex(*ORIGIN), []
+    for old, new in zip(*map(places_in, both), strict=True):
+        here, there = (complex(one["x"], one["y"]) - corner for one in (old, new))
+        assert abs(here * cmath.exp(1j * angle) - there) < 0.0015  # both in whole millimetres
+        ways.append(abs(here))
+        if "theta" in old:
+            assert abs(math.remainder(new["theta"] - old["theta"] - angle, math.tau)) < 0.0002
+    assert max(ways) > 5
+    assert [one.get("velocity") for one in both[0]] == [one.get("velocity") for one in both[1]]
+    fleet = HeardFleet()
+    for message in messages_of(turned, NAMES):
+        entry = entry_of(message.line.encode())
+        fleet.add(entry)
+    back = episode_of(fleet, grid, EnvConfig())
+    apart = back.pose[:, 0] - plain.replay.pose
+    assert np.abs(apart[..., :2]).max() < 0.0011
+    assert np.abs(np.sin(apart[..., 2])).max() < 0.0002
+    assert back.lines[1][[0, -1]] == pytest.approx(np.array([(0.5, 0.5), (9.5, 0.5)]), abs=0.0011)
+
+
+def places_in(payload: Any) -> list[dict[str, Any]]:
+    """Return all objects with x and y in a message, in order, without the factsheet's outlines."""
+    if isinstance(payload, list):
+        return [place for one in payload for place in places_in(one)]
+    if not isinstance(payload, dict):
+        return []
+    inner = [place for name, one in payload.items() if name != "agvGeometry" for place in places_in(one)]
+    return [payload, *inner] if "x" in payload else inner
 
 
 def test_its_file_is_read_back_and_shown(tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ from warehouse_env.errors import MapError, counted
 from warehouse_env.maps.discs import cells_near
 from warehouse_env.maps.endpoints import beside, largest_region
 from warehouse_env.maps.generators import LARGEST
-from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.maps.grid_map import GridMap, turned
 from warehouse_env.maps.halls.map_server import MOST_PIXELS, UNKNOWN, Occupancy
 from warehouse_env.maps.moves import beyond, label_regions
 from warehouse_env.maps.tables import DEAREST
@@ -53,20 +53,37 @@ class HallOptions(Checked):
 
 @dataclass(frozen=True)
 class Raster:
-    """Cells over a plane: rows and columns of squares with a side [m], and the (x, y) [m] of the lower left corner."""
+    """Cells over a map: rows and columns of squares with a side [m], and their lower left corner.
+
+    origin, yaw: as those of `Occupancy`.
+    """
 
     rows: int
     columns: int
     cell: float
     origin: tuple[float, float]
+    yaw: float = 0.0
 
     def cells(self, points: NDArray[np.float64]) -> NDArray[np.int64]:
         """Return int64[..., 2], the cells (row, column) of points (x, y) [m]; off the floor they lie outside."""
         with np.errstate(invalid="ignore"):
-            column = np.floor((points[..., 0] - self.origin[0]) / self.cell)
-            row = self.rows - 1 - np.floor((points[..., 1] - self.origin[1]) / self.cell)
+            along = turned(points, -self.yaw) - self.origin
+            column = np.floor(along[..., 0] / self.cell)
+            row = self.rows - 1 - np.floor(along[..., 1] / self.cell)
         cells: NDArray[np.int64] = np.clip(np.stack([row, column], axis=-1), -(2**40), 2**40).astype(np.int64)
         return cells
+
+    @property
+    def corner(self) -> tuple[float, float]:
+        """(x, y) [m] of the lower left corner in the map's frame."""
+        x, y = turned(self.origin, self.yaw).tolist()
+        return x, y
+
+    @classmethod
+    def of(cls, grid: GridMap) -> Raster:
+        """Return the cells of a floor."""
+        x, y = turned(grid.origin, -grid.yaw).tolist()
+        return cls(*grid.shape, grid.cell_size, (x, y), grid.yaw)
 
     def inside(self, cells: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Return bool[...]: which cells (row, column) there are."""
@@ -76,7 +93,7 @@ class Raster:
         """Return float64[..., 2], the centres (x, y) [m] of cells (row, column)."""
         x = self.origin[0] + (cells[..., 1] + 0.5) * self.cell
         y = self.origin[1] + (self.rows - 1 - cells[..., 0] + 0.5) * self.cell
-        return np.stack([x, y], axis=-1)
+        return turned(np.stack([x, y], axis=-1), self.yaw)
 
 
 def raster_of(occupancy: Occupancy, cell: float, begin: tuple[float, float] = (0.0, 0.0)) -> Raster:
@@ -91,7 +108,7 @@ def raster_of(occupancy: Occupancy, cell: float, begin: tuple[float, float] = (0
     if max(rows, columns) > LARGEST:
         raise MapError(f"the map has more than {LARGEST} cells of {cell:g} m in a row; choose a larger cell=")
     x, y = occupancy.origin
-    return Raster(rows, columns, cell, (x + begin[0], y + height - begin[1] - rows * cell))
+    return Raster(rows, columns, cell, (x + begin[0], y + height - begin[1] - rows * cell), occupancy.yaw)
 
 
 class Sums:
@@ -146,7 +163,8 @@ def exceeds(percent: NDArray[np.float64], share: float) -> NDArray[np.bool_]:
 
 
 def within(discs: NDArray[np.float64], occupancy: Occupancy) -> NDArray[np.bool_]:
-    """Return bool[h, w]: the pixels that a disc (x, y, radius) [m] of float64[K, 3] meets, in the map's own frame."""
+    """Return bool[h, w]: the pixels that a disc (x, y, radius) [m] of float64[K, 3] meets; x and y as those of origin.
+    """
     found: NDArray[np.bool_] = np.zeros(occupancy.values.shape, np.bool_)
     shift, size = np.array([*occupancy.origin, 0.0]), occupancy.resolution
     for disc in discs - shift:
@@ -245,7 +263,8 @@ def report_of(
         if given is None and mask.exists():
             yield f"{mask.name} lies beside the map but is not read; {what}={mask.name} reads it"
     x, y = grid.origin
-    yield f"its south-west corner is at ({x:g}, {y:g}) m of the map"
+    by = f", and its x axis turned by {math.degrees(grid.yaw):g} degrees" if grid.yaw else ""
+    yield f"its south-west corner is at ({x:g}, {y:g}) m of the map{by}"
 
 
 def _closed_aisles(room: NDArray[np.bool_], walls: NDArray[np.bool_], raster: Raster) -> Iterator[str]:

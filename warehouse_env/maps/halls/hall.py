@@ -8,6 +8,7 @@ windows, so they are not an error.
 from __future__ import annotations
 
 import contextlib
+import math
 import multiprocessing
 import warnings
 from collections.abc import Iterator, Sequence
@@ -25,7 +26,7 @@ from warehouse_env.maps import one_way
 from warehouse_env.maps.discs import SUFFIX as DISCS
 from warehouse_env.maps.discs import covered, read_discs
 from warehouse_env.maps.endpoints import largest_region
-from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.maps.grid_map import GridMap, turned
 from warehouse_env.maps.halls import lif, places, route_graph
 from warehouse_env.maps.halls.cells import (
     HallOptions,
@@ -48,6 +49,7 @@ from warehouse_env.maps.tables import DEAREST
 
 SUFFIXES = (*YAMLS, *PICTURES)
 EXAMPLE = "hall.yaml:cell=0.75"
+_SAME_YAW = 1e-4  # [rad]: 1 cm in 100 m
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +152,8 @@ class _Reader:
             self._notes += lanes.noted()
         grid = GridMap(
             occupied, None, self._how.cell, picks, stations, self._path.stem,  # type: ignore[arg-type]
-            np.where(taken, 0, arrows), self._raster.origin, discs, None, speed, price,  # type: ignore[arg-type]
+            np.where(taken, 0, arrows), self._raster.corner, discs, None, speed, price,  # type: ignore[arg-type]
+            yaw=self._raster.yaw,
         )  # fmt: skip
         self._note_regions(taken)
         report = tuple(report_of(self._path, self._how, self._occupancy, self._raster, grid, barred))
@@ -163,7 +166,7 @@ class _Reader:
         return choose_offset(self._occupancy, self._how.cell, self._how.share, self._how.unknown == "floor")
 
     def _read_discs(self) -> NDArray[np.float64]:
-        """Return float64[K, 3], the discs (x, y, radius) [m] in the map's frame whose centres are on its cells."""
+        """Return float64[K, 3], the discs (x, y, radius) [m] whose centres are on cells; x and y as those of origin."""
         path = companion(self._path, DISCS)
         if not path.exists():
             return np.zeros((0, 3))
@@ -174,7 +177,14 @@ class _Reader:
             self._notes.append(
                 f"{counted((~inside).sum(), 'disc')} with a centre off the floor are left out, one at ({x:g}, {y:g}) m"
             )
-        return found[inside]
+        return np.column_stack([turned(found[:, :2], -self._raster.yaw), found[:, 2]])[inside]
+
+    def _mask(self, name: str, what: str) -> Occupancy:
+        """Return a mask beside the map; MapError unless it is turned as the map is."""
+        mask, yaw = read_occupancy(beside(self._path, name, what)), self._occupancy.yaw
+        if abs(math.remainder(mask.yaw - yaw, math.tau)) > _SAME_YAW:
+            raise MapError(f"{what} mask {name} has a yaw of {mask.yaw:g} rad, its map {yaw:g}; turn the mask's picture")
+        return mask
 
     def _note_mask(self, name: str, mask: Occupancy, marked: NDArray[np.bool_], kept: NDArray[np.bool_]) -> None:
         """Note marks of a mask that cells lose; kept: bool[H, W], cells that keep its marks."""
@@ -204,7 +214,7 @@ class _Reader:
             )
         if self._how.keepout is None:
             return np.zeros_like(self._walls)
-        mask = read_occupancy(beside(self._path, self._how.keepout, "keepout"))
+        mask = self._mask(self._how.keepout, "keepout")
         taken = exceeds(100 * spread(mask, mask.values == 100, self._raster), self._how.share)
         self._note_mask(self._how.keepout, mask, mask.values == 100, taken)
         if ((mask.values > 0) & (mask.values < 100)).any():
@@ -215,7 +225,7 @@ class _Reader:
         """Return float64[H, W], the mask's speed limits [m/s]: the mean of a cell's limited pixels; inf for none."""
         if self._how.speed is None:
             return np.full(self._walls.shape, np.inf)
-        mask = read_occupancy(beside(self._path, self._how.speed, "speed"))
+        mask = self._mask(self._how.speed, "speed")
         limited = mask.values > 0
         share, total = (spread(mask, weights, self._raster) for weights in (limited, mask.values * limited))
         self._note_mask(self._how.speed, mask, limited, share > 0.5)

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from warehouse_env.errors import MapError, shown
 from warehouse_env.files import as_number, complete_file, read_bytes, read_text, write_text
+from warehouse_env.maps.grid_map import turned
 
 _DEEPEST = 16  # mappings and lists within each other
 
@@ -80,12 +81,14 @@ _FARTHEST = 1e7  # [m] of an origin
 class Occupancy:
     """A map: int8[H, W], per cent occupied or UNKNOWN for each pixel; row 0 is the north edge.
 
-    resolution: [m] of a pixel. origin: (x, y) [m] of the lower left corner.
+    resolution: [m] of a pixel. yaw: [rad], the heading of its rows in the map's frame. origin: (x, y) [m] of the lower
+    left corner along the picture's sides: in the map's frame, turned back by yaw about (0, 0).
     """
 
     values: NDArray[np.int8]
     resolution: float
     origin: tuple[float, float] = (0.0, 0.0)
+    yaw: float = 0.0
 
     @property
     def counts(self) -> tuple[int, int, int]:
@@ -152,8 +155,6 @@ def _interpreted(path: Path, picture: Picture, about: dict[Any, Any]) -> Occupan
     if not isinstance(origin, list) or len(origin) != 3:
         raise MapError(f"{path}: origin must be a list of x, y and yaw, as [0.0, 0.0, 0.0]")
     x, y, yaw = (_number(path, value, "origin", -_FARTHEST, _FARTHEST) for value in origin)
-    if abs(math.remainder(yaw, math.tau)) > 1e-3:
-        raise MapError(f"{path}: origin has a yaw of {yaw:g} rad; only 0 is read, so turn the picture instead")
     mode, negate = about.get("mode", "trinary"), about.get("negate", 0)
     if mode not in MODES:
         raise MapError(f"{path}: mode {shown(mode)} must be one of {', '.join(MODES)}")
@@ -169,7 +170,8 @@ def _interpreted(path: Path, picture: Picture, about: dict[Any, Any]) -> Occupan
     values = _levels(mode, bool(negate), free, occupied)[picture.grey]
     if picture.opaque is not None and mode != "raw":
         values = np.where(picture.opaque, values, np.int8(UNKNOWN))
-    return Occupancy(values, resolution, (x, y))
+    corner = turned((x, y), -yaw)
+    return Occupancy(values, resolution, (float(corner[0]), float(corner[1])), math.remainder(yaw, math.tau))
 
 
 def _levels(mode: str, negate: bool, free: float, occupied: float) -> NDArray[np.int8]:
@@ -190,7 +192,7 @@ def write_occupancy(occupancy: Occupancy, path: Path) -> None:
     write_pgm((np.where(values == UNKNOWN, 255, values) if shares else known).astype(np.uint8), picture)
     about = {
         "image": picture.name, "mode": "raw" if shares else "trinary",
-        "resolution": occupancy.resolution, "origin": [*occupancy.origin, 0.0],
+        "resolution": occupancy.resolution, "origin": [*turned(occupancy.origin, occupancy.yaw).tolist(), occupancy.yaw],
         "negate": 0, "occupied_thresh": OCCUPIED_THRESH, "free_thresh": FREE_THRESH,
     }  # fmt: skip
     write_text(path, yaml.safe_dump(about, sort_keys=False, default_flow_style=None, width=10_000, allow_unicode=True))

@@ -27,19 +27,18 @@ def write_hall(grid: GridMap, path: Path, resolution: float | None = None) -> st
     fine = 1 if resolution is None else round(grid.cell_size / resolution) if resolution > 0 else 0
     if fine < 1 or grid.occupied.size * fine**2 > MOST_PIXELS:
         raise MapError(f"resolution={resolution} must be a share of the cells' {grid.cell_size:g} m, and not too fine")
-    parameters = [] if grid.cell_size == 1.0 else [f"cell={grid.cell_size:g}"]
+    raster, parameters = Raster.of(grid), [] if grid.cell_size == 1.0 else [f"cell={grid.cell_size:g}"]
 
     def write(values: NDArray[np.int64], name: Path) -> None:
         pixels = values.repeat(fine, axis=0).repeat(fine, axis=1).astype(np.int8)
-        write_occupancy(Occupancy(pixels, grid.cell_size / fine, grid.origin), name)
+        write_occupancy(Occupancy(pixels, grid.cell_size / fine, raster.origin, grid.yaw), name)
 
     write(np.where(grid.walls, 100, 0), path)
     if (speed := grid.speed) is not None:
         parameters.append(f"speed={path.stem}_speed.yaml")
         percent = np.where(np.isfinite(speed), np.clip(speed / RobotSpec.max_speed * 100, 1, 100), 0)
         write(np.rint(percent).astype(np.int64), path.with_name(f"{path.stem}_speed.yaml"))
-    discs.write_beside(path, grid.discs + np.array([*grid.origin, 0.0]))
-    raster = Raster(*grid.shape, grid.cell_size, grid.origin)
+    discs.write_beside(path, np.column_stack([grid.world(grid.discs), grid.discs[:, 2]]))
     both = zip(places.KINDS, (grid.picks, grid.stations), strict=True)
     listed = {kind: places.places_at(raster, cells) for kind, cells in both}
     places.write_places(listed, companion(path, places.SUFFIX))

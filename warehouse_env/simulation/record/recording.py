@@ -60,7 +60,8 @@ class Episode:
         grid = self.grid
         text = {
             "format": FORMAT, "config": self.config.to_dict(), "map": grid.name, "cell_size": grid.cell_size,
-            "policy": self.policy, "made_of": self.made_of, "origin": grid.origin, "pace": grid.pace,
+            "policy": self.policy, "made_of": self.made_of, "origin": grid.origin, "yaw": grid.yaw,
+            "pace": grid.pace,
         }  # fmt: skip
         arrays: dict[str, Any] = {name: array for name in _GOING if (array := getattr(grid, name)) is not None}
         if self.orders is not None:
@@ -91,7 +92,7 @@ class Episode:
         floor: dict[str, Any] = {
             name: _array(archive, name) for name in _FLOOR if name in _ALWAYS or f"{name}.npy" in members
         }
-        floor |= {name: about[name] for name in ("cell_size", "origin", "pace") if name in about}
+        floor |= {name: about[name] for name in ("cell_size", "origin", "yaw", "pace") if name in about}
         grid = GridMap(floor.pop("occupied"), name=about["map"], **floor)
         seeds, actions, pose = (_array(archive, name, _LARGEST_ARRAY) for name in ("seeds", "actions", "pose"))
         _check_shapes(config, seeds, actions, pose)
