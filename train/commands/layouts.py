@@ -19,7 +19,7 @@ from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, MapError
 from warehouse_env.files import companion
 from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.maps.halls import lif, places, route_graph
+from warehouse_env.maps.halls import building, lif, places, route_graph
 from warehouse_env.maps.halls.hall import Hall, is_hall, parse, read_hall
 from warehouse_env.maps.halls.map_server import YAMLS
 from warehouse_env.maps.halls.saved import write_hall
@@ -46,9 +46,10 @@ class Layouts(Checked):
     """Also write the drawing as a picture to this file."""
     save: Path | None = None
     """Write the floor named by --draw to this file instead of drawing it: NAME.map (MovingAI), NAME.yaml (map_server,
-    with places beside it), NAME.lif.json (lanes as LIF) or NAME.geojson (Nav2's route graph)."""
+    with places beside it), NAME.lif.json (lanes as LIF), NAME.geojson (Nav2's route graph) or NAME.building.yaml
+    (Open-RMF's traffic editor, with a drawing beside it)."""
     resolution: float | None = None
-    """Width of a pixel [m] of what is saved as NAME.yaml (a cell's)."""
+    """Width of a pixel [m] of what is saved as NAME.yaml or NAME.building.yaml (a cell's)."""
 
     def run(self) -> None:
         """Save or draw the named floor; list all layouts if none is named."""
@@ -74,10 +75,13 @@ class Layouts(Checked):
             lif.write_lif(grid, path)
         elif suffix == route_graph.SUFFIX:
             route_graph.write_route_graph(grid, path)
+        elif path.name.lower().endswith(building.SUFFIX):
+            named = f"; reference_coordinates: {building.write_building(grid, path, self.resolution)}"
         elif suffix in YAMLS:
             named = f", which is read by --map {write_hall(grid, path, self.resolution)}"
         else:
-            raise ConfigError(f"--save {path} must end in .map, {YAMLS[0]}, {lif.SUFFIX} or {route_graph.SUFFIX}")
+            ends = f"{YAMLS[0]}, {lif.SUFFIX}, {route_graph.SUFFIX} or {building.SUFFIX}"
+            raise ConfigError(f"--save {path} must end in .map, {ends}")
         print(f"wrote {path}{named}")
 
     def _list(self) -> None:

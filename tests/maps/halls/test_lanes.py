@@ -10,15 +10,18 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from hypothesis import given
 from hypothesis.extra import numpy as hnp
+from PIL import Image
 
 from tests.maps.halls.test_map_server import REAL, hall, room
 from warehouse_env.errors import MapError
 from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.maps.halls.building import write_building
 from warehouse_env.maps.halls.cells import Raster
 from warehouse_env.maps.halls.hall import read_hall
-from warehouse_env.maps.halls.lanes import Lane, Lanes, arrows, lay, prices
+from warehouse_env.maps.halls.lanes import STEPS, Lane, Lanes, arrows, lay, prices
 from warehouse_env.maps.halls.lif import read_lif, write_lif
 from warehouse_env.maps.halls.places import cells_of, read_places
 from warehouse_env.maps.halls.route_graph import read_route_graph, write_route_graph
@@ -177,7 +180,7 @@ def test_costs_of_lanes_are_kept_or_said(tmp_path: Path) -> None:
     file = tmp_path / "f.geojson"
     write_route_graph(GridMap(np.zeros((1, 3)), cell_size=2.0), file)
     data = json.loads(file.read_text())
-    edges = [one["properties"] for one in data["features"] if one["geometry"]["type"] == "LineString"]
+    edges = [one["properties"] for one in data["features"] if one["geometry"]["type"] == "MultiLineString"]
     edges[0]["cost"], edges[1]["cost"], edges[2]["cost"] = 3.0, 0.0, 1e9
     edges[2]["id"] = edges[1]["id"]
     file.write_text(json.dumps(data))
@@ -309,3 +312,52 @@ def test_places_of_a_hand_are_read(tmp_path: Path) -> None:
         file.write_text(text)
         with pytest.raises(MapError):
             read_places(file)
+
+
+@pytest.mark.parametrize("yaw", [0.0, 2.5])
+def test_a_building_of_open_rmf_holds_the_floor(tmp_path: Path, yaw: float) -> None:
+    """Read as Open-RMF's own tools do: y up, metres by the measurement, lanes of two directions split."""
+    grid, path = dataclasses.replace(streets(), yaw=yaw), tmp_path / "h.building.yaml"
+    grid = dataclasses.replace(grid, speed=np.where(np.arange(10) < 3, 0.7, np.inf) + np.zeros(grid.shape))
+    corners = yaml.safe_load(write_building(grid, path, 0.25))["streets"]
+    building = yaml.safe_load(path.read_text())
+    level = building["levels"]["streets"]
+    assert (building["name"], building["coordinate_system"], building["lifts"]) == ("streets", "reference_image", {})
+    with Image.open(tmp_path / level["drawing"]["filename"]) as drawing:
+        black = np.asarray(drawing) == 0
+    assert np.array_equal(black, grid.occupied.repeat(3, axis=0).repeat(3, axis=1))
+    ((first, last, about),) = level["measurements"]
+    assert about == {"distance": [3, 7.5]}  # ten cells of .75 m
+    metres = 7.5 / (level["vertices"][last][0] - level["vertices"][first][0])
+    points = np.array([complex(x, -y) * metres for x, y, *_ in level["vertices"]])
+    rmf, robot = (np.array(corners[frame]) @ (1, 1j) for frame in ("rmf", "robot"))
+    turn = (robot[2] - robot[0]) / (rmf[2] - rmf[0])
+    assert abs(turn) == pytest.approx(1.0, abs=1e-3)  # the same scale
+    there = robot[0] + (points[:-2] - rmf[0]) * turn
+    assert there == pytest.approx(grid.world(grid.centre(grid.free_cells)) @ (1, 1j), abs=0.002)
+    cells, found = grid.free_cells.tolist(), {}
+    for start, end, about in level["lanes"]:
+        assert (about["graph_idx"], about["orientation"]) == ([2, 0], [1, ""])
+        for ends in ((start, end), (end, start))[: 1 + about["bidirectional"][1]]:
+            found[ends] = about["speed_limit"]
+    steps = [(cells.index([r, c]), cells.index([r + a, c + b]))
+             for r, c in cells for m, (a, b) in enumerate(STEPS) if grid.legal_moves[r, c, 2 * m]]  # fmt: skip
+    assert found.keys() == set(steps)
+    slow = {ends for ends, limit in found.items() if limit == [3, 0.7]}
+    assert slow == {(a, b) for a, b in found if min(cells[a][1], cells[b][1]) < 3}
+    assert {limit[1] for limit in found.values()} == {0.0, 0.7}
+    pick = level["vertices"][cells.index(grid.picks[1].tolist())]
+    assert pick[3:] == ["pick 2", {"pickup_dispenser": [1, "pick 2"]}]
+
+
+def test_route_graphs_are_as_every_release_of_nav2_reads_them(tmp_path: Path) -> None:
+    write_route_graph(streets(), tmp_path / "f.geojson")
+    features = json.loads((tmp_path / "f.geojson").read_text())["features"]
+    ids = [one["properties"]["id"] for one in features]
+    assert ids == list(range(len(features)))
+    nodes = {one["properties"]["id"]: one["geometry"]["coordinates"] for one in features if
+             one["geometry"]["type"] == "Point"}  # fmt: skip
+    for one in features[len(nodes) :]:
+        about = one["properties"]
+        ends = [nodes[about["startid"]], nodes[about["endid"]]]
+        assert one["geometry"] == {"type": "MultiLineString", "coordinates": [ends]}

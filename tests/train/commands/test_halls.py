@@ -42,7 +42,7 @@ def test_it_is_drawn_checked_and_converted(hall: Path, capsys: pytest.CaptureFix
     for name in ("h.map", "h.lif.json", "h.geojson"):
         assert run("layouts", "--draw", str(hall), "--save", str(hall.parent / name)) == 0
     assert run("layouts", "--draw", str(hall), "--save", "h.txt") == 2
-    assert "must end in .map, .yaml, .lif.json or .geojson" in capsys.readouterr().err
+    assert "must end in .map, .yaml, .lif.json, .geojson or .building.yaml" in capsys.readouterr().err
 
 
 def test_places_are_written_once_and_edited(hall: Path, capsys: pytest.CaptureFixture[str]) -> None:

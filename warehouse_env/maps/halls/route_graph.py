@@ -161,7 +161,7 @@ def write_route_graph(grid: GridMap, path: str | os.PathLike[str]) -> None:
             about["metadata"] = {"abs_speed_limit": lane.speed}
         if lane.price != 1.0:
             about |= {"cost": lane.price * float(np.hypot(*(lane.line[1] - lane.line[0]))), "overridable": False}
-        features.append(_feature(about, "LineString", lane.line.tolist()))
+        features.append(_feature(about, "MultiLineString", [lane.line.tolist()]))
     data = {"type": "FeatureCollection", "name": grid.name, "features": features}
     write_text(path_of(path, MapError), json.dumps(data, indent=1) + "\n")
 

@@ -17,6 +17,14 @@ from warehouse_env.maps.halls.cells import Raster
 from warehouse_env.maps.halls.map_server import MOST_PIXELS, YAMLS, Occupancy, write_occupancy
 
 
+def fineness(grid: GridMap, resolution: float | None) -> int:
+    """Return how many pixels of a resolution [m] lie along a cell, 1 if not given; MapError."""
+    fine = 1 if resolution is None else round(grid.cell_size / resolution) if resolution > 0 else 0
+    if fine < 1 or grid.occupied.size * fine**2 > MOST_PIXELS:
+        raise MapError(f"resolution={resolution} must be a share of the cells' {grid.cell_size:g} m, and not too fine")
+    return fine
+
+
 def write_hall(grid: GridMap, path: Path, resolution: float | None = None) -> str:
     """Write a floor as NAME.yaml with its files beside it; return the name that reads it back.
 
@@ -24,9 +32,7 @@ def write_hall(grid: GridMap, path: Path, resolution: float | None = None) -> st
     """
     if path.suffix.lower() not in YAMLS:
         raise MapError(f"{path} must end in {YAMLS[0]}")
-    fine = 1 if resolution is None else round(grid.cell_size / resolution) if resolution > 0 else 0
-    if fine < 1 or grid.occupied.size * fine**2 > MOST_PIXELS:
-        raise MapError(f"resolution={resolution} must be a share of the cells' {grid.cell_size:g} m, and not too fine")
+    fine = fineness(grid, resolution)
     raster, parameters = Raster.of(grid), [] if grid.cell_size == 1.0 else [f"cell={grid.cell_size:g}"]
 
     def write(values: NDArray[np.int64], name: Path) -> None:
