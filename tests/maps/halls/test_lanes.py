@@ -361,3 +361,67 @@ def test_route_graphs_are_as_every_release_of_nav2_reads_them(tmp_path: Path) ->
         about = one["properties"]
         ends = [nodes[about["startid"]], nodes[about["endid"]]]
         assert one["geometry"] == {"type": "MultiLineString", "coordinates": [ends]}
+
+
+def test_what_a_lif_contradicts_is_noted_with_its_numbers(tmp_path: Path) -> None:
+    """Edges of 1 m whose length is 1.05, 1.5 or a text of .2 m; headings of one type, and of another."""
+    def edit(data: Any) -> None:
+        layout = data["layouts"][0]
+        layout["edges"][0]["length"], layout["edges"][1]["length"] = 1.05, 1.5
+        layout["edges"][2]["vehicleTypeEdgeProperties"][0]["length"] = "0.2"
+        for node, thetas in zip(layout["nodes"], ([0, 6.2832], [0.5, 1.0], [3.14159, -3.14159]), strict=True):
+            node["vehicleTypeNodeProperties"] = [{"vehicleTypeId": "v", "theta": theta} for theta in thetas]
+            node["vehicleTypeNodeProperties"].append({"vehicleTypeId": "w", "theta": 2})
+
+    assert read_lif(lif(tmp_path, edit)).noted() == [
+        "node 'r0c1' of layout 'unnamed': vehicle 'v' has headings of 0.5 and 1 rad",
+        "edge 'r0c1-r0c2' of layout 'unnamed': its length is 1.5 m, but its nodes are 1.00 m apart",
+        "edge 'r0c1-r0c0' of layout 'unnamed': its length is 0.2 m, but its nodes are 1.00 m apart",
+    ]
+
+    def all_wrong(data: Any) -> None:
+        for edge in data["layouts"][0]["edges"]:
+            edge["length"] = 9
+
+    notes = read_lif(lif(tmp_path, all_wrong, GridMap(np.zeros((2, 3))))).noted()
+    assert len(notes) == 6
+    assert notes[-1] == "9 more edges with a wrong length"
+
+
+def test_a_length_is_that_of_the_trajectory(tmp_path: Path) -> None:
+    """A detour over (1, 1): two sides of 1.118 m each, where the nodes are 1 m apart."""
+    def edit(data: Any) -> None:
+        edge = data["layouts"][0]["edges"][0]
+        corners = [{"x": x, "y": y} for x, y in ((0.5, 0.5), (1, 1.5), (1.5, 0.5))]
+        curve = {"degree": 1, "knotVector": [0, 0, 0.5, 1, 1], "controlPoints": corners}
+        edge["vehicleTypeEdgeProperties"][0]["trajectory"], edge["length"] = curve, length
+
+    length = 2.236
+    assert read_lif(lif(tmp_path, edit)).noted() == []
+    length = 1.0
+    assert read_lif(lif(tmp_path, edit)).noted() == [
+        "edge 'r0c0-r0c1' of layout 'unnamed': its length is 1 m, but its course is 2.24 m"
+    ]
+
+
+@pytest.mark.parametrize("yaw", [0.0, 1.0])
+def test_an_edge_where_a_robot_does_not_fit_is_noted(tmp_path: Path, yaw: float) -> None:
+    """Pixels of 5 cm: walls leave .5 m around the upper lane, too little for .6 m, and .7 m around the lower one."""
+    grey = room(80, 80)
+    grey[15, 40], grey[26, 40] = 0, 0  # the lane lies between rows 20 and 21, five pixels from both
+    grey[55, 40], grey[70, 40] = 0, 0
+    name = hall(tmp_path, grey, f"image: hall.pgm\nresolution: 0.05\norigin: [0, 0, {yaw}]\nmode: scale\n"
+                                "occupied_thresh: 0.65\nfree_thresh: 0.25\n")  # fmt: skip
+    cosine, sine = np.cos(yaw), np.sin(yaw)
+    lines = [[[x * cosine - y * sine, x * sine + y * cosine] for x in (0.3, 3.7)] for y in (2.95, 0.85)]
+    nodes = [{"type": "Feature", "properties": {"id": k}, "geometry": {"type": "Point", "coordinates": end}}
+             for k, end in enumerate([*lines[0], *lines[1]])]  # fmt: skip
+    edges = [{"type": "Feature", "properties": {"id": 4 + k, "startid": 2 * k, "endid": 2 * k + 1},
+              "geometry": {"type": "LineString", "coordinates": line}} for k, line in enumerate(lines)]  # fmt: skip
+    (tmp_path / "l.geojson").write_text(json.dumps({"features": nodes + edges}))
+    found = read_hall(f"{name}:lanes=l.geojson,cell=0.5,share=0.3")
+    (note,) = [note for note in found.notes if "does not fit" in note]
+    assert note.startswith("edge '4': a robot 0.6 m wide does not fit near (")
+    assert note.endswith("m, where 0.45 m are free around the lane")
+    x, y = (float(part) for part in note.split("(")[1].split(")")[0].split(", "))
+    assert (x, y) == pytest.approx((2 * cosine - 2.95 * sine, 2 * sine + 2.95 * cosine), abs=0.15)

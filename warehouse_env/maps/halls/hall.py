@@ -41,7 +41,7 @@ from warehouse_env.maps.halls.cells import (
     spread,
     within,
 )
-from warehouse_env.maps.halls.lanes import Lanes, lay, prices
+from warehouse_env.maps.halls.lanes import Lanes, lay, note_bodies, prices
 from warehouse_env.maps.halls.map_server import PICTURES, YAMLS, Occupancy, beside, image_of, read_occupancy
 from warehouse_env.maps.halls.places import propose, racks
 from warehouse_env.maps.moves import label_regions
@@ -237,10 +237,14 @@ class _Reader:
             return None
         path = beside(self._path, self._how.lanes, "lanes")
         if path.suffix.lower() == route_graph.SUFFIX:
-            return route_graph.read_route_graph(path)
-        if path.suffix.lower() == ".json":
-            return lif.read_lif(path, self._how.vehicle)
-        raise MapError(f"{path} must end in .json (LIF) or {route_graph.SUFFIX} (route graph)")
+            lanes = route_graph.read_route_graph(path)
+        elif path.suffix.lower() == ".json":
+            lanes = lif.read_lif(path, self._how.vehicle)
+        else:
+            raise MapError(f"{path} must end in .json (LIF) or {route_graph.SUFFIX} (route graph)")
+        of, taken = self._occupancy, self._taken > 0
+        note_bodies(lanes, taken, Raster(*taken.shape, of.resolution, of.origin, of.yaw), RobotSpec.width)
+        return lanes
 
     def _one_way(self) -> NDArray[np.uint8]:
         """Return the directions in the file NAME.oneway beside the map, if there is one."""

@@ -14,13 +14,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from warehouse_env.errors import shown
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.halls.cells import Raster
 from warehouse_env.maps.halls.places import Place
 from warehouse_env.maps.moves import shifted
 
 STEPS = ((0, 1), (-1, 0), (0, -1), (1, 0))  # east, north, west, south, as one_way.ARROWS from 1 on
+_SHOWN = 5  # faults of a kind
 _FINE = 8  # points of a line looked at per cell
+_SLACK = 0.21  # pixels: half a diagonal, by which a point lies off its pixel's middle, less half of the taken one
 MOST = 200_000  # nodes or edges of a file
 
 
@@ -33,20 +36,38 @@ class Lane(NamedTuple):
     line: NDArray[np.float64]  # [K, 2], (x, y) [m] of its course
     speed: float = np.inf  # [m/s] at most
     price: float = 1.0  # times its length that it costs
+    layout: str = ""  # that it is of, in a file of several
+
+    @property
+    def label(self) -> str:
+        """Its name in a note."""
+        return f"edge {shown(self.name)}" + (f" of layout {shown(self.layout)}" if self.layout else "")
 
 
 @dataclass
 class Lanes:
-    """Nodes by name, at (x, y) [m], lanes between them, places, and counted notes on the reading."""
+    """Nodes by name, at (x, y) [m], lanes between them, places, and notes on the reading.
+
+    faults: kind of contradiction -> a sentence for each.
+    """
 
     nodes: dict[str, tuple[float, float]] = field(default_factory=dict)
     lanes: list[Lane] = field(default_factory=list)
     places: dict[str, tuple[Place, ...]] = field(default_factory=dict)
     notes: Counter[str] = field(default_factory=Counter)
+    faults: dict[str, list[str]] = field(default_factory=dict)
 
     def noted(self) -> list[str]:
-        """Return the notes as sentences."""
-        return [text if count == 1 else f"{text} ({count} times)" for text, count in self.notes.items()]
+        """Return the notes as sentences; of many faults of a kind, the first ones."""
+        notes = [text if count == 1 else f"{text} ({count} times)" for text, count in self.notes.items()]
+        for kind, sentences in self.faults.items():
+            more = len(sentences) - _SHOWN
+            notes += [*sentences[:_SHOWN], *([f"{more} more {kind}"] if more > 0 else [])]
+        return notes
+
+    def fault(self, kind: str, sentence: str) -> None:
+        """Keep a fault."""
+        self.faults.setdefault(kind, []).append(sentence)
 
 
 class OnCells(NamedTuple):
@@ -85,6 +106,24 @@ def lay(lanes: Lanes, floor: NDArray[np.bool_], raster: Raster) -> OnCells:
     for move, (row, column) in enumerate(STEPS):
         used |= shifted(steps[..., move], -row, -column)
     return OnCells(np.where(floor, one_way, 0).astype(np.uint8), used, speed, price)
+
+
+def note_bodies(lanes: Lanes, taken: NDArray[np.bool_], pixels: Raster, width: float) -> None:
+    """Note lanes along which a robot of this width [m] surely does not fit between pixels bool[h, w] that are taken."""
+    from scipy import ndimage  # imported late: it takes long
+
+    apart = ndimage.distance_transform_edt(~np.pad(taken, 1, constant_values=True))[1:-1, 1:-1]  # between middles
+    for lane in lanes.lanes:
+        cells = _cells_along(lane, pixels)
+        cells = cells[pixels.inside(cells)]
+        found = apart[tuple(cells.T)]
+        if len(found) and (found.min() + _SLACK) * pixels.cell < width / 2:
+            x, y = pixels.centres(cells[np.argmin(found)]).tolist()
+            free = max(2 * (found.min() - 0.5) * pixels.cell, 0.0)
+            lanes.fault("edges on which a robot does not fit", (
+                f"{lane.label}: a robot {width:g} m wide does not fit near ({x:.1f}, {y:.1f}) m, where {free:.2f} m are "
+                "free around the lane"
+            ))  # fmt: skip
 
 
 def _steps_of(cells: NDArray[np.int64], good: NDArray[np.bool_]) -> tuple[NDArray[np.int64], ...]:

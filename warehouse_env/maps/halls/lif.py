@@ -32,6 +32,7 @@ _LARGEST_FILE = 64_000_000  # [bytes]
 _MOST_POINTS = 1000  # of a trajectory
 _FAR = 1.0  # [m] from its nodes up to which a trajectory is joined to them
 _FARTHEST = 1e300  # [m] of a coordinate
+_NEAR, _TURNED = 0.1, 0.02  # [m] and [rad] up to which two lengths, places or headings agree
 
 
 def read_lif(path: Path, vehicle: str | None = None) -> Lanes:
@@ -55,6 +56,7 @@ class _Reading:
         self._actions: dict[str, set[str]] = {}  # node -> types of its actions
         self._elsewhere: set[str] = set()  # nodes of other levels
         self._given: set[tuple[str, str]] = set()  # kind of an id, and its value
+        self._layout = ""  # that is being read
 
     def check_version(self, about: Any) -> None:
         """Raise MapError for a version that is not read; note a missing one."""
@@ -76,6 +78,7 @@ class _Reading:
             self._elsewhere |= {self._own_id(node, "nodeId") for node in self._each(layout, "nodes")}
         for key, take in zip(_LISTS, (self._node, self._edge, self._station), strict=True):
             for layout in chosen:
+                self._layout = str(layout.get("layoutId") or "")[:80]
                 for entry in self._each(layout, key):
                     take(entry)
         for_whom = "a vehicle" if self._vehicle is None else f"vehicle {shown(self._vehicle)}"
@@ -144,8 +147,24 @@ class _Reading:
         actions = ours.get("actions") if ours else None
         listed = actions if isinstance(actions, list) else []
         self._actions[name] = {str(one.get("actionType")).lower() for one in listed if isinstance(one, dict)}
+        self._check_headings(entry, name)
         if ours is not None:
             self._lanes.nodes[name] = where
+
+    def _check_headings(self, entry: dict[str, Any], name: str) -> None:
+        """Note a vehicle type that has two headings at a node."""
+        known: dict[str, float] = {}
+        for one in self._list(entry, "vehicleTypeNodeProperties"):
+            theta = as_number(one.get("theta")) if isinstance(one, dict) else math.nan
+            if not math.isfinite(theta):
+                continue
+            kind = str(one.get("vehicleTypeId"))[:80]
+            other = known.setdefault(kind, theta)
+            if abs(math.remainder(theta - other, math.tau)) > _TURNED:
+                self._lanes.fault("nodes at which a vehicle has two headings", (
+                    f"node {shown(name)} of layout {shown(self._layout)}: vehicle {shown(kind)} has headings of "
+                    f"{other:g} and {theta:g} rad"
+                ))  # fmt: skip
 
     def _edge(self, entry: dict[str, Any]) -> None:
         name = self._own_id(entry, "edgeId")
@@ -159,7 +178,16 @@ class _Reading:
             speed = self._number(ours["maxSpeed"], f"edge {shown(name)}: maxSpeed")
             if speed <= 0:
                 raise self._bad(f"edge {shown(name)}: maxSpeed {speed:g} must be above 0")
-        self._lanes.lanes.append(Lane(name, *ends, line, speed))
+        lane = Lane(name, *ends, line, speed, layout=self._layout)
+        self._lanes.lanes.append(lane)
+        self._check_length(lane, as_number(entry.get("length", ours.get("length"))))
+
+    def _check_length(self, lane: Lane, given: float) -> None:
+        """Note a length [m] that is not the lane's. LIF has no lengths, but VDA 5050 has, so files may."""
+        course = float(np.hypot(*np.diff(lane.line, axis=0).T).sum())
+        if abs(given - course) > _NEAR:
+            rather = f"its nodes are {course:.2f} m apart" if len(lane.line) == 2 else f"its course is {course:.2f} m"
+            self._lanes.fault("edges with a wrong length", f"{lane.label}: its length is {given:g} m, but {rather}")
 
     def _known(self, node: Any, owner: str) -> str:
         """Return the id of a node that an edge or a station names."""
@@ -183,9 +211,15 @@ class _Reading:
         sound = sound and len(knot) == len(places) + degree + 1 and (np.diff(knot) >= 0).all()
         sound = sound and knot[int(degree)] < knot[len(places)] and np.abs(places).max() <= 1e9
         curve = _nurbs(places, weights, knot, int(degree)) if sound else np.full((1, 2), np.nan)
-        if not np.isfinite(curve).all() or np.hypot(*(curve[[0, -1]] - straight).T).max() > _FAR:
+        off = np.hypot(*(curve[[0, -1]] - straight).T).max()
+        if not off <= _FAR or not np.isfinite(curve).all():
             self._note("a trajectory is no NURBS between its nodes; the lane is straight")
             return straight
+        if off > _NEAR:
+            lane = Lane(name, "", "", straight, layout=self._layout)
+            self._lanes.fault("trajectories beside their nodes", (
+                f"{lane.label}: its trajectory ends {off:.2f} m from its node; the two are joined"
+            ))  # fmt: skip
         return np.concatenate([straight[:1], curve, straight[1:]])
 
     def _station(self, entry: dict[str, Any]) -> None:
