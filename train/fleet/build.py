@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from train.fleet.driven import MOST_POINTS, FleetEpisode
-from train.fleet.figures import MOMENT, PRESENT, UNDER_WAY
+from train.fleet.figures import MOMENT, PRESENT, SILENT, UNDER_WAY
 from train.fleet.messages import body_of
 from train.fleet.received import GONE, HeardFleet, HeardVehicle, Key
 from warehouse_env.config import EnvConfig
@@ -22,6 +22,7 @@ from warehouse_env.maps.grid_map import GridMap
 
 FINEST = 0.05  # [s] between two moments, unless asked for
 _COARSEST = 10.0  # [s]
+_NAMED = 10  # silences
 _MOST, _LONGEST = 5_000_000, 200_000  # moments of all vehicles; of one
 
 
@@ -45,13 +46,16 @@ def episode_of(fleet: HeardFleet, grid: GridMap, config: EnvConfig, every: float
     moments = np.zeros((clock.frames, len(placed)), MOMENT)
     works = any(told.works for vehicle in fleet.vehicles.values() for told in vehicle.told)
     lines: list[NDArray[np.float32]] = []
+    end = max(float(places.seconds[-1]) for places in placed.values())
+    silences = {key: silences_of(fleet.vehicles[key], end) for key in placed}
     for k, (key, places) in enumerate(placed.items()):
         pose[:, 0, k] = _at(places, clock)
         moments[:, k] = _Timeline(fleet.vehicles[key], places, grid, clock, works).moments(pose[:, 0, k], lines)
+        moments["bits"][:, k] |= SILENT * _is_silent(silences[key], clock, moments["bits"][:, k])
     if sum(map(len, lines)) > MOST_POINTS:
         raise WarehouseError(f"the orders in these messages have more than {MOST_POINTS:,} nodes; cut the log")
     config, bodies = _config(fleet, list(placed), config, clock)
-    notes += [*_places_notes(placed, grid), *_absences_notes(fleet, placed), *bodies]
+    notes += [*_places_notes(placed, grid), *_absences_notes(placed), *_silences_notes(silences, clock), *bodies]
     stamp = datetime.fromtimestamp(clock.begin, UTC).isoformat(timespec="milliseconds")
     actions = np.zeros((clock.frames - 1, 1, len(placed)), np.int8)
     names = tuple("/".join(key) for key in placed)
@@ -193,21 +197,57 @@ def _places_notes(placed: dict[Key, Track], grid: GridMap) -> list[str]:
     return [f"{counted(count, 'position')} of {len(on):,} lie {where}" for count, where in found if count]
 
 
-def _absences_notes(fleet: HeardFleet, placed: dict[Key, Track]) -> list[str]:
-    """Return notes on when vehicles were absent, and on those that fell silent."""
+def _absences_notes(placed: dict[Key, Track]) -> list[str]:
+    """Return a note on how often vehicles were absent."""
     absent = sum(int(places.lost.sum()) for places in placed.values())
-    end = max(float(places.seconds[-1]) for places in placed.values())
-    silent = [key for key, places in placed.items() if end - places.seconds[-1] > SILENCE + 1]
-    silent = [key for key in silent if not any(state in GONE for _, state in fleet.vehicles[key].connected[-1:])]
-    found = (
-        (
-            absent,
-            "time",
-            "the place of a vehicle is unknown (offline, silent, carried or on another map): it is absent",
-        ),
-        (len(silent), "vehicle", "fell silent for good without going offline: absent since then"),
-    )
-    return [f"{counted(count, noun)} {what}" for count, noun, what in found if count]
+    why = "the place of a vehicle is unknown (offline, silent, carried or on another map): it is absent"
+    return [f"{counted(absent, 'time')} {why}"] if absent else []
+
+
+class Silence(NamedTuple):
+    """A time without a message, though the vehicle did not go offline."""
+
+    begin: float  # [s] since 1970, the last message
+    until: float  # [s] since 1970, inf if nothing more is heard
+    broken: bool  # by its last will; otherwise it is the length that tells
+
+
+def silences_of(vehicle: HeardVehicle, end: float) -> list[Silence]:
+    """Return when a vehicle was silent up to the `end` [s] of the episode."""
+    heard = np.unique(np.concatenate([vehicle.reports[:, 0], [told.seconds for told in vehicle.told]]))
+    until = np.append(heard[1:], np.inf)
+
+    def marked(state: str) -> NDArray[np.bool_]:
+        """Return bool[K]: after which messages the connection was in a state."""
+        moments = np.array([moment for moment, other in vehicle.connected if other == state and moment >= heard[0]])
+        found = np.zeros(len(heard), np.bool_)
+        found[np.searchsorted(heard, moments, "right") - 1] = True
+        return found
+
+    quiet = np.minimum(until, max(end, heard[-1])) - heard > SILENCE + 1
+    offline, broken = map(marked, GONE)
+    chosen = np.flatnonzero(broken | (quiet & ~offline))
+    return [Silence(float(heard[k]), float(until[k]), bool(broken[k])) for k in chosen]
+
+
+def _is_silent(silences: list[Silence], clock: EvenTimes, bits: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return uint8[F], 1 where a vehicle is absent since it is silent."""
+    found = np.zeros(clock.frames, np.bool_)
+    for one in silences:
+        found |= (clock.times > one.begin - clock.begin) & (clock.times < one.until - clock.begin)
+    return (found & ((bits & PRESENT) == 0)).astype(np.uint8)
+
+
+def _silences_notes(silences: dict[Key, list[Silence]], clock: EvenTimes) -> list[str]:
+    """Return a note on each silence, and on the number of those that are too many."""
+    notes = []
+    for key, found in silences.items():
+        for one in found:
+            until = f"to {one.until - clock.begin:.1f} s" if one.until < np.inf else "on"
+            why = "its connection broke" if one.broken else "no message"
+            notes.append(f"{'/'.join(key)} is silent from {one.begin - clock.begin:.1f} s {until}: {why}")
+    more = len(notes) - _NAMED
+    return [*notes[:_NAMED], *([f"{counted(more, 'more silence')} of vehicles"] if more > 0 else [])]
 
 
 def _config(fleet: HeardFleet, keys: list[Key], config: EnvConfig, clock: EvenTimes) -> tuple[EnvConfig, list[str]]:

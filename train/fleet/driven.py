@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from train.fleet.figures import LOADED, MOMENT, PRESENT, FleetFigures
+from train.fleet.figures import LOADED, MOMENT, PRESENT, SILENT, FleetFigures
 from train.reporting.report import Table, number
 from train.reporting.rows import Row, plain
 from warehouse_env import __version__
@@ -81,7 +81,7 @@ class FleetPlayback(FleetFigures):
         self.people = SimpleNamespace(persons=np.zeros((1, 0), PERSON))
         self.reward_terms = np.zeros((1, count, len(REWARD_TERMS)), np.float32)
         self.dispatcher = SimpleNamespace(shifts=(self,))
-        self.carries = self._present = np.zeros(count, np.bool_)
+        self.carries = self.silent = self._present = np.zeros(count, np.bool_)
         self._line = np.full(count, -1)
 
     def take(self, pose: NDArray[np.float32], moment: NDArray[Any]) -> None:
@@ -90,7 +90,7 @@ class FleetPlayback(FleetFigures):
         robots = self.robots[0]
         self.state.pose[0] = pose
         robots["task"]["goal_row"], robots["task"]["goal_col"] = np.divmod(moment["goal"], self.grid.shape[1])
-        self.carries, self._present = (moment["bits"] & LOADED) != 0, (moment["bits"] & PRESENT) != 0
+        self.carries, self.silent, self._present = ((moment["bits"] & bit) != 0 for bit in (LOADED, SILENT, PRESENT))
         for i in np.flatnonzero(moment["line"] != self._line).tolist():
             line = self._lines[moment["line"][i]]
             self.routes[0, i, : len(line)] = line

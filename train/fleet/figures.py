@@ -13,8 +13,8 @@ from warehouse_env.config import EnvConfig
 from warehouse_env.simulation.state import GAP_HORIZON, ROBOT
 from warehouse_env.simulation.traffic.waits import SLOW
 
-PRESENT, LOADED, AT_ROBOT, AT_SHELF, AT_PERSON, UNDER_WAY = 1, 2, 4, 8, 16, 32
-"""Bits of a vehicle at a moment: it is present, carries something, touches something, has to drive."""
+PRESENT, LOADED, AT_ROBOT, AT_SHELF, AT_PERSON, UNDER_WAY, SILENT = 1, 2, 4, 8, 16, 32, 64
+"""Bits of a vehicle at a moment: it is present, carries something, touches something, has to drive, is silent."""
 MOMENT = np.dtype(
     [
         ("bits", np.uint8),

@@ -61,7 +61,7 @@ Shares = Callable[[NDArray[np.float32]], NDArray[np.floating[Any]]]
 REWARD_TERMS = tuple(field.name for field in dataclasses.fields(RewardWeights))
 FLAGS = (
     "alive", "loaded", "touching", "deadlocked", "arrived", "hit_robot", "hit_shelf", "near_miss", "hit_person",
-    "served",
+    "served", "silent",
 )  # fmt: skip
 _STRAIGHT = 0.001  # [m] from a straight line within which a way-point is dropped
 
@@ -141,7 +141,7 @@ def station_cells(grid: GridMap) -> NDArray[np.bool_]:
 
 def moment_of(simulator: Any, world: int, stations: NDArray[np.bool_]) -> dict[str, NDArray[Any]]:
     """Copy what the page shows of one world now, except routes. A robot is loaded on its way to a station, or if it
-    carries an order; it is served while it stands to be loaded or to charge.
+    carries an order; it is served while it stands to be loaded or to charge. Only a real fleet's may be silent.
 
     stations: bool[H * W], see `station_cells`.
     """
@@ -149,13 +149,14 @@ def moment_of(simulator: Any, world: int, stations: NDArray[np.bool_]) -> dict[s
     jams = simulator.jams()
     goal = state.goal[world, :, 0] * simulator.grid.shape[1] + state.goal[world, :, 1]
     alive, loaded, shifts = state.alive[world] > 0, stations[goal], simulator.dispatcher.shifts
-    served = np.zeros_like(alive)
+    served = silent = np.zeros_like(alive)
     if shifts is not None:
         served, loaded = shifts[world].at_work() & ~alive, shifts[world].carries
+        silent = getattr(shifts[world], "silent", silent)
     bits = (
         alive | served, loaded, events.touching[world], jams.cycle[world] >= 0, events.arrived[world],
         events.hit_robot[world], events.hit_shelf[world], events.near_miss[world], events.hit_person[world],
-        served,
+        served, silent,
     )  # fmt: skip
     flags = sum((np.asarray(bit) > 0).astype(np.uint16) << k for k, bit in enumerate(bits))
     ends = goal_poses(simulator, world)

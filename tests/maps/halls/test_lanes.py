@@ -269,6 +269,8 @@ def test_a_curve_is_followed_or_noted(tmp_path: Path, change: dict[str, Any], sa
     assert (len(found.lanes[0].line) == 2) == (says is not None)
     assert np.isfinite(found.lanes[0].line).all()
     assert any(says in note and "straight" in note for note in found.noted()) if says else not found.notes
+    beside = [note for note in found.noted() if "its trajectory ends 0.71 m from its node" in note]
+    assert len(beside) == (change.get("shift") == 0.5)
 
 
 @pytest.mark.parametrize(
@@ -365,6 +367,7 @@ def test_route_graphs_are_as_every_release_of_nav2_reads_them(tmp_path: Path) ->
 
 def test_what_a_lif_contradicts_is_noted_with_its_numbers(tmp_path: Path) -> None:
     """Edges of 1 m whose length is 1.05, 1.5 or a text of .2 m; headings of one type, and of another."""
+
     def edit(data: Any) -> None:
         layout = data["layouts"][0]
         layout["edges"][0]["length"], layout["edges"][1]["length"] = 1.05, 1.5
@@ -390,6 +393,7 @@ def test_what_a_lif_contradicts_is_noted_with_its_numbers(tmp_path: Path) -> Non
 
 def test_a_length_is_that_of_the_trajectory(tmp_path: Path) -> None:
     """A detour over (1, 1): two sides of 1.118 m each, where the nodes are 1 m apart."""
+
     def edit(data: Any) -> None:
         edge = data["layouts"][0]["edges"][0]
         corners = [{"x": x, "y": y} for x, y in ((0.5, 0.5), (1, 1.5), (1.5, 0.5))]

@@ -221,7 +221,7 @@ def test_a_hall_is_the_same_whatever_its_yaw(tmp_path_factory, yaw) -> None:  # 
     assert np.allclose(still.grid.discs, turned.grid.discs, atol=1e-5)
     assert len(still.grid.discs) == 1
     points = np.random.default_rng(0).uniform(0, 12, (20, 2))
-    assert np.allclose(turned.grid.world(points), moved(points + (-3, 2), yaw))
+    assert np.allclose(turned.grid.world(points), moved(points + np.array([-3, 2]), yaw))
     assert np.allclose(turned.grid.local(turned.grid.world(points)), points)
     assert len(still.notes) == len(turned.notes)
 
@@ -230,7 +230,9 @@ def test_a_mask_with_another_yaw_is_refused(tmp_path: Path) -> None:
     name = moved_files(tmp_path, 0.5)
     mask = tmp_path / "t" / "keepout.yaml"
     mask.write_text(mask.read_text().replace("0.5]", "0.6]"))
-    with pytest.raises(MapError, match=r"keepout mask keepout.yaml has a yaw of 0.6 rad, its map 0.5; turn the mask"):
+    with pytest.raises(
+        MapError, match=r"keepout mask keepout.yaml has a yaw of 0.6 rad, the map 0.5; turn its picture"
+    ):
         read_hall(name)
 
 

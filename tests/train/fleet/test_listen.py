@@ -19,14 +19,14 @@ from tests.render.conftest import driven
 from tests.train.fleet.stories import NAMES, ORIGIN, episode_story, story, write_lines
 from train.fleet.build import episode_of
 from train.fleet.driven import FleetEpisode, load_episode, load_simulated, row_of
-from train.fleet.figures import AT_SHELF, MOMENT, PRESENT, UNDER_WAY, FleetFigures
+from train.fleet.figures import AT_SHELF, MOMENT, PRESENT, SILENT, UNDER_WAY, FleetFigures
 from train.fleet.messages import LogEntry, body_of, entry_of, factsheet_of, moment_of, write_log
 from train.fleet.received import HeardFleet, hear_log
 from train.fleet.vehicle import messages_of
 from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.errors import WarehouseError
 from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.render.replay import replay_of
+from warehouse_env.render.replay import FLAGS, replay_of
 from warehouse_env.simulation.record.recording import Episode
 
 FLOOR = GridMap(np.zeros((20, 20), np.bool_), name="hall", origin=ORIGIN)
@@ -262,8 +262,38 @@ def test_a_vehicle_that_falls_silent_for_good_is_said(tmp_path: Path) -> None:
     states = [foreign(1, 0), foreign(1, 1), foreign(1, 0, serialNumber="b"), foreign(1, 59, serialNumber="b")]
     made = episode_of(heard(tmp_path, states), FLOOR, EnvConfig(), every=1.0)
     assert np.flatnonzero(made.moments["bits"][:, 0] & PRESENT).tolist() == [0, 1]
-    assert any("1 vehicle fell silent" in note for note in made.notes)
+    assert "M/a is silent from 1.0 s on: no message" in made.notes
+    assert "M/b is silent from 0.0 s to 59.0 s: no message" in made.notes
     assert any("1 time the place of a vehicle is unknown" in note for note in made.notes)
+    assert np.flatnonzero(made.moments["bits"][:, 0] & SILENT).tolist() == list(range(2, 60))
+    assert np.flatnonzero(made.moments["bits"][:, 1] & SILENT).tolist() == list(range(1, 59))
+    replay = replay_of(made, "real")
+    assert np.array_equal((replay.flags >> FLAGS.index("silent")) & 1 > 0, (made.moments["bits"] & SILENT) > 0)
+
+
+@pytest.mark.parametrize(
+    ("how", "note"),
+    [
+        ("on another map", None), ("offline", None), ("offline, out of order", None), ("carried", None),
+        ("cut off, by a will as old as the connection", "from 2.0 s to 6.0 s: its connection broke"),
+        ("cut off, as version 3 says it", "from 2.0 s to 6.0 s: its connection broke"),
+        ("silent", "from 2.0 s to 50.0 s: no message"),
+    ],
+)  # fmt: skip
+def test_silence_is_a_last_will_or_a_long_gap(how: str, note: str | None, tmp_path: Path) -> None:
+    made = episode_of(heard(tmp_path, AWAY[how]), FLOOR, EnvConfig(), every=2.0)
+    assert [one for one in made.notes if "silent from" in one] == ([f"M/a is silent {note}"] if note else [])
+    absent = (made.moments["bits"] & PRESENT) == 0
+    assert np.array_equal((made.moments["bits"] & SILENT) > 0, absent & (note is not None))
+
+
+def test_a_last_will_at_the_end_is_a_silence(tmp_path: Path) -> None:
+    wills = [link("CONNECTIONBROKEN", 0) | {"serialNumber": f"{k:02d}"} for k in range(12)]
+    states = [foreign(1, second, serialNumber=f"{k:02d}") for second in (0, 4) for k in range(12)]
+    notes = episode_of(heard(tmp_path, [*states, *wills]), FLOOR, EnvConfig()).notes
+    silent = [one for one in notes if "silence" in one or "silent" in one]
+    assert silent[0] == "M/00 is silent from 4.0 s on: its connection broke"
+    assert silent[10:] == ["2 more silences of vehicles"]
 
 
 def test_versions_are_named(tmp_path: Path) -> None:

@@ -163,8 +163,7 @@ def exceeds(percent: NDArray[np.float64], share: float) -> NDArray[np.bool_]:
 
 
 def within(discs: NDArray[np.float64], occupancy: Occupancy) -> NDArray[np.bool_]:
-    """Return bool[h, w]: the pixels that a disc (x, y, radius) [m] of float64[K, 3] meets; x and y as those of origin.
-    """
+    """Return bool[h, w]: the pixels that a disc (x, y, radius) [m] of float64[K, 3] meets; x, y as those of origin."""
     found: NDArray[np.bool_] = np.zeros(occupancy.values.shape, np.bool_)
     shift, size = np.array([*occupancy.origin, 0.0]), occupancy.resolution
     for disc in discs - shift:

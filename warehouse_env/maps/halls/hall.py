@@ -183,7 +183,7 @@ class _Reader:
         """Return a mask beside the map; MapError unless it is turned as the map is."""
         mask, yaw = read_occupancy(beside(self._path, name, what)), self._occupancy.yaw
         if abs(math.remainder(mask.yaw - yaw, math.tau)) > _SAME_YAW:
-            raise MapError(f"{what} mask {name} has a yaw of {mask.yaw:g} rad, its map {yaw:g}; turn the mask's picture")
+            raise MapError(f"{what} mask {name} has a yaw of {mask.yaw:g} rad, the map {yaw:g}; turn its picture")
         return mask
 
     def _note_mask(self, name: str, mask: Occupancy, marked: NDArray[np.bool_], kept: NDArray[np.bool_]) -> None:

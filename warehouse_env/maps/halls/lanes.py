@@ -120,10 +120,9 @@ def note_bodies(lanes: Lanes, taken: NDArray[np.bool_], pixels: Raster, width: f
         if len(found) and (found.min() + _SLACK) * pixels.cell < width / 2:
             x, y = pixels.centres(cells[np.argmin(found)]).tolist()
             free = max(2 * (found.min() - 0.5) * pixels.cell, 0.0)
-            lanes.fault("edges on which a robot does not fit", (
-                f"{lane.label}: a robot {width:g} m wide does not fit near ({x:.1f}, {y:.1f}) m, where {free:.2f} m are "
-                "free around the lane"
-            ))  # fmt: skip
+            where = f"near ({x:.1f}, {y:.1f}) m, where {free:.2f} m are free around the lane"
+            sentence = f"{lane.label}: a robot {width:g} m wide does not fit {where}"
+            lanes.fault("edges on which a robot does not fit", sentence)
 
 
 def _steps_of(cells: NDArray[np.int64], good: NDArray[np.bool_]) -> tuple[NDArray[np.int64], ...]:

@@ -161,10 +161,9 @@ class _Reading:
             kind = str(one.get("vehicleTypeId"))[:80]
             other = known.setdefault(kind, theta)
             if abs(math.remainder(theta - other, math.tau)) > _TURNED:
-                self._lanes.fault("nodes at which a vehicle has two headings", (
-                    f"node {shown(name)} of layout {shown(self._layout)}: vehicle {shown(kind)} has headings of "
-                    f"{other:g} and {theta:g} rad"
-                ))  # fmt: skip
+                node = f"node {shown(name)} of layout {shown(self._layout)}"
+                sentence = f"{node}: vehicle {shown(kind)} has headings of {other:g} and {theta:g} rad"
+                self._lanes.fault("nodes at which a vehicle has two headings", sentence)
 
     def _edge(self, entry: dict[str, Any]) -> None:
         name = self._own_id(entry, "edgeId")
@@ -216,10 +215,9 @@ class _Reading:
             self._note("a trajectory is no NURBS between its nodes; the lane is straight")
             return straight
         if off > _NEAR:
-            lane = Lane(name, "", "", straight, layout=self._layout)
-            self._lanes.fault("trajectories beside their nodes", (
-                f"{lane.label}: its trajectory ends {off:.2f} m from its node; the two are joined"
-            ))  # fmt: skip
+            label = Lane(name, "", "", straight, layout=self._layout).label
+            sentence = f"{label}: its trajectory ends {off:.2f} m from its node; the two are joined"
+            self._lanes.fault("trajectories beside their nodes", sentence)
         return np.concatenate([straight[:1], curve, straight[1:]])
 
     def _station(self, entry: dict[str, Any]) -> None:

@@ -190,9 +190,10 @@ def write_occupancy(occupancy: Occupancy, path: Path) -> None:
     shares = bool(((values > 0) & (values < 100)).any())
     known = np.where(values >= 100, OCCUPIED_GREY, np.where(values == UNKNOWN, UNKNOWN_GREY, FREE_GREY))
     write_pgm((np.where(values == UNKNOWN, 255, values) if shares else known).astype(np.uint8), picture)
+    origin = [*turned(occupancy.origin, occupancy.yaw).tolist(), occupancy.yaw]
     about = {
         "image": picture.name, "mode": "raw" if shares else "trinary",
-        "resolution": occupancy.resolution, "origin": [*turned(occupancy.origin, occupancy.yaw).tolist(), occupancy.yaw],
+        "resolution": occupancy.resolution, "origin": origin,
         "negate": 0, "occupied_thresh": OCCUPIED_THRESH, "free_thresh": FREE_THRESH,
     }  # fmt: skip
     write_text(path, yaml.safe_dump(about, sort_keys=False, default_flow_style=None, width=10_000, allow_unicode=True))

@@ -156,6 +156,7 @@ function chainOf(episode, robot, frame) {
 function stateOf(episode, robot) {
   const k = episode.moment;
   const said = [];
+  if (episode.flag("silent", robot, k)) return "is silent";
   if (!episode.flag("alive", robot, k)) return episode.idle;
   const waits = episode.get("waits_for", robot, k), held = episode.get("held_by", robot, k);
   const yields = episode.get("yields_to", robot, k);
