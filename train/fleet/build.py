@@ -16,13 +16,13 @@ from train.fleet.driven import MOST_POINTS, FleetEpisode
 from train.fleet.figures import MOMENT, PRESENT, SILENT, UNDER_WAY
 from train.fleet.messages import body_of
 from train.fleet.received import GONE, HeardFleet, HeardVehicle, Key
+from train.fleet.silence import SILENCE, silences_notes, silences_of, within
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, WarehouseError, counted, shown
 from warehouse_env.maps.grid_map import GridMap
 
 FINEST = 0.05  # [s] between two moments, unless asked for
 _COARSEST = 10.0  # [s]
-_NAMED = 10  # silences
 _MOST, _LONGEST = 5_000_000, 200_000  # moments of all vehicles; of one
 
 
@@ -47,15 +47,16 @@ def episode_of(fleet: HeardFleet, grid: GridMap, config: EnvConfig, every: float
     works = any(told.works for vehicle in fleet.vehicles.values() for told in vehicle.told)
     lines: list[NDArray[np.float32]] = []
     end = max(float(places.seconds[-1]) for places in placed.values())
-    silences = {key: silences_of(fleet.vehicles[key], end) for key in placed}
+    silences = {key: silences_of(fleet.vehicles[key], clock.begin, end) for key in placed}
     for k, (key, places) in enumerate(placed.items()):
         pose[:, 0, k] = _at(places, clock)
         moments[:, k] = _Timeline(fleet.vehicles[key], places, grid, clock, works).moments(pose[:, 0, k], lines)
-        moments["bits"][:, k] |= SILENT * _is_silent(silences[key], clock, moments["bits"][:, k])
+        absent = (moments["bits"][:, k] & PRESENT) == 0
+        moments["bits"][:, k] |= np.uint8(SILENT) * (absent & within(silences[key], clock.times))
     if sum(map(len, lines)) > MOST_POINTS:
         raise WarehouseError(f"the orders in these messages have more than {MOST_POINTS:,} nodes; cut the log")
     config, bodies = _config(fleet, list(placed), config, clock)
-    notes += [*_places_notes(placed, grid), *_absences_notes(placed), *_silences_notes(silences, clock), *bodies]
+    notes += [*_places_notes(placed, grid), *_absences_notes(placed), *silences_notes(silences), *bodies]
     stamp = datetime.fromtimestamp(clock.begin, UTC).isoformat(timespec="milliseconds")
     actions = np.zeros((clock.frames - 1, 1, len(placed)), np.int8)
     names = tuple("/".join(key) for key in placed)
@@ -204,52 +205,6 @@ def _absences_notes(placed: dict[Key, Track]) -> list[str]:
     return [f"{counted(absent, 'time')} {why}"] if absent else []
 
 
-class Silence(NamedTuple):
-    """A time without a message, though the vehicle did not go offline."""
-
-    begin: float  # [s] since 1970, the last message
-    until: float  # [s] since 1970, inf if nothing more is heard
-    broken: bool  # by its last will; otherwise it is the length that tells
-
-
-def silences_of(vehicle: HeardVehicle, end: float) -> list[Silence]:
-    """Return when a vehicle was silent up to the `end` [s] of the episode."""
-    heard = np.unique(np.concatenate([vehicle.reports[:, 0], [told.seconds for told in vehicle.told]]))
-    until = np.append(heard[1:], np.inf)
-
-    def marked(state: str) -> NDArray[np.bool_]:
-        """Return bool[K]: after which messages the connection was in a state."""
-        moments = np.array([moment for moment, other in vehicle.connected if other == state and moment >= heard[0]])
-        found = np.zeros(len(heard), np.bool_)
-        found[np.searchsorted(heard, moments, "right") - 1] = True
-        return found
-
-    quiet = np.minimum(until, max(end, heard[-1])) - heard > SILENCE + 1
-    offline, broken = map(marked, GONE)
-    chosen = np.flatnonzero(broken | (quiet & ~offline))
-    return [Silence(float(heard[k]), float(until[k]), bool(broken[k])) for k in chosen]
-
-
-def _is_silent(silences: list[Silence], clock: EvenTimes, bits: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Return uint8[F], 1 where a vehicle is absent since it is silent."""
-    found = np.zeros(clock.frames, np.bool_)
-    for one in silences:
-        found |= (clock.times > one.begin - clock.begin) & (clock.times < one.until - clock.begin)
-    return (found & ((bits & PRESENT) == 0)).astype(np.uint8)
-
-
-def _silences_notes(silences: dict[Key, list[Silence]], clock: EvenTimes) -> list[str]:
-    """Return a note on each silence, and on the number of those that are too many."""
-    notes = []
-    for key, found in silences.items():
-        for one in found:
-            until = f"to {one.until - clock.begin:.1f} s" if one.until < np.inf else "on"
-            why = "its connection broke" if one.broken else "no message"
-            notes.append(f"{'/'.join(key)} is silent from {one.begin - clock.begin:.1f} s {until}: {why}")
-    more = len(notes) - _NAMED
-    return [*notes[:_NAMED], *([f"{counted(more, 'more silence')} of vehicles"] if more > 0 else [])]
-
-
 def _config(fleet: HeardFleet, keys: list[Key], config: EnvConfig, clock: EvenTimes) -> tuple[EnvConfig, list[str]]:
     """Return the config of the episode, with the body of the first factsheet, and notes on that body."""
     bodies = [body_of(fleet.vehicles[key].factsheet) for key in keys]
@@ -262,7 +217,6 @@ def _config(fleet: HeardFleet, keys: list[Key], config: EnvConfig, clock: EvenTi
     return made, notes
 
 
-SILENCE = 30.0  # [s] after which a vehicle should have said something
 _FASTEST, _STILL = 10.0, 1.0  # [m/s] and [m] beyond which a vehicle was not driven: carried, or relocalized
 
 

@@ -21,6 +21,7 @@ from warehouse_env.maps.halls import map_server
 from warehouse_env.maps.halls.hall import read_hall
 from warehouse_env.maps.halls.saved import write_hall
 from warehouse_env.maps.layouts import make_layout
+from warehouse_env.render.heat_maps import cell_kinds
 
 REAL = Path(__file__).parents[4] / "shared" / "buildings"
 YAML = (
@@ -166,6 +167,8 @@ def test_a_turned_map_by_hand(tmp_path: Path) -> None:
     assert found.grid.world([(0.0, 0.0), (1.5, 0.5)]).ravel() == pytest.approx([-3.0, 2.0, -3.5, 3.5])
     assert found.grid.local([(-3.5, 3.5)]).ravel() == pytest.approx([1.5, 0.5])
     assert found.raster.cells(np.array([(-3.5, 3.5)])).tolist() == [[0, 1]]
+    between = found.raster.cells(np.stack([np.linspace(-3.9, -3.1, 50), np.full(50, 3.0)], axis=-1))
+    assert between.tolist() == [[0, 1]] * 50  # a line between two cells
     assert found.raster.centres(np.array([(0, 1)])).ravel() == pytest.approx([-3.5, 3.5])
     assert found.report[-1] == "its south-west corner is at (-3, 2) m of the map, and its x axis turned by 90 degrees"
 
@@ -174,6 +177,18 @@ def moved(points: np.ndarray, yaw: float) -> np.ndarray:
     """Return points (x, y), turned about (0, 0) and moved by (40, -7) m: a rigid motion by complex numbers."""
     there = (points @ (1, 1j)) * np.exp(1j * yaw) + (40 - 7j)
     return np.stack([there.real, there.imag], axis=-1)
+
+
+def route_graph(*lines: list[list[float]]) -> str:
+    """Return a route graph of lines, each with nodes of its own."""
+
+    def feature(kind: str, where: object, **about: object) -> dict[str, object]:
+        return {"type": "Feature", "properties": about, "geometry": {"type": kind, "coordinates": where}}
+
+    nodes = [feature("Point", end, id=k) for k, end in enumerate(end for line in lines for end in line)]
+    edges = [feature("LineString", line, id=100 + k, startid=2 * k, endid=2 * k + 1, cost=30.0)
+             for k, line in enumerate(lines)]  # fmt: skip
+    return json.dumps({"features": nodes + edges})
 
 
 def moved_files(folder: Path, yaw: float) -> str:
@@ -197,12 +212,7 @@ def moved_files(folder: Path, yaw: float) -> str:
     (folder / "t" / "hall.places.json").write_text(json.dumps(listed))
     (x, y), discs = at(9.7, 3.3), folder / "t" / "hall.discs.json"
     discs.write_text(json.dumps({"discs": [{"x": x, "y": y, "radius": 0.4}]}))
-    ends = [at(-0.5, 9.5), at(10.5, 9.5)]
-    nodes = [{"type": "Feature", "properties": {"id": k}, "geometry": {"type": "Point", "coordinates": end}}
-             for k, end in enumerate(ends)]  # fmt: skip
-    edge = {"type": "Feature", "properties": {"id": 2, "startid": 0, "endid": 1, "cost": 30.0},
-            "geometry": {"type": "LineString", "coordinates": ends}}  # fmt: skip
-    (folder / "t" / "lanes.geojson").write_text(json.dumps({"features": [*nodes, edge]}))
+    (folder / "t" / "lanes.geojson").write_text(route_graph([at(-0.5, 9.5), at(10.5, 9.5)]))
     return f"{folder / 't' / 'hall.yaml'}:keepout=keepout.yaml,speed=speed.yaml,lanes=lanes.geojson"
 
 
@@ -224,6 +234,7 @@ def test_a_hall_is_the_same_whatever_its_yaw(tmp_path_factory, yaw) -> None:  # 
     assert np.allclose(turned.grid.world(points), moved(points + np.array([-3, 2]), yaw))
     assert np.allclose(turned.grid.local(turned.grid.world(points)), points)
     assert len(still.notes) == len(turned.notes)
+    assert np.array_equal(cell_kinds(still), cell_kinds(turned))
 
 
 def test_a_mask_with_another_yaw_is_refused(tmp_path: Path) -> None:

@@ -238,6 +238,12 @@ AWAY = {
 }  # fmt: skip
 
 
+SILENCES = {
+    "cut off, by a will as old as the connection": "6.0 s: its connection broke",
+    "cut off, as version 3 says it": "6.0 s: its connection broke", "silent": "50.0 s: no message",
+}  # fmt: skip
+
+
 @pytest.mark.parametrize("how", AWAY)
 def test_a_vehicle_that_comes_back_elsewhere_was_away(how: str, tmp_path: Path) -> None:
     made = episode_of(heard(tmp_path, AWAY[how]), FLOOR, EnvConfig(), every=2.0)
@@ -248,6 +254,9 @@ def test_a_vehicle_that_comes_back_elsewhere_was_away(how: str, tmp_path: Path) 
     assert row_of(made, "")["robot_km"] == pytest.approx(0.002 - 0.001 * (how == "carried"))
     assert row_of(made, "")["longest_standing_s"] < 5
     assert any("absent" in note for note in made.notes)
+    silence = [note for note in made.notes if "is silent" in note]
+    assert silence == ([f"M/a is silent from 2.0 s to {SILENCES[how]}"] if how in SILENCES else [])
+    assert np.array_equal((made.moments["bits"] & SILENT) > 0, ~present & (how in SILENCES))
 
 
 @pytest.mark.parametrize("every", [0.7, 5.0])
@@ -269,22 +278,6 @@ def test_a_vehicle_that_falls_silent_for_good_is_said(tmp_path: Path) -> None:
     assert np.flatnonzero(made.moments["bits"][:, 1] & SILENT).tolist() == list(range(1, 59))
     replay = replay_of(made, "real")
     assert np.array_equal((replay.flags >> FLAGS.index("silent")) & 1 > 0, (made.moments["bits"] & SILENT) > 0)
-
-
-@pytest.mark.parametrize(
-    ("how", "note"),
-    [
-        ("on another map", None), ("offline", None), ("offline, out of order", None), ("carried", None),
-        ("cut off, by a will as old as the connection", "from 2.0 s to 6.0 s: its connection broke"),
-        ("cut off, as version 3 says it", "from 2.0 s to 6.0 s: its connection broke"),
-        ("silent", "from 2.0 s to 50.0 s: no message"),
-    ],
-)  # fmt: skip
-def test_silence_is_a_last_will_or_a_long_gap(how: str, note: str | None, tmp_path: Path) -> None:
-    made = episode_of(heard(tmp_path, AWAY[how]), FLOOR, EnvConfig(), every=2.0)
-    assert [one for one in made.notes if "silent from" in one] == ([f"M/a is silent {note}"] if note else [])
-    absent = (made.moments["bits"] & PRESENT) == 0
-    assert np.array_equal((made.moments["bits"] & SILENT) > 0, absent & (note is not None))
 
 
 def test_a_last_will_at_the_end_is_a_silence(tmp_path: Path) -> None:

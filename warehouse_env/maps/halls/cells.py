@@ -67,7 +67,7 @@ class Raster:
     def cells(self, points: NDArray[np.float64]) -> NDArray[np.int64]:
         """Return int64[..., 2], the cells (row, column) of points (x, y) [m]; off the floor they lie outside."""
         with np.errstate(invalid="ignore"):
-            along = turned(points, -self.yaw) - self.origin
+            along = (turned(points, -self.yaw) - self.origin).round(9)  # so that a line between cells keeps to one side
             column = np.floor(along[..., 0] / self.cell)
             row = self.rows - 1 - np.floor(along[..., 1] / self.cell)
         cells: NDArray[np.int64] = np.clip(np.stack([row, column], axis=-1), -(2**40), 2**40).astype(np.int64)

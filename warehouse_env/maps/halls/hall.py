@@ -242,8 +242,9 @@ class _Reader:
             lanes = lif.read_lif(path, self._how.vehicle)
         else:
             raise MapError(f"{path} must end in .json (LIF) or {route_graph.SUFFIX} (route graph)")
-        of, taken = self._occupancy, self._taken > 0
-        note_bodies(lanes, taken, Raster(*taken.shape, of.resolution, of.origin, of.yaw), RobotSpec.width)
+        of, (rows, columns) = self._occupancy, self._taken.shape
+        pixels = Raster(rows, columns, of.resolution, of.origin, of.yaw)
+        note_bodies(lanes, self._taken > 0, pixels, RobotSpec.width)
         return lanes
 
     def _one_way(self) -> NDArray[np.uint8]:

@@ -1,7 +1,8 @@
 """Lanes as a route graph of nav2_route, a GeoJSON file: read and written.
 
-Points are nodes, with an id; LineStrings are directed edges, with id, startid and endid. `metadata` of an edge may hold
-`abs_speed_limit` [m/s] or `speed_limit` [per cent of the robot's highest speed]; of a node, its `place`, which is ours.
+Points are nodes, with an id; LineStrings, or as written MultiLineStrings of one line, are directed edges, with id,
+startid and endid. `metadata` of an edge may hold `abs_speed_limit` [m/s] or `speed_limit` [per cent of the robot's
+highest speed]; of a node, its `place`, which is ours.
 An edge's `cost` replaces its length [m] in the cost of a route.
 """
 
