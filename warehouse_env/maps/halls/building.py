@@ -46,7 +46,7 @@ def write_building(grid: GridMap, path: Path, resolution: float | None = None) -
         f"  {_plain(grid.name)}:", f"    drawing: {{filename: {_plain(drawing.name)}}}", "    elevation: 0",
     ]  # fmt: skip
     for name, entries in level.items():
-        text += [f"    {name}:", *(f"      - {_plain(entry)}" for entry in entries)]
+        text += [f"    {name}:{'' if entries else ' []'}", *(f"      - {_plain(entry)}" for entry in entries)]
     write_text(path, "\n".join(text) + "\n")
     corners = np.array([(0, 0), (columns, 0), (columns, rows), (0, rows)]) * size  # of the floor
     rmf = (corners - (0, rows * size)).round(3).tolist()
