@@ -87,7 +87,9 @@ class Execute(Checked):
             order = find_order(plan, curves, lambda left: progress.advance(bar))
         stuck = why_stuck(order, plan)
         what = f"{counted(config.num_agents, 'robot')}, {plan.makespan} steps, {sum(map(len, order.own)):,} motions"
-        print(f"{what}: {f'no, for {len(stuck)} deadlocks:' if stuck else 'all'} can be driven", flush=True)
+        print(
+            f"{what}: {'they cannot all be driven' if stuck else 'all can be driven'}", *stuck, sep="\n  ", flush=True
+        )
         drive = self._drive(order, curves, config)
         row = self._row(plan, order, drive, config)
         with RowFile(rows_path) as file:
@@ -189,4 +191,5 @@ def _table(row: Row, waits: Sequence[str]) -> Table:
         ("collisions", "0", number(row["collisions_robot"] + row["collisions_shelf"])),
     )
     note = "planned: a cell takes its length at full speed. Waited longest at " + "; ".join(waits) if waits else ""
-    return Table(f"{row['plan']} on {row['layout']}", ("", "planned", "driven"), lines, note)
+    title = f"{Path(row['plan']).name} on {Path(row['layout']).name} with {counted(row['robots'], 'robot')}"
+    return Table(title, ("", "planned", "driven"), lines, note)

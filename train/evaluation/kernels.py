@@ -19,6 +19,10 @@ from train.evaluation.audit.watcher import Audit
 from train.evaluation.jobs import Job, Result, Runner, Tick
 from train.evaluation.processes import Processes
 from train.evaluation.rollout import make_experiment, run
+from train.execute.drive import Drive
+from train.execute.lifelong import plan_lifelong
+from train.execute.motions import Curves
+from train.execute.order import find_order
 from train.reporting.rows import Row, RowFile
 from warehouse_env import EnvConfig, SensorSpec, Simulator, TrafficSpec, UncertaintySpec, parallel_env
 from warehouse_env.compiled import is_kept
@@ -140,6 +144,12 @@ def _environment() -> None:
         env.step({agent: env.action_space(agent).sample() for agent in env.agents})
 
 
+def _grid_plans() -> None:
+    curves = Curves(Simulator(_BARE.replace(num_agents=1, action_type="raw")))
+    plan = plan_lifelong("pibt", _BARE, 8, 1, 0)
+    Drive(find_order(plan, curves), curves, _BARE.replace(action_type="raw")).step(np.zeros(_BARE.num_agents, np.bool_))
+
+
 PARTS: dict[str, Callable[[], None]] = {
     "one robot's motion": _motion,
     "routes of ants and searches": _plans,
@@ -147,6 +157,7 @@ PARTS: dict[str, Callable[[], None]] = {
     "right of way without predictions, and these alone": _each,
     "all options off": _bare,
     "the environment": _environment,
+    "plans of grid planners": _grid_plans,
     "the audit": _audit,
 }
 

@@ -26,6 +26,7 @@ _STANDS = 1e-5  # [m/s]
 _ROUNDED = 2e-5  # [m], more than the rounding of poses
 _BACK, _ALONG = 9.0, 6.0  # [1/m^2], [1/m]: steering back to the arc, as in simulation/driver/driving.py
 _HALVINGS = 40  # of the interval of speeds
+_NONE = -1
 
 
 class Tracks(NamedTuple):
@@ -107,12 +108,13 @@ def _beside(pose, start, length, bend):
 
 
 @kernel
-def _command(i, pose, motion, allowed, held, arc, tracks, limits, action):
+def _command(i, motion, allowed, arc, tracks, limits, action):
     """Write the action of robot i, and go on to its next arc where it is at the end of one; return metres off its arc.
 
-    motion: (speed [m/s], steering [rad]); allowed: number of arcs that it may drive.
+    motion: of its record; allowed: number of arcs that it may drive, -1 while it is held up.
     """
-    speed, steer = motion
+    pose = np.float64(motion["x"]), np.float64(motion["y"]), np.float64(motion["heading"])
+    speed, steer = np.float64(motion["speed"]), np.float64(motion["steer"])
     standing = abs(speed) < _STANDS
     while True:
         k = arc[i]
@@ -130,23 +132,20 @@ def _command(i, pose, motion, allowed, held, arc, tracks, limits, action):
     forwards = length > 0.0
     bend -= _BACK * left + (_ALONG if forwards else -_ALONG) * off
     steering = np.arctan(-bend * limits.wheelbase) - steer
-    if held or way < _ROUNDED or (standing and abs(steering) > _STEERED):
+    if way < _ROUNDED or (standing and abs(steering) > _STEERED):
         way = 0.0
     target = _next_speed(abs(speed), limits.forwards if forwards else limits.backwards, way, limits)
     action[0] = ((target if forwards else -target) - speed) / (limits.acceleration * limits.step)
     action[1] = steering / (limits.steer_rate * limits.step)
-    return max(abs(left), 0.0)
+    return abs(left)
 
 
 @kernel
-def _commands(motion, allowed, held, arc, tracks, limits, actions):
+def _commands(motion, allowed, arc, tracks, limits, actions):
     """Write the actions float64[N, 2] of all robots; return the most metres that one is off its arc."""
     worst = 0.0
     for i in range(len(arc)):
-        r = motion[i]
-        pose = np.float64(r["x"]), np.float64(r["y"]), np.float64(r["heading"])
-        state = np.float64(r["speed"]), np.float64(r["steer"])
-        worst = max(worst, _command(i, pose, state, allowed[i], held[i], arc, tracks, limits, actions[i]))
+        worst = max(worst, _command(i, motion[i], allowed[i], arc, tracks, limits, actions[i]))
     return worst
 
 
@@ -185,7 +184,8 @@ class Drive:
     def step(self, held: NDArray[np.bool_]) -> None:
         """Drive for one step of the simulator. held bool[N]: robots that a delay stops."""
         motion, actions = self.simulator.robots["motion"][0], np.zeros((len(held), 2))
-        off = _commands(motion, self._may, held, self._arc, self._tracks, self._limits, actions)
+        allowed = np.where(held, _NONE, self._may)
+        off = _commands(motion, allowed, self._arc, self._tracks, self._limits, actions)
         self.off, seconds = max(self.off, off), self.simulator.seconds(0)
         for i in range(len(held)):
             self._end_motions(i, seconds)

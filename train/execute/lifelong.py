@@ -140,11 +140,14 @@ def plan_lifelong(
     goals, cells, done = tasks.first_goals(state, key), [state], [list[int]() for _ in range(robots)]
     planner = plugins.make(name, "grid_planner", GRID_PLANNERS, {}, grid)
     while len(cells) <= steps:
-        given = list(goals)
-        paths = planner.plan(list(cells[-1]), given, window)
-        rows = np.array([list(path)[:window] for path in paths], np.int64)
-        if rows.shape != (robots, window, 2):
+        with plugins.running(name):
+            paths = [
+                [(int(row), int(column)) for row, column in path]
+                for path in planner.plan(cells[-1], list(goals), window)
+            ]
+        if len(paths) != robots or not all(len(path) >= window for path in paths):
             raise PlanError(f"{name} must plan {window} cells (row, column) for each of {robots} robots")
+        rows = np.array([path[:window] for path in paths])
         for after in rows.transpose(1, 0, 2)[: steps + 1 - len(cells)].tolist():
             cells.append([(row, column) for row, column in after])
             for i in [i for i in range(robots) if cells[-1][i] == goals[i]]:

@@ -3,7 +3,8 @@
 A robot stands with the middle of its body in the middle of a cell, heading along a row or a column, so robots in
 different cells never touch. Between two such poses lies the quickest Reeds-Shepp curve that keeps off the shelves
 (simulation/driver/shots.py): it drives on, backs, turns within one move, or turns smoothly over two and may then stand
-halfway. Dynamic programming chooses the headings that make the whole path quickest.
+halfway; where aisles are too narrow for a curve, that is a manoeuvre (manoeuvre.py). Dynamic programming chooses the
+headings that make the whole path quickest.
 """
 
 from __future__ import annotations
@@ -19,8 +20,9 @@ from numpy.typing import NDArray
 from warehouse_env.errors import PlanError
 from warehouse_env.kernel import kernel
 from warehouse_env.maps.grid_map import Cell
-from warehouse_env.simulation.driver.bodies import BODY, SearchArea
-from warehouse_env.simulation.driver.scratch import GOAL, SHOT
+from warehouse_env.simulation.driver.bodies import SearchArea
+from warehouse_env.simulation.driver.manoeuvre import ARCS, EXACTLY, TRIES, Query, put_goal, search
+from warehouse_env.simulation.driver.scratch import MOST, SHOT, make_search_scratch
 from warehouse_env.simulation.driver.shots import shoot
 from warehouse_env.simulation.physics.geometry import pose_at
 from warehouse_env.simulation.simulator import Simulator
@@ -28,8 +30,10 @@ from warehouse_env.simulation.simulator import Simulator
 DIRECTIONS = ((0, 1), (-1, 0), (0, -1), (1, 0))  # (row, column) of east, north, west, south: heading k * pi / 2
 MARGIN = 0.02  # [m] that motions keep from shelves
 _LONGEST = 30.0  # [s] of a curve
+_MANOEUVRE = 15.0  # [s], more than most take
 _AVOIDED = 20.0  # [s] that a choice to be avoided costs
 _STRAIGHT = 1e-9  # [rad]
+_MISSED = 5e-3  # [m]
 
 Pose = tuple[float, float, float]  # front axle x [m], y [m], heading [rad]
 Arcs = NDArray[np.float32]  # [K, 2]: signed length [m], steering [rad]
@@ -54,15 +58,20 @@ class Motion(NamedTuple):
 
 
 @kernel
-def _shoot(start, goal, setup, arcs):
-    """Write the quickest free curve between two poses into arcs float32[SHOT, 2]; return their number, and seconds."""
-    goals = np.zeros((1, GOAL), np.float32)
-    goals[0, 0], goals[0, 1], goals[0, 2] = goal
-    nothing = np.zeros((0, BODY), np.float32)
-    around = SearchArea(nothing, np.zeros(0, np.float32), nothing, setup.floor, setup.metrics[0], setup.params[0])
-    x, y, heading = start
-    margin, most = np.float32(MARGIN), np.float32(_LONGEST)
-    return shoot(pose_at(x, y, heading), np.float32(0.0), goals, margin, most, around, arcs)
+def _curve(start, goal, setup, scratch, searches, arcs):
+    """Write the quickest free curve between two poses into arcs float32[ARCS, 2]; return their number, and seconds.
+
+    searches: whether it may be a manoeuvre where no curve is free. The number is -1 if nothing is found.
+    """
+    goals, nothing, pose = scratch.near[:1], scratch.bodies[:0], pose_at(start[0], start[1], start[2])
+    put_goal(goals, 0, goal[0], goal[1], goal[2], np.float32(0.0))
+    around = SearchArea(nothing, scratch.rooms[:0], nothing, setup.floor, setup.metrics[0], setup.params[0])
+    margin, longest, steer = np.float32(MARGIN), np.float32(_LONGEST), np.float32(0.0)
+    count, seconds = shoot(pose, steer, goals, margin, longest, around, arcs[:SHOT])
+    if count >= 0 or not searches:
+        return count, seconds
+    query = Query(pose, steer, EXACTLY, goals, goals[:0], around, TRIES, MOST, scratch)
+    return search(query, arcs, True)[0], np.float32(_MANOEUVRE)
 
 
 class Curves:
@@ -71,6 +80,7 @@ class Curves:
     def __init__(self, simulator: Simulator) -> None:
         """simulator: of the floor and of robots of one kind."""
         self.grid, self.robot, self._setup = simulator.grid, simulator.config.robot, simulator.search_setup
+        self._scratch = make_search_scratch(1)
         self._ahead = self.robot.rear_reach - self.robot.length / 2
         self._known: dict[tuple[Cell, int, Cell, int], tuple[Arcs, float]] = {}
 
@@ -83,10 +93,15 @@ class Curves:
         """Return the arcs from one such pose to another, and their seconds; inf if there are none."""
         key = cell, heading, to, turned
         if key not in self._known:
-            arcs = np.zeros((SHOT, 2), np.float32)
+            arcs = np.zeros((ARCS, 2), np.float32)
             start, goal = (tuple(map(np.float32, self.pose(*one))) for one in ((cell, heading), (to, turned)))
-            count, seconds = _shoot(start, goal, self._setup, arcs)
-            self._known[key] = arcs[: max(count, 0)], float(seconds) if count >= 0 else math.inf
+            two_moves = abs(cell[0] - to[0]) + abs(cell[1] - to[1]) == 2
+            count, seconds = _curve(start, goal, self._setup, self._scratch, two_moves, arcs)
+            found = arcs[: max(count, 0)]
+            there = (
+                count >= 0 and math.dist(self.end(start, found)[:2], goal[:2]) < _MISSED
+            )  # manoeuvres may be cut off
+            self._known[key] = found, float(seconds) if there else math.inf
         return self._known[key]
 
     def end(self, pose: Pose, arcs: Arcs) -> Pose:

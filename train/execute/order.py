@@ -9,7 +9,7 @@ for each other in a cycle can never begin. One of each cycle is then made by ano
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -115,22 +115,18 @@ class _Obstacles(NamedTuple):
 
 def _obstacles(pairs: NDArray[np.int64], motions: Motions) -> _Obstacles:
     """Return the obstacles; the robot goes first that the plan has there first on the whole, or that must."""
-    many, swept = len(motions.robot), swept_rests(pairs, motions)
+    many, known = len(motions.robot), 0
+    while known < len(pairs):  # what a robot does before and after a rest that is swept counts, however long it rests
+        known, swept = len(pairs), swept_rests(pairs, motions)
+        rests = list(_rests_swept(pairs, swept, motions))
+        beyond = [np.sort(np.column_stack([mover, other]), axis=1) for _, mover, other, _ in rests]
+        pairs = np.unique(np.concatenate([pairs, *(both[both[:, 0] != NONE] for both in beyond)]), axis=0)
     first, second = pairs.T
     keys, links, forced = first * many + second, list[NDArray[np.int64]](), np.zeros((2, len(pairs)), np.bool_)
-    for mover, other, columns, leads in ((first, second, (0, 1), (1, 0)), (second, first, (2, 3), (0, 1))):
-        for neighbours, column, who in (
-            (motions.previous, columns[0], leads[0]),
-            (motions.following, columns[1], leads[1]),
-        ):
-            at = np.flatnonzero(swept[:, column])
-            beyond = neighbours[other[at]]
-            forced[who, at[beyond == NONE]] = True  # 0: the first motion must go first, 1: the second
-            at, beyond = at[beyond != NONE], beyond[beyond != NONE]
-            wanted = np.minimum(mover[at], beyond) * many + np.maximum(mover[at], beyond)
-            place = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
-            known = keys[place] == wanted
-            links.append(np.column_stack([at[known], place[known]]))
+    for (at, _, other, leads), both in zip(rests, beyond, strict=True):
+        forced[leads, at[other == NONE]] = True  # 0: the first motion must go first, 1: the second
+        kept = other != NONE
+        links.append(np.column_stack([at[kept], np.searchsorted(keys, both[kept] @ (many, 1))]))
     joined = np.concatenate(links)
     graph = csr_array((np.ones(len(joined), np.int8), joined.T), shape=(len(pairs), len(pairs)))
     count, group = connected_components(graph, directed=False)
@@ -141,6 +137,20 @@ def _obstacles(pairs: NDArray[np.int64], motions: Motions) -> _Obstacles:
     fixed = np.bincount(group, forced.any(axis=0), count) > 0
     wrong = np.where(ahead[group] * side > 0, forced[1], forced[0])
     return _Obstacles(pairs, group, side, np.where(ahead > 0, 1, -1), fixed, wrong)
+
+
+def _rests_swept(
+    pairs: NDArray[np.int64], swept: NDArray[np.bool_], motions: Motions
+) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], int]]:
+    """Yield, for each end of each motion of the pairs, which of these ends are swept and by what.
+
+    That is: numbers of pairs; the motions that sweep; the motions beyond the rests, NONE if there is none; and which
+    motion of a pair must then go first: 0 the first, 1 the second.
+    """
+    for mover, rest in ((0, 1), (1, 0)):
+        for end, neighbours in enumerate((motions.previous, motions.following)):
+            at = np.flatnonzero(swept[:, 2 * mover + end])
+            yield at, pairs[at, mover], neighbours[pairs[at, rest]], mover if end else rest
 
 
 def _edges(obstacles: _Obstacles, motions: Motions) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

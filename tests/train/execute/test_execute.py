@@ -1,0 +1,257 @@
+"""Plans of grid planners: read and checked, made drivable, ordered, and driven without a contact."""
+
+from __future__ import annotations
+
+import json
+import math
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.train.execute.floors import BLOCK, OPEN, curves_on, random_walk
+from train.cli import main
+from train.execute.drive import Drive
+from train.execute.lifelong import Pibt, add_grid_planner, plan_lifelong
+from train.execute.motions import DIRECTIONS, motions_of
+from train.execute.order import Order, find_order, why_stuck
+from train.execute.plan import GridPlan, check_plan, finished, path_of, read_plan
+from warehouse_env.config import EnvConfig
+from warehouse_env.errors import ConfigError, PlanError
+from warehouse_env.simulation.record.recording import Episode
+
+CELLS = np.array([[(1, 1), (3, 3)], [(1, 2), (3, 3)], [(1, 2), (2, 3)]])  # two robots, two steps
+LEAGUE = {"start": [[1, 1, "E"], [3, 3, "E"]], "actualPaths": ["F,W,W", "C,F,W"]}
+
+
+def _config(robots: int) -> EnvConfig:
+    return EnvConfig(num_agents=robots, action_type="raw", planner="astar_turns", max_steps=10_000)
+
+
+def _driven(order: Order, curves, robots: int, steps: int = 6_000, late: float = 0.0) -> Drive:
+    drive, rng = Drive(order, curves, _config(robots)), np.random.default_rng(0)
+    for _ in range(steps):
+        if drive.over:
+            break
+        drive.step(rng.random(robots) < late)
+    return drive
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "agents=2\nsolution=\n0:(1,1),(3,3),\n1:(2,1),(3,3),\n2:(2,1),(3,2),\n",  # x, y
+        "Agent 0: (1,1)->(1,2)->(1,2)->\nAgent 1: (3,3)->(3,3)->(2,3)->\n",  # row, column
+    ],
+)
+def test_formats_of_steps_and_of_robots_give_the_same_plan(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "plan.txt"
+    path.write_text(text)
+    plan = read_plan(path, OPEN)
+    np.testing.assert_array_equal(plan.cells, CELLS)
+    assert plan.tasks == ((1,), (2,))
+    assert plan.makespan == 2
+
+
+def test_actions_of_the_league_turn_on_the_spot(tmp_path: Path) -> None:
+    path = tmp_path / "plan.json"
+    path.write_text(json.dumps(LEAGUE))
+    plan = read_plan(path, OPEN)
+    np.testing.assert_array_equal(plan.cells[:, 0], [(1, 1), (1, 2), (1, 2), (1, 2)])
+    np.testing.assert_array_equal(plan.cells[:, 1], [(3, 3), (3, 3), (2, 3), (2, 3)])  # turned left to the north
+    path.write_text(json.dumps(LEAGUE | {"events": [[1, 0, 7, 1], [2, 0, 8, 1], [3, 1, 9, 1]]}))
+    assert read_plan(path, OPEN).tasks == ((1, 2), (3,))
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("nothing", "is no plan"),
+        ("0:(1,1),\n2:(1,1),\n", "numbered from 0 on"),
+        ("Agent 1: (1,1)->\n", "numbered from 0 on"),
+        ("0:(1,1),(1,1),\n", "step 0: robots 0 and 1 are both at (1, 1)"),
+        ("0:(1,1),(2,1),\n1:(2,1),(1,1),\n", "step 1: robots 0 and 1 swap cells"),
+        ("0:(1,1),\n1:(3,1),\n", "moves from (1, 1) to (1, 3), which is not beside it"),
+        ("0:(99,1),\n", "is at (1, 99), which is no free cell"),
+        ('{"start": []}', "without `start` and `actualPaths`"),
+        ('{"start": [[1, 1, "X"]], "actualPaths": ["F"]}', "without `start` and `actualPaths`"),
+    ],
+)
+def test_what_is_no_plan_is_refused_in_a_sentence(tmp_path: Path, text: str, told: str) -> None:
+    path = tmp_path / "plan.txt"
+    path.write_text(text)
+    with pytest.raises(PlanError, match="plan") as error:
+        read_plan(path, OPEN)
+    assert told in str(error.value)
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 25))
+def test_motions_join_the_cells_of_any_path(seed: int, moves: int) -> None:
+    curves = curves_on(BLOCK)
+    cells = random_walk(BLOCK, np.random.default_rng(seed), moves)
+    motions = motions_of(cells, curves)
+    assert [motion.leaves for motion in motions] == list(range(moves))
+    for motion, after in pairwise(motions):
+        x, y, heading = np.array(curves.end(motion.start, motion.arcs)) - after.start
+        assert max(abs(x), abs(y), abs(math.remainder(heading, math.tau))) < 2e-3
+    x, y, heading = curves.end(motions[-1].start, motions[-1].arcs)
+    ahead = curves.robot.rear_reach - curves.robot.length / 2  # the body's middle in the cell's
+    middle = x - ahead * math.cos(heading), y - ahead * math.sin(heading)
+    np.testing.assert_allclose(middle, BLOCK.centre(np.array(cells[-1])), atol=2e-3)
+
+
+def test_a_straight_path_is_driven_forwards_and_a_way_back_backwards() -> None:
+    curves, row = curves_on(OPEN), [(5, column) for column in range(2, 7)]
+    there = motions_of(row, curves)
+    assert all(motion.arcs.tolist() == [[1.0, 0.0]] for motion in there)
+    back = motions_of([*row, row[-2]], curves)[-1]
+    assert back.arcs.tolist() == [[-1.0, 0.0]]
+
+
+def test_robots_in_a_row_go_one_after_another() -> None:
+    steps = [[(5, 2 + t), (5, 3 + t), (5, 4 + t)] for t in range(4)]
+    plan = finished(np.array(steps))
+    curves = curves_on(OPEN)
+    order = find_order(plan, curves)
+    assert not order.cycles
+    firsts = {(order.motions.robot[a], order.motions.robot[b]) for a, b in order.edges.tolist()}
+    assert {(2, 1), (1, 0)} <= firsts
+    assert _driven(order, curves, 3).over
+
+
+def test_four_robots_that_rotate_are_proved_to_block_each_other() -> None:
+    ring = [(5, 5), (5, 6), (6, 6), (6, 5)]
+    plan = finished(np.array([ring, ring[1:] + ring[:1]]))
+    order = find_order(plan, curves_on(OPEN))
+    assert len(order.cycles) == 1
+    (told,) = why_stuck(order, plan)
+    assert "robots 0, 1, 2 and 3 block each other" in told
+    drive = _driven(order, curves_on(OPEN), 4, steps=300)
+    assert drive.done == [0, 0, 0, 0]
+
+
+def test_a_motion_over_a_robot_that_never_moves_is_not_begun() -> None:
+    plan = finished(np.array([[(5, 2), (5, 4)], [(5, 3), (5, 4)]]))
+    assert not find_order(plan, curves_on(OPEN)).cycles  # they stand side by side
+    alley = finished(np.array([[(1, 1), (1, 2)], [(2, 1), (1, 2)], [(2, 2), (1, 2)]]))
+    order = find_order(alley, curves_on(OPEN))
+    drive = _driven(order, curves_on(OPEN), 2, steps=600)
+    assert drive.simulator.episode_metrics(0)["collisions_robot"] == 0
+    assert drive.over or order.cycles
+
+
+@pytest.mark.parametrize("late", [0.0, 0.3])
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_crowds_drive_whole_plans_without_a_contact(seed: int, late: float) -> None:
+    rng, curves = np.random.default_rng(seed), curves_on(BLOCK)
+    free = [tuple(cell) for cell in BLOCK.free_cells.tolist()]
+    order = rng.permutation(len(free))
+    state, goals = [free[k] for k in order[:14]], [free[k] for k in order[14:28]]
+    paths = Pibt(BLOCK).plan(state, goals, 30)
+    plan = finished(np.array([state, *zip(*paths, strict=True)]))
+    check_plan(plan.cells, BLOCK)
+    found = find_order(plan, curves)
+    drive = _driven(found, curves, 14, late=late)
+    figures = drive.simulator.episode_metrics(0)
+    assert figures["collisions_robot"] == figures["collisions_shelf"] == 0
+    assert drive.off < 1e-3
+    assert drive.over or found.cycles
+    at = BLOCK.cell(drive.simulator.state.pose[0, :, :2].astype(np.float64))
+    arrived = [i for i in range(14) if drive.done[i] == len(found.own[i])]
+    assert arrived
+    for i in arrived:  # the axle is in the last cell of its plan
+        assert tuple(at[i].tolist()) == path_of(plan.cells[:, i])[0][-1]
+
+
+def test_an_episode_of_given_starts_replays_to_the_bit(tmp_path: Path) -> None:
+    curves = curves_on(OPEN)
+    drive = _driven(find_order(finished(CELLS), curves), curves, 2)
+    drive.recorder.episode.save(tmp_path / "episode.npz")
+    episode = Episode.load(tmp_path / "episode.npz")
+    for pose, simulator in zip(episode.pose, episode.replay(), strict=True):
+        np.testing.assert_array_equal(simulator.state.pose, pose)
+
+
+def test_pibt_brings_all_to_their_goals_and_its_plans_keep_the_rules() -> None:
+    plan = plan_lifelong("pibt", EnvConfig("paper46", 24), 120, 1, 7)
+    assert plan.cells.shape == (121, 24, 2)
+    assert all(len(steps) >= 1 for steps in plan.tasks)
+    for robot, steps in enumerate(plan.tasks):
+        assert list(steps) == sorted(set(steps)), robot
+    same = plan_lifelong("pibt", EnvConfig("paper46", 24), 120, 1, 7)
+    np.testing.assert_array_equal(plan.cells, same.cells)
+
+
+def test_a_planner_of_ones_own_is_checked(tmp_path: Path) -> None:
+    (tmp_path / "mine.py").write_text(
+        "class Waits:\n    def __init__(self, grid): pass\n"
+        "    def plan(self, state, goals, window): return [[cell] * window for cell in state]\n"
+        "class Jumps(Waits):\n    def plan(self, state, goals, window): return [[(1, 1)] * window for _ in state]\n"
+        "class Short(Waits):\n    def plan(self, state, goals, window): return [[] for _ in state]\n"
+        "class Fails(Waits):\n    def plan(self, state, goals, window): return 1 / 0\n"
+        "class None_: pass\n"
+    )
+    config = EnvConfig("paper46", 4)
+    for name, error, told in (
+        ("Jumps", PlanError, "which is not beside it"),
+        ("Short", PlanError, "must plan 5 cells"),
+        ("Fails", ConfigError, "mine.py, line"),
+    ):
+        add_grid_planner(f"{tmp_path}/mine.py:{name}")
+        with pytest.raises(error, match=told):
+            plan_lifelong(f"{tmp_path}/mine.py:{name}", config, 10, 5, 0)
+    with pytest.raises(ConfigError, match="has no plan"):
+        add_grid_planner(f"{tmp_path}/mine.py:None_")
+    add_grid_planner(f"{tmp_path}/mine.py:Waits")
+    plan = plan_lifelong(f"{tmp_path}/mine.py:Waits", config, 10, 5, 0)
+    assert (plan.cells == plan.cells[0]).all()
+    assert plan.makespan == 0
+
+
+def test_the_command_tells_what_is_left_of_a_plan(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "out"
+    given = ["execute", "--grid-planner", "pibt", "--robots", "4", "--steps", "20", "--out", str(out)]
+    assert main([*given, "--delay-probability", "0.2"]) == 0
+    said = capsys.readouterr().out
+    assert "all can be driven" in said
+    row = json.loads((out / "rows.jsonl").read_text())
+    assert row["whole"]
+    assert row["motions_done"] == row["motions"]
+    assert row["seconds"] > row["planned_s"]
+    assert row["collisions_robot"] == 0
+    assert "goals/robot-h" in (out / "table.md").read_text()
+    assert main(["audit", str(out / "episode.npz"), "--out", str(tmp_path / "audit")]) == 0
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        ([], "name a file with a plan, or a --grid-planner"),
+        (["plan.txt", "--grid-planner", "pibt"], "name a file with a plan, or a --grid-planner"),
+        (["nowhere.txt"], "nowhere.txt"),
+        (["--grid-planner", "lacam"], "lacam"),
+        (["--grid-planner", "pibt", "--robots", "9999"], "9999"),
+    ],
+)
+def test_wrong_input_ends_in_a_sentence(
+    words: list[str], told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["execute", *words, "--out", str(tmp_path)]) == 2
+    assert told in capsys.readouterr().err
+
+
+def test_directions_are_headings_of_the_floor() -> None:
+    for k, (row, column) in enumerate(DIRECTIONS):  # rows go down, y goes up
+        assert math.isclose(math.cos(k * math.pi / 2), column, abs_tol=1e-12)
+        assert math.isclose(math.sin(k * math.pi / 2), -row, abs_tol=1e-12)
+
+
+def test_the_first_of_two_that_cross_is_that_of_the_plan() -> None:
+    cross = [[(5, 4), (3, 5)], [(5, 5), (3, 5)], [(5, 6), (4, 5)], [(5, 7), (5, 5)], [(5, 7), (6, 5)]]
+    plan = GridPlan(np.array(cross), ((), ()))
+    order = find_order(plan, curves_on(OPEN))
+    robots = {(order.motions.robot[a], order.motions.robot[b]) for a, b in order.edges.tolist()}
+    assert robots == {(0, 1)}
