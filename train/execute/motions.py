@@ -93,14 +93,13 @@ class Curves:
         """Return the arcs from one such pose to another, and their seconds; inf if there are none."""
         key = cell, heading, to, turned
         if key not in self._known:
-            arcs = np.zeros((ARCS, 2), np.float32)
-            start, goal = (tuple(map(np.float32, self.pose(*one))) for one in ((cell, heading), (to, turned)))
+            arcs, start, goal = np.zeros((ARCS, 2), np.float32), self.pose(cell, heading), self.pose(to, turned)
+            ends = (tuple(map(np.float32, pose)) for pose in (start, goal))
             two_moves = abs(cell[0] - to[0]) + abs(cell[1] - to[1]) == 2
-            count, seconds = _curve(start, goal, self._setup, self._scratch, two_moves, arcs)
+            count, seconds = _curve(*ends, self._setup, self._scratch, two_moves, arcs)
             found = arcs[: max(count, 0)]
-            there = (
-                count >= 0 and math.dist(self.end(start, found)[:2], goal[:2]) < _MISSED
-            )  # manoeuvres may be cut off
+            missed = math.dist(self.end(start, found)[:2], goal[:2])  # long manoeuvres are cut off
+            there = count >= 0 and missed < _MISSED
             self._known[key] = found, float(seconds) if there else math.inf
         return self._known[key]
 
