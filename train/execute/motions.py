@@ -94,9 +94,9 @@ class Curves:
         key = cell, heading, to, turned
         if key not in self._known:
             arcs, start, goal = np.zeros((ARCS, 2), np.float32), self.pose(cell, heading), self.pose(to, turned)
-            ends = (tuple(map(np.float32, pose)) for pose in (start, goal))
+            begin, end = (tuple(map(np.float32, pose)) for pose in (start, goal))
             two_moves = abs(cell[0] - to[0]) + abs(cell[1] - to[1]) == 2
-            count, seconds = _curve(*ends, self._setup, self._scratch, two_moves, arcs)
+            count, seconds = _curve(begin, end, self._setup, self._scratch, two_moves, arcs)
             found = arcs[: max(count, 0)]
             missed = math.dist(self.end(start, found)[:2], goal[:2])  # long manoeuvres are cut off
             there = count >= 0 and missed < _MISSED
