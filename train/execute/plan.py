@@ -4,7 +4,8 @@ Formats, told apart by their content:
 
 - output of the League of Robot Runners (JSON: `start`, `actualPaths` of F, R, C, W; `events` are finished tasks);
 - a line a step, as pypibt and lacam write it: `12:(x,y),(x,y),...`;
-- a line a robot, as CBS, EECBS, MAPF-LNS2 and PBS write it: `Agent 3: (row,column)->(row,column)->...`.
+- a line a robot, as CBS, EECBS, MAPF-LNS2 and PBS write it: `Agent 3: (row,column)->(row,column)->...`; SMART adds the
+  step to each cell: `Agent 3:(row,column,0)->(row,column,1)->...`.
 """
 
 from __future__ import annotations
@@ -24,8 +25,8 @@ from warehouse_env.maps.grid_map import Cell, GridMap
 LARGEST = 2**28  # [bytes] of a file
 _MOST = 10_000, 1_000_000  # robots, and steps
 _STEP = re.compile(r"(\d+):((?:\(\d+,\d+\),?)+)")
-_AGENT = re.compile(r"Agent (\d+):((?:\(\d+,\d+\)(?:->)?)+)")
-_CELL = re.compile(r"\((\d+),(\d+)\)")
+_AGENT = re.compile(r"Agent (\d+):((?:\(\d+,\d+(?:,\d+)?\)(?:->)?)+)")
+_CELL = re.compile(r"\((\d+),(\d+)(?:,(\d+))?\)")
 _TURNS = {"E": (0, 1), "S": (1, 0), "W": (0, -1), "N": (-1, 0)}  # clockwise, as (row, column)
 _ACTIONS = {"F": 0, "R": 1, "C": -1, "W": 0, "T": 0}  # quarters clockwise
 
@@ -69,7 +70,7 @@ def read_plan(path: Path, grid: GridMap) -> GridPlan:
 
 def _by_steps(found: Sequence[re.Match[str]], path: Path) -> GridPlan:
     numbers = [int(line[1]) for line in found]
-    configurations = [[(int(y), int(x)) for x, y in _CELL.findall(line[2])] for line in found]
+    configurations = [[(int(y), int(x)) for x, y, _ in _CELL.findall(line[2])] for line in found]
     if numbers != list(range(len(numbers))) or len(set(map(len, configurations))) != 1:
         raise PlanError(f"{path}: steps must be numbered from 0 on, each with a cell of every robot")
     return finished(np.array(configurations, np.int64))
@@ -81,7 +82,10 @@ def _by_agents(found: Sequence[re.Match[str]], path: Path) -> GridPlan:
             f"{path} is no plan: neither the League of Robot Runners' JSON, nor lines '0:(x,y),(x,y),' of steps, nor "
             "lines 'Agent 0: (row,column)->(row,column)->' of robots"
         )
-    paths = [[(int(row), int(column)) for row, column in _CELL.findall(line[2])] for line in found]
+    cells = [_CELL.findall(line[2]) for line in found]
+    if any(step not in ("", str(t)) for path in cells for t, (*_, step) in enumerate(path)):
+        raise PlanError(f"{path}: the steps of each robot must follow each other from 0 on")
+    paths = [[(int(row), int(column)) for row, column, _ in path] for path in cells]
     if [int(line[1]) for line in found] != list(range(len(found))):
         raise PlanError(f"{path}: robots must be numbered from 0 on")
     most = max(map(len, paths))

@@ -45,6 +45,7 @@ def _driven(order: Order, curves, robots: int, steps: int = 6_000, late: float =
     [
         "agents=2\nsolution=\n0:(1,1),(3,3),\n1:(2,1),(3,3),\n2:(2,1),(3,2),\n",  # x, y
         "Agent 0: (1,1)->(1,2)->(1,2)->\nAgent 1: (3,3)->(3,3)->(2,3)->\n",  # row, column
+        "Agent 0:(1,1,0)->(1,2,1)->\nAgent 1:(3,3,0)->(3,3,1)->(2,3,2)->\n",  # with the steps
     ],
 )
 def test_formats_of_steps_and_of_robots_give_the_same_plan(tmp_path: Path, text: str) -> None:
@@ -72,6 +73,7 @@ def test_actions_of_the_league_turn_on_the_spot(tmp_path: Path) -> None:
         ("nothing", "is no plan"),
         ("0:(1,1),\n2:(1,1),\n", "numbered from 0 on"),
         ("Agent 1: (1,1)->\n", "numbered from 0 on"),
+        ("Agent 0:(1,1,0)->(1,2,2)->\n", "must follow each other"),
         ("0:(1,1),(1,1),\n", "step 0: robots 0 and 1 are both at (1, 1)"),
         ("0:(1,1),(2,1),\n1:(2,1),(1,1),\n", "step 1: robots 0 and 1 swap cells"),
         ("0:(1,1),\n1:(3,1),\n", "moves from (1, 1) to (1, 3), which is not beside it"),
