@@ -92,7 +92,7 @@ class Execute(Checked):
         )
         drive = self._drive(order, curves, config)
         row = self._row(plan, order, drive, config)
-        with RowFile(rows_path) as file:
+        with RowFile(rows_path, keep=True) as file:
             file.add([row])
         table = _table(row, _waits(drive, order, plan))
         table.print()
