@@ -104,16 +104,25 @@ def _league(data: Any, path: Path) -> GridPlan:
         starts = [(int(row), int(column), "ESWN".index(facing)) for row, column, facing in data["start"]]
         cells = [list(_driven(start, own)) for start, own in zip(starts, actions, strict=True)]
         tasks: list[list[int]] = [[] for _ in cells]
-        for step, robot, *_ in data.get("events", []):
-            tasks[int(robot)].append(int(step))
+        for step, robot in _finishes(data.get("events", [])):
+            tasks[robot].append(int(step))
     except (KeyError, ValueError, TypeError, IndexError, AttributeError):
         raise PlanError(
-            f"{path} is JSON without `start` and `actualPaths` as the League of Robot Runners' 2024 output has them"
+            f"{path} is JSON without `start` and `actualPaths` as the League of Robot Runners' output has them"
         ) from None
     if len(set(map(len, cells))) != 1:
         raise PlanError(f"{path}: `actualPaths` must have as many actions for each robot")
     plan = GridPlan(np.array(cells, np.int64).transpose(1, 0, 2), tuple(map(tuple, tasks)))
     return plan if any(tasks) else finished(plan.cells)
+
+
+def _finishes(events: Sequence[Any]) -> Iterator[tuple[int, int]]:
+    """Yield (step, robot) of finished tasks: events of 2024, [step, robot, task, part], or of 2023, a list a robot."""
+    for robot, event in enumerate(events):
+        if all(isinstance(one, int) for one in event) and event:
+            yield event[0], event[1]
+        else:
+            yield from ((step, robot) for _, step, told in event if told == "finished")
 
 
 def _driven(start: tuple[int, int, int], actions: Sequence[str]) -> Iterator[Cell]:

@@ -65,6 +65,9 @@ def test_actions_of_the_league_turn_on_the_spot(tmp_path: Path) -> None:
     np.testing.assert_array_equal(plan.cells[:, 1], [(3, 3), (3, 3), (2, 3), (2, 3)])  # turned left to the north
     path.write_text(json.dumps(LEAGUE | {"events": [[1, 0, 7, 1], [2, 0, 8, 1], [3, 1, 9, 1]]}))
     assert read_plan(path, OPEN).tasks == ((1, 2), (3,))
+    earlier = [[[7, 0, "assigned"], [7, 1, "finished"]], [[9, 0, "assigned"], [9, 2, "finished"]]]
+    path.write_text(json.dumps(LEAGUE | {"events": earlier}))
+    assert read_plan(path, OPEN).tasks == ((1,), (2,))
 
 
 @pytest.mark.parametrize(
