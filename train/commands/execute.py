@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 import tyro
@@ -31,13 +31,14 @@ from warehouse_env.simulation.simulator import Simulator
 
 _STILL = 60.0  # [s] without the end of a motion after which nothing more is expected
 _LONGEST = 10  # waits that are listed
+_CONTACTS = ("collisions_robot", "collisions_shelf", "collisions_per_km", "near_misses", "min_clearance_m")
 
 
 @dataclass(frozen=True)
 class Execute(Checked):
     """Drive the plan of a grid planner with bodies that accelerate, turn and are late: how much of it is left?
 
-    It says before the drive whether the plan can be driven at all, and which robots would block each other.
+    Before the drive, it says whether an order was found in which all can drive, or which robots block each other.
 
     Examples: warehouse execute paths.txt --map warehouse.map;
     warehouse execute --grid-planner pibt --layout paper46 --robots 64
@@ -87,9 +88,8 @@ class Execute(Checked):
             order = find_order(plan, curves, lambda left: progress.advance(bar))
         stuck = why_stuck(order, plan)
         what = f"{counted(config.num_agents, 'robot')}, {plan.makespan} steps, {sum(map(len, order.own)):,} motions"
-        print(
-            f"{what}: {'they cannot all be driven' if stuck else 'all can be driven'}", *stuck, sep="\n  ", flush=True
-        )
+        told = "no order was found in which all can be driven" if stuck else "all can be driven"
+        print(f"{what}: {told}", *stuck, sep="\n  ", flush=True)
         drive = self._drive(order, curves, config)
         row = self._row(plan, order, drive, config)
         with RowFile(rows_path, keep=True) as file:
@@ -133,26 +133,22 @@ class Execute(Checked):
         return drive
 
     def _row(self, plan: GridPlan, order: Order, drive: Drive, config: EnvConfig) -> Row:
-        robots, seconds = config.num_agents, drive.simulator.seconds(0)
-        tasks = sum(len(times) for times in _task_times(plan, drive))
-        measured = {
-            key: value for key, value in drive.simulator.episode_metrics(0).items()
-            if key.startswith(("collisions", "near", "min_clearance"))
-        }  # fmt: skip
-        metres = config.robot.max_speed and make_layout(self.layout).cell_size / config.robot.max_speed
-        figures: dict[str, Any] = {
+        robots, step = config.num_agents, config.time_step * config.action_repeat
+        seconds, tasks = max(drive.simulator.seconds(0), step), sum(map(len, _task_times(plan, drive)))
+        planned = max(plan.makespan, 1) * drive.simulator.grid.cell_size / config.robot.max_speed
+        return dict(plain({
             "plan": str(self.plan or self.grid_planner), "layout": self.layout, "robots": robots,
             "window": None if self.plan else self.window, "seed": self.seed,
             "delay_probability": self.delay_probability, "delay_seconds": self.delay_seconds,
-            "steps": plan.makespan, "planned_s": plan.makespan * metres, "seconds": seconds, "whole": drive.over,
+            "steps": plan.makespan, "planned_s": planned, "seconds": seconds, "whole": drive.over,
             "deadlocks": len(order.cycles), "motions": sum(map(len, order.own)), "motions_done": sum(drive.done),
             "tasks": sum(map(len, plan.tasks)), "tasks_done": tasks,
             "goals_per_robot_hour": 3600.0 * tasks / robots / seconds,
-            "planned_goals_per_robot_hour": 3600.0 * sum(map(len, plan.tasks)) / robots / (plan.makespan * metres),
-            "waiting_share": sum(drive.waited.values()) * config.time_step * config.action_repeat / robots / seconds,
-            "held_share": None, "off_arc_m": drive.off, **measured, "version": __version__,
-        }  # fmt: skip
-        return dict(plain(figures))
+            "planned_goals_per_robot_hour": 3600.0 * sum(map(len, plan.tasks)) / robots / planned,
+            "waiting_share": drive.waited.total() * step / robots / seconds, "off_arc_m": drive.off,
+            **{name: value for name, value in drive.simulator.episode_metrics(0).items() if name in _CONTACTS},
+            "version": __version__,
+        }))  # fmt: skip
 
 
 def _task_times(plan: GridPlan, drive: Drive) -> list[list[float]]:

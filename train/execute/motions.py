@@ -78,8 +78,13 @@ class Curves:
     """The curves between the poses of a floor's cells, each made once."""
 
     def __init__(self, simulator: Simulator) -> None:
-        """simulator: of the floor and of robots of one kind."""
+        """simulator: of the floor and of robots of one kind. PlanError if a body is longer than a cell."""
         self.grid, self.robot, self._setup = simulator.grid, simulator.config.robot, simulator.search_setup
+        if self.robot.length + MARGIN > self.grid.cell_size:
+            raise PlanError(
+                f"a body of {self.robot.length:g} m does not fit into cells of {self.grid.cell_size:g} m, so it cannot "
+                "drive a plan of cells; choose larger cells"
+            )
         self._scratch = make_search_scratch(1)
         self._ahead = self.robot.rear_reach - self.robot.length / 2
         self._known: dict[tuple[Cell, int, Cell, int], tuple[Arcs, float]] = {}

@@ -1,10 +1,10 @@
-"""Who drives where first: the action dependency graph of a plan's motions, or the proof that they cannot all be driven.
+"""Who drives where first: the action dependency graph of a plan's motions (Hoenig et al. 2019).
 
-Two motions conflict if the areas that the bodies sweep, each grown by half of MARGIN, share a point. The one that comes
-first in the plan goes first, and the other begins after its end. Only where one would sweep the place at which another
-robot rests does the robot leave before or arrive after, whichever is nearer to the plan. So motions that may be under
-way at the same time never touch, whatever the delays (action dependency graph; Hoenig et al. 2019). Motions that wait
-for each other in a cycle can never begin. One of each cycle is then made by another curve, and the order found anew.
+Two motions conflict if the areas that the bodies sweep, each grown by half of MARGIN, share a point. One begins after
+the end of the other: on the whole in the order of the plan. A motion cannot pass where another robot rests in its way,
+so it passes before or after all such rests. Motions that may be under way at the same time never touch, whatever the
+delays. Motions that wait for each other in a cycle can never begin. Then an obstacle is passed on its other side, or
+one of the motions is made by another curve, and the order found anew.
 """
 
 from __future__ import annotations

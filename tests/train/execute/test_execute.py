@@ -16,12 +16,14 @@ from tests.train.execute.floors import BLOCK, OPEN, curves_on, random_walk
 from train.cli import main
 from train.execute.drive import Drive
 from train.execute.lifelong import Pibt, add_grid_planner, plan_lifelong
-from train.execute.motions import DIRECTIONS, motions_of
+from train.execute.motions import DIRECTIONS, Curves, motions_of
 from train.execute.order import Order, find_order, why_stuck
 from train.execute.plan import GridPlan, check_plan, finished, path_of, read_plan
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, PlanError
+from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.simulation.record.recording import Episode
+from warehouse_env.simulation.simulator import Simulator
 
 CELLS = np.array([[(1, 1), (3, 3)], [(1, 2), (3, 3)], [(1, 2), (2, 3)]])  # two robots, two steps
 LEAGUE = {"start": [[1, 1, "E"], [3, 3, "E"]], "actualPaths": ["F,W,W", "C,F,W"]}
@@ -260,3 +262,15 @@ def test_the_first_of_two_that_cross_is_that_of_the_plan() -> None:
     order = find_order(plan, curves_on(OPEN))
     robots = {(order.motions.robot[a], order.motions.robot[b]) for a, b in order.edges.tolist()}
     assert robots == {(0, 1)}
+
+
+def test_bodies_longer_than_a_cell_are_refused() -> None:
+    fine = GridMap(np.zeros((24, 24), bool), name="fine", cell_size=0.5)
+    with pytest.raises(PlanError, match="does not fit into cells"):
+        Curves(Simulator(_config(1), 1, grid=fine))
+
+
+def test_a_plan_in_which_nobody_moves_is_over_at_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "plan.txt").write_text("0:(1,1),(5,5),\n1:(1,1),(5,5),\n")
+    assert main(["execute", str(tmp_path / "plan.txt"), "--out", str(tmp_path / "out")]) == 0
+    assert "2 robots, 0 steps, 0 motions: all can be driven" in capsys.readouterr().out
