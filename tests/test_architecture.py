@@ -71,7 +71,8 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "agents": (*PLANNING, "warehouse_env.observation", "agents"),
     "train.reporting": ("warehouse_env", "train.reporting"),
     "train.books": BELOW_TRAIN,
-    "train.job_files": BELOW_TRAIN,
+    "train.execute": (*BELOW_TRAIN, "train.execute"),
+    "train.job_files": (*BELOW_TRAIN, "train.execute.lifelong"),
     "train.kinds": BELOW_TRAIN,
     "train.learning": (
         *BELOW_TRAIN,
@@ -90,6 +91,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "train.evaluation": (
         *BELOW_TRAIN,
         "train.books",
+        "train.execute",
         "train.job_files",
         "train.reporting",
         "train.evaluation",

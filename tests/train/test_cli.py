@@ -26,8 +26,8 @@ DRAW_NOTHING = (
     "policies",
 )  # fmt: skip
 RESULTS = (  # commands whose results are rows
-    "advise", "audit", "bench", "benchmark", "clmapf", "compare", "evaluate", "fleet", "plan", "robust",
-    "tables floors", "tables papers", "tables planners",
+    "advise", "audit", "bench", "benchmark", "clmapf", "compare", "evaluate", "execute", "fleet", "plan",
+    "robust", "tables floors", "tables papers", "tables planners",
 )  # fmt: skip
 
 
