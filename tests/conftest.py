@@ -90,6 +90,7 @@ def connected_nodes(two_nodes: Any) -> Iterator[Any]:
 def registries(tmp_path: Path) -> Iterator[None]:
     """Put back the registries that a test adds to, and what was imported from its folder."""
     from agents import POLICIES
+    from train.execute.lifelong import GRID_PLANNERS
     from warehouse_env import LAYOUTS, PLANNERS
     from warehouse_env.observation import SENSORS
     from warehouse_env.plugins import LOADED
@@ -97,7 +98,7 @@ def registries(tmp_path: Path) -> Iterator[None]:
 
     path = list(sys.path)
     with contextlib.ExitStack() as stack:
-        for registry in (LAYOUTS, PLANNERS, POLICIES, SENSORS, TASKS, LOADED):
+        for registry in (LAYOUTS, PLANNERS, POLICIES, SENSORS, TASKS, GRID_PLANNERS, LOADED):
             stack.enter_context(mock.patch.dict(registry))
         yield
     sys.path[:] = path

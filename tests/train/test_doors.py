@@ -23,7 +23,7 @@ from warehouse_env.maps.movingai import write_map
 
 INPUTS = {
     "check", "draw", "episode", "episodes", "files", "fleet", "folder", "listen",
-    "map", "maps", "orders", "rows", "runs", "scen", "solutions",
+    "map", "maps", "orders", "plan", "rows", "runs", "scen", "solutions",
 }  # fmt: skip
 
 

@@ -192,6 +192,7 @@ def test_pibt_brings_all_to_their_goals_and_its_plans_keep_the_rules() -> None:
     np.testing.assert_array_equal(plan.cells, same.cells)
 
 
+@pytest.mark.usefixtures("registries")
 def test_a_planner_of_ones_own_is_checked(tmp_path: Path) -> None:
     (tmp_path / "mine.py").write_text(
         "class Waits:\n    def __init__(self, grid): pass\n"
