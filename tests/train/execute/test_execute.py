@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 from tests.train.execute.floors import BLOCK, OPEN, curves_on, random_walk
 from train.cli import main
+from train.execute.conflicts import NONE, VISITS, sweeps_any
 from train.execute.drive import Drive
 from train.execute.lifelong import Pibt, add_grid_planner, plan_lifelong
 from train.execute.motions import DIRECTIONS, Curves, motions_of
@@ -116,6 +117,53 @@ def test_a_straight_path_is_driven_forwards_and_a_way_back_backwards() -> None:
     assert all(motion.arcs.tolist() == [[1.0, 0.0]] for motion in there)
     back = motions_of([*row, row[-2]], curves)[-1]
     assert back.arcs.tolist() == [[-1.0, 0.0]]
+
+
+def _long_plan(seed: int) -> GridPlan:
+    """Return a plan of six robots that pass the same places again and again, since their goals change."""
+    rng, planner = np.random.default_rng(seed), Pibt(BLOCK)
+    free = [tuple(cell) for cell in BLOCK.free_cells.tolist()]
+    rows = [[free[k] for k in rng.permutation(len(free))[:6]]]
+    for _ in range(8):
+        goals = [free[k] for k in rng.permutation(len(free))[:6]]
+        rows += zip(*planner.plan(rows[-1], goals, 10), strict=True)
+    return finished(np.array(rows))
+
+
+def _assert_ordered(found: Order) -> None:
+    """All that meets is ordered, and nothing passes a rest in its way: by comparing all motions with all others."""
+    motions, many = found.motions, len(found.motions.robot)
+    after = np.zeros((many, many), bool)  # [a, b]: b begins after the end of a
+    goes_on = np.flatnonzero(motions.following != NONE)
+    after[goes_on, motions.following[goes_on]] = after[tuple(found.edges.T)] = True
+    for k in range(many):
+        after |= after[:, k : k + 1] & after[k]
+    for a, b in np.argwhere(motions.robot[:, None] != motions.robot).tolist():
+        before, following = motions.previous[b], motions.following[b]
+        if sweeps_any(a, motions.swept[motions.first[b] : motions.first[b + 1]], motions):
+            assert after[a, b] != after[b, a]
+        if sweeps_any(a, motions.rests[b, :1], motions):  # where the robot of b rests before
+            assert after[b, a] or (before != NONE and after[a, before])
+        if following == NONE and sweeps_any(a, motions.rests[b, 1:], motions):  # where it stays
+            assert after[a, b]
+
+
+@pytest.mark.parametrize("seed", [0, 1, 3])
+def test_all_that_meets_is_ordered(seed: int) -> None:
+    found = find_order(_long_plan(seed), curves_on(BLOCK))
+    assert not found.cycles
+    _assert_ordered(found)
+
+
+def test_a_robot_leaves_before_another_passes_its_place_however_often() -> None:
+    """The tail of robot 0 swings over the place of robot 1 in each of its rounds; in the plan, robot 1 leaves last."""
+    ring = [(3, 5), (3, 6), (4, 6), (4, 5)] * (2 * VISITS)
+    places = [*((5, 5),) * len(ring), (6, 5), (7, 5)]
+    plan = finished(np.array(list(zip([*ring, ring[-1], ring[-1]], places, strict=True))))
+    found = find_order(plan, curves_on(OPEN))
+    assert not found.cycles
+    _assert_ordered(found)
+    assert _driven(found, curves_on(OPEN), 2).over
 
 
 def test_robots_in_a_row_go_one_after_another() -> None:
