@@ -14,7 +14,6 @@ from warehouse_env.kernel import inline, kernel
 from warehouse_env.simulation.physics.geometry import Rectangle, rectangles_touch
 
 MARGIN = 0.04  # [m] between bodies that may be under way at the same time
-VISITS = 3  # of a robot to a place that are compared with another's
 NONE = -1
 _STEP, _TURN = 0.05, 0.04  # [m], [rad] between two poses of an arc
 _BUCKET = 1.0  # [m], side of the squares by which near motions are found
@@ -76,6 +75,7 @@ class Areas:
 
 
 def collect(areas: Sequence[Area], ranked: Sequence[tuple[int, int, int]], of: list[list[int]]) -> Motions:
+    """Return all motions; ranked: (leaves, robot, number among its own) of each; of: the numbers of each robot's."""
     first = np.cumsum([0, *(len(swept) for swept, _ in areas)])
     swept = np.array([body for bodies, _ in areas for body in bodies], np.float64).reshape(-1, 6)
     (x, y), (c, s, length, width) = swept[:, :2].T, np.abs(swept[:, 2:]).T
@@ -160,17 +160,11 @@ def _buckets(motions, rows, columns):
 
 
 @kernel
-def _conflicts(motions, begins, near, columns, robots):
-    """Return int64[C, 2]: pairs of motions of two robots whose areas share a point, the earlier one first.
-
-    Of what a robot did before, only its last VISITS to a place count: older ones end before these.
-    """
+def _conflicts(motions, begins, near, columns):
+    """Return int64[C, 2]: all pairs of motions of two robots whose areas share a point, the earlier one first."""
     pairs, many = [(0, 0)], len(motions.robot)
-    seen, known = np.full(many, NONE), np.empty(many, np.int64)
-    visits, last = np.zeros(robots, np.int64), np.full(robots, NONE)
-    rows = (len(begins) - 1) // columns
+    seen, rows = np.full(many, NONE), (len(begins) - 1) // columns
     for b in range(many):
-        count = 0
         left, right, low, high = _squares(motions.box[b], columns, rows)
         for row in range(low, high + 1):
             for square in range(row * columns + left, row * columns + right + 1):
@@ -179,18 +173,9 @@ def _conflicts(motions, begins, near, columns, robots):
                     if a >= b:
                         break
                     if seen[a] != b and motions.robot[a] != motions.robot[b]:
-                        seen[a], known[count] = b, a
-                        visits[motions.robot[a]] = 0
-                        count += 1
-        earlier = np.sort(known[:count])
-        for k in range(count - 1, -1, -1):
-            a = earlier[k]
-            i = motions.robot[a]
-            if visits[i] <= VISITS and _conflict(a, b, motions):
-                visits[i] += visits[i] == 0 or motions.following[a] != last[i]
-                last[i] = a
-                if visits[i] <= VISITS:
-                    pairs.append((a, b))
+                        seen[a] = b
+                        if _conflict(a, b, motions):
+                            pairs.append((a, b))
     return np.array(pairs)[1:]
 
 
@@ -206,12 +191,12 @@ def swept_rests(pairs, motions):
     return found
 
 
-def conflicts(motions: Motions, shape: tuple[float, float], robots: int) -> NDArray[np.int64]:
+def conflicts(motions: Motions, shape: tuple[float, float]) -> NDArray[np.int64]:
     """Return int64[C, 2], sorted: all pairs of motions of two robots that conflict, the earlier one first.
 
     shape: of the floor (rows, columns) [m].
     """
     rows, columns = (math.ceil(side / _BUCKET) for side in shape)
     begins, near = _buckets(motions, rows, columns)
-    pairs = _conflicts(motions, begins, near, columns, robots)
+    pairs = _conflicts(motions, begins, near, columns)
     return np.asarray(pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))])

@@ -12,10 +12,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from train.execute.conflicts import NONE
 from train.execute.motions import Curves, Motion, Pose
 from train.execute.order import Order
 from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.kernel import inline, kernel
+from warehouse_env.simulation.driver.driving import ALONG_ARC, BACK_TO_ARC
 from warehouse_env.simulation.record.recording import Recorder
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.tasks.assignment import Assignment
@@ -24,9 +26,7 @@ _STEERED = 1e-3  # [rad] of steering error up to which a standing robot sets out
 _READY = 1e-3  # [m] before a stop that count as there
 _STANDS = 1e-5  # [m/s]
 _ROUNDED = 2e-5  # [m], more than the rounding of poses
-_BACK, _ALONG = 9.0, 6.0  # [1/m^2], [1/m]: steering back to the arc, as in simulation/driver/driving.py
 _HALVINGS = 40  # of the interval of speeds
-_NONE = -1
 
 
 class Tracks(NamedTuple):
@@ -130,7 +130,7 @@ def _command(i, motion, allowed, arc, tracks, limits, action):
     end = min(tracks.runs[i, k], allowed)
     way = tracks.ways[i, end] - tracks.ways[i, k] - along if allowed > k else 0.0
     forwards = length > 0.0
-    bend -= _BACK * left + (_ALONG if forwards else -_ALONG) * off
+    bend -= BACK_TO_ARC * left + (ALONG_ARC if forwards else -ALONG_ARC) * off
     steering = np.arctan(-bend * limits.wheelbase) - steer
     if way < _ROUNDED or (standing and abs(steering) > _STEERED):
         way = 0.0
@@ -184,7 +184,7 @@ class Drive:
     def step(self, held: NDArray[np.bool_]) -> None:
         """Drive for one step of the simulator. held bool[N]: robots that a delay stops."""
         motion, actions = self.simulator.robots["motion"][0], np.zeros((len(held), 2))
-        allowed = np.where(held, _NONE, self._may)
+        allowed = np.where(held, NONE, self._may)
         off = _commands(motion, allowed, self._arc, self._tracks, self._limits, actions)
         self.off, seconds = max(self.off, off), self.simulator.seconds(0)
         for i in range(len(held)):

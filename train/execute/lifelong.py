@@ -143,7 +143,7 @@ def plan_lifelong(
         with plugins.running(name):
             paths = [
                 [(int(row), int(column)) for row, column in path]
-                for path in planner.plan(cells[-1], list(goals), window)
+                for path in planner.plan(list(cells[-1]), list(goals), window)
             ]
         if len(paths) != robots or not all(len(path) >= window for path in paths):
             raise PlanError(f"{name} must plan {window} cells (row, column) for each of {robots} robots")

@@ -24,7 +24,7 @@ from warehouse_env.errors import PlanError, counted
 from warehouse_env.maps.grid_map import Cell
 
 ROUNDS = 20  # of other curves
-PATIENCE = 30  # trials of other sides without a gain
+PATIENCE, TRIES = 300, 3  # trials of other sides without a gain: among motions in cycles, and among all
 _TIE = 1e-3  # steps: of motions that begin together, the first goes first
 
 
@@ -37,6 +37,11 @@ class Order(NamedTuple):
     motions: Motions
     edges: NDArray[np.int64]  # [E, 2]: the second begins after the end of the first
     cycles: list[list[int]]  # motions that wait for each other, or one that would sweep over a robot that never moves
+
+    @property
+    def stuck(self) -> int:
+        """Number of motions in cycles."""
+        return sum(map(len, self.cycles))
 
 
 def find_order(plan: GridPlan, curves: Curves, tick: Callable[[int], None] = lambda left: None) -> Order:
@@ -57,7 +62,7 @@ def find_order(plan: GridPlan, curves: Curves, tick: Callable[[int], None] = lam
     for _ in range(ROUNDS):
         found = _order(list(own), paths, areas, rng)
         tick(len(found.cycles))
-        if best is None or len(found.cycles) < len(best.cycles):
+        if best is None or found.stuck < best.stuck:
             best = found
         motions = {p: (i, own[i][k]) for i, numbers in enumerate(found.of) for k, p in enumerate(numbers)}
         turning = [[p for p in cycle if motions[p][1].arcs[:, 1].any()] for cycle in found.cycles]
@@ -86,15 +91,16 @@ def _order(
     (rows, columns), size = areas.curves.grid.shape, areas.curves.grid.cell_size
     standing = np.array([areas.body(pose) for pose, m in zip(starts, own, strict=True) if not m]).reshape(-1, 6)
     over = np.array([p for p in range(len(ranked)) if sweeps_any(p, standing, motions)], np.int64)
-    pairs = conflicts(motions, (rows * size, columns * size), len(own))
+    pairs = conflicts(motions, (rows * size, columns * size))
     cycles = dict[int, list[int]]()
-    edges = pairs
+    edges = np.column_stack([over, over])  # these never begin
     if len(pairs):
         obstacles = _obstacles(pairs, motions)
-        edges, label = _pass_otherwise(obstacles, motions, rng)
+        label = _pass_otherwise(obstacles, motions, rng)
         for p in np.flatnonzero(label != NONE).tolist():
             cycles.setdefault(int(label[p]), []).append(p)
-    edges = np.concatenate([edges, np.column_stack([over, over])])  # which never begin
+        directed = _directed(obstacles, obstacles.pairs, np.arange(len(obstacles.pairs)))
+        edges = np.concatenate([_without_implied(directed, motions), edges])
     return Order(own, starts, of, motions, edges, [*cycles.values(), *([p] for p in over.tolist())])
 
 
@@ -153,52 +159,74 @@ def _rests_swept(
             yield at, pairs[at, mover], neighbours[pairs[at, rest]], mover if end else rest
 
 
-def _edges(obstacles: _Obstacles, motions: Motions) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return (int64[E, 2]: which motions end before which begin, int64[E]: the obstacle of each)."""
-    pairs, group = obstacles.pairs, obstacles.group
-    lower = obstacles.ahead[group] * obstacles.side > 0
-    edges = np.concatenate([np.where(lower[:, None], pairs, pairs[:, ::-1]), pairs[obstacles.stuck]])
-    edges = np.concatenate([edges, pairs[obstacles.stuck][:, ::-1]])
-    group = np.concatenate([group, *[group[obstacles.stuck]] * 2])
+def _directed(obstacles: _Obstacles, pairs: NDArray[np.int64], at: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return pairs int64[K, 2], those numbered `at` [K], the motion first that goes first; both ways if none can."""
+    group, side, stuck = obstacles.group[at], obstacles.side[at], obstacles.stuck[at]
+    lower = obstacles.ahead[group] * side > 0
+    return np.concatenate([np.where(lower[:, None], pairs, pairs[:, ::-1]), pairs[stuck], pairs[stuck][:, ::-1]])
+
+
+def _without_implied(edges: NDArray[np.int64], motions: Motions) -> NDArray[np.int64]:
+    """Return the edges without those that follow from others: a robot's motion ends after all of its earlier ones."""
     order = np.lexsort((edges[:, 0], motions.robot[edges[:, 0]], edges[:, 1]))
-    edges, group = edges[order], group[order]  # of several motions of a robot, the last one is enough
+    edges = np.asarray(edges[order])
     same = (edges[1:, 1] == edges[:-1, 1]) & (motions.robot[edges[1:, 0]] == motions.robot[edges[:-1, 0]])
-    kept = np.append(~same, True)[: len(edges)]
-    return edges[kept], group[kept]
+    kept: NDArray[np.int64] = edges[np.append(~same, True)[: len(edges)]]
+    return kept
 
 
-def _label(edges: NDArray[np.int64], motions: Motions) -> NDArray[np.int64]:
-    """Return int64[P]: which cycle each motion is in, -1: none."""
-    goes_on = np.flatnonzero(motions.following != NONE)
-    pairs, many = np.concatenate([edges, np.column_stack([goes_on, motions.following[goes_on]])]), len(motions.robot)
-    graph = csr_array((np.ones(len(pairs), np.int8), pairs.T), shape=(many, many))
+def _cycles(edges: NDArray[np.int64], following: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return int64[P]: which cycle of edges and following motions each is in, NONE for most."""
+    goes_on = np.flatnonzero(following != NONE)
+    edges, many = np.concatenate([edges, np.column_stack([goes_on, following[goes_on]])]), len(following)
+    graph = csr_array((np.ones(len(edges), np.int8), edges.T), shape=(many, many))
     _, label = connected_components(graph, connection="strong")
-    return np.where(np.bincount(label, minlength=1)[label] > 1, label, NONE)
+    found: NDArray[np.int64] = np.where(np.bincount(label, minlength=1)[label] > 1, label, NONE)
+    return found
 
 
-def _pass_otherwise(
-    obstacles: _Obstacles, motions: Motions, rng: np.random.Generator
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Pass obstacles in cycles on the other side while that leaves fewer motions in cycles; return edges and labels."""
-    edges, group = _edges(obstacles, motions)
-    label, patience = _label(edges, motions), PATIENCE
-    while (label != NONE).any() and patience > 0:
-        within = (label[edges[:, 0]] == label[edges[:, 1]]) & (label[edges[:, 0]] != NONE) & ~obstacles.fixed[group]
-        candidates = np.flatnonzero(within)
-        _, one_each = np.unique(label[edges[candidates := rng.permutation(candidates), 0]], return_index=True)
-        flipped = group[candidates[one_each]]
-        if not len(flipped):
-            break
-        obstacles.ahead[flipped] *= -1
-        tried, tried_group = _edges(obstacles, motions)
-        found = _label(tried, motions)
-        if (found != NONE).sum() <= (label != NONE).sum():
-            patience = PATIENCE if (found != NONE).sum() < (label != NONE).sum() else patience - 1
-            edges, group, label = tried, tried_group, found
+def _pass_otherwise(obstacles: _Obstacles, motions: Motions, rng: np.random.Generator) -> NDArray[np.int64]:
+    """Pass obstacles on the other side while fewer motions are then in cycles; return which each is in, or NONE."""
+    everywhere = np.arange(len(obstacles.pairs))
+    label, tries = _cycles(_directed(obstacles, obstacles.pairs, everywhere), motions.following), TRIES
+    while (label != NONE).any() and tries > 0:
+        before = obstacles.ahead.copy()
+        _untangle(obstacles, motions, label, rng)
+        found = _cycles(_directed(obstacles, obstacles.pairs, everywhere), motions.following)
+        if (found != NONE).sum() < (label != NONE).sum():
+            label = found
         else:
-            obstacles.ahead[flipped] *= -1
-            patience -= 1
-    return edges, label
+            obstacles.ahead[:], tries = before, tries - 1
+    return label
+
+
+def _untangle(obstacles: _Obstacles, motions: Motions, label: NDArray[np.int64], rng: np.random.Generator) -> None:
+    """Search sides that leave fewer motions in cycles, among these motions alone.
+
+    Reversing an edge of a cycle makes no cycle with motions outside it. But an obstacle may have edges elsewhere.
+    """
+    inside, number = np.flatnonzero(label != NONE), np.full(len(label) + 1, NONE)  # the last one stands for NONE
+    number[inside] = np.arange(len(inside))
+    at = np.flatnonzero((label[obstacles.pairs] != NONE).all(axis=1))
+    pairs, following = number[obstacles.pairs[at]], number[motions.following[inside]]
+    found, patience = _cycles(_directed(obstacles, pairs, at), following), PATIENCE
+    while (found != NONE).any() and patience > 0:
+        own, other = found[pairs].T
+        candidates = rng.permutation(
+            np.flatnonzero((own == other) & (own != NONE) & ~obstacles.fixed[obstacles.group[at]])
+        )
+        _, one_each = np.unique(own[candidates], return_index=True)
+        turned = obstacles.group[at[candidates[one_each]]]
+        if not len(turned):
+            return
+        obstacles.ahead[turned] *= -1
+        tried = _cycles(_directed(obstacles, pairs, at), following)
+        fewer = (found != NONE).sum() - (tried != NONE).sum()
+        patience = PATIENCE if fewer > 0 else patience - 1
+        if fewer >= 0:
+            found = tried
+        else:
+            obstacles.ahead[turned] *= -1
 
 
 def why_stuck(order: Order, plan: GridPlan) -> list[str]:

@@ -25,7 +25,8 @@ from warehouse_env.maps.grid_map import Cell, GridMap
 LARGEST = 2**28  # [bytes] of a file
 _MOST = 10_000, 1_000_000  # robots, and steps
 _STEP = re.compile(r"(\d+):((?:\(\d+,\d+\),?)+)")
-_AGENT = re.compile(r"Agent (\d+):((?:\(\d+,\d+(?:,\d+)?\)(?:->)?)+)")
+_AGENT = re.compile(r"Agent(\d+):((?:\(\d+,\d+(?:,\d+)?\)(?:->)?)+)")
+_BEGUN = re.compile(r"\d+:|Agent")  # such a line; headers are passed over
 _CELL = re.compile(r"\((\d+),(\d+)(?:,(\d+))?\)")
 _TURNS = {"E": (0, 1), "S": (1, 0), "W": (0, -1), "N": (-1, 0)}  # clockwise, as (row, column)
 _ACTIONS = {"F": 0, "R": 1, "C": -1, "W": 0, "T": 0}  # quarters clockwise
@@ -58,8 +59,11 @@ def read_plan(path: Path, grid: GridMap) -> GridPlan:
         plan = _league(parsed_json(text, str(path), PlanError), path)
     else:
         lines = "".join(text.split(" ")).splitlines()
+        for number, line in enumerate(lines, start=1):
+            if _BEGUN.match(line) and not (_STEP.fullmatch(line) or _AGENT.fullmatch(line)):
+                raise PlanError(f"{path}, line {number}: {shown(line[:40])} is neither a step nor a robot's path")
         steps = [found for line in lines if (found := _STEP.fullmatch(line))]
-        agents = [found for line in lines if (found := _AGENT.fullmatch(line.replace("Agent", "Agent ")))]
+        agents = [found for line in lines if (found := _AGENT.fullmatch(line))]
         plan = _by_steps(steps, path) if steps else _by_agents(agents, path)
     try:
         check_plan(plan.cells, grid)

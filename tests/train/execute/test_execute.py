@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from tests.train.execute.floors import BLOCK, OPEN, curves_on, random_walk
 from train.cli import main
-from train.execute.conflicts import NONE, VISITS, sweeps_any
+from train.execute.conflicts import NONE, sweeps_any
 from train.execute.drive import Drive
 from train.execute.lifelong import Pibt, add_grid_planner, plan_lifelong
 from train.execute.motions import DIRECTIONS, Curves, motions_of
@@ -79,6 +79,8 @@ def test_actions_of_the_league_turn_on_the_spot(tmp_path: Path) -> None:
         ("nothing", "is no plan"),
         ("0:(1,1),\n2:(1,1),\n", "numbered from 0 on"),
         ("Agent 1: (1,1)->\n", "numbered from 0 on"),
+        ("0:(1,1),\n1:(1,2),\n2:(1,\n", "line 3: '2:(1,' is neither a step nor a robot's path"),
+        ("Agent 0: (1,1)->(1,2)->(1\n", "line 1: "),
         ("Agent 0:(1,1,0)->(1,2,2)->\n", "must follow each other"),
         ("0:(1,1),(1,1),\n", "step 0: robots 0 and 1 are both at (1, 1)"),
         ("0:(1,1),(2,1),\n1:(2,1),(1,1),\n", "step 1: robots 0 and 1 swap cells"),
@@ -157,7 +159,7 @@ def test_all_that_meets_is_ordered(seed: int) -> None:
 
 def test_a_robot_leaves_before_another_passes_its_place_however_often() -> None:
     """The tail of robot 0 swings over the place of robot 1 in each of its rounds; in the plan, robot 1 leaves last."""
-    ring = [(3, 5), (3, 6), (4, 6), (4, 5)] * (2 * VISITS)
+    ring = [(3, 5), (3, 6), (4, 6), (4, 5)] * 6
     places = [*((5, 5),) * len(ring), (6, 5), (7, 5)]
     plan = finished(np.array(list(zip([*ring, ring[-1], ring[-1]], places, strict=True))))
     found = find_order(plan, curves_on(OPEN))
