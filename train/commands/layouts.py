@@ -49,7 +49,7 @@ class Layouts(Checked):
     with places beside it), NAME.lif.json (lanes as LIF), NAME.geojson (Nav2's route graph) or NAME.building.yaml
     (Open-RMF's traffic editor, with a drawing beside it)."""
     resolution: float | None = None
-    """Width of a pixel [m] of what is saved as NAME.yaml or NAME.building.yaml (a cell's)."""
+    """Width of a pixel [m] of what is saved as NAME.yaml (a cell's) or NAME.building.yaml (0.05)."""
 
     def run(self) -> None:
         """Save or draw the named floor; list all layouts if none is named."""
@@ -62,10 +62,10 @@ class Layouts(Checked):
             return
         hall = read_hall(self.draw) if is_hall(self.draw) else None
         grid = make_layout(self.draw) if hall is None else hall.grid
-        if self.save is None:
-            self._draw(grid, hall)
-        else:
+        if self.save is not None:
             self._save(grid, self.save)
+        if self.save is None or self.png is not None:
+            self._draw(grid, hall)
 
     def _save(self, grid: GridMap, path: Path) -> None:
         suffix, named = path.suffix.lower(), ""

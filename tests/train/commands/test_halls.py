@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from train import cli
 from train.cli import main
@@ -41,6 +42,11 @@ def test_it_is_drawn_checked_and_converted(hall: Path, capsys: pytest.CaptureFix
     assert "is good" in shown
     for name in ("h.map", "h.lif.json", "h.geojson"):
         assert run("layouts", "--draw", str(hall), "--save", str(hall.parent / name)) == 0
+    both = hall.parent / "both.png", hall.parent / "h.building.yaml"
+    assert run("layouts", "--draw", str(hall), "--png", str(both[0]), "--save", str(both[1])) == 0
+    assert both[0].exists()
+    with Image.open(both[1].with_suffix(".png")) as drawing:  # pixels of 5 cm, which a person can recognise
+        assert drawing.size == tuple(20 * side for side in read_hall(str(hall)).grid.shape[::-1])
     assert run("layouts", "--draw", str(hall), "--save", "h.txt") == 2
     assert "must end in .map, .yaml, .lif.json, .geojson or .building.yaml" in capsys.readouterr().err
 

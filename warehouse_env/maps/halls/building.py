@@ -7,6 +7,7 @@ is. Open-RMF's frame begins at that corner, in metres, with y up. A parameter is
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from warehouse_env.maps.halls.places import KINDS
 from warehouse_env.maps.halls.saved import fineness
 
 SUFFIX = ".building.yaml"
+_PIXEL = 0.05  # [m]
 _TEXT, _WHOLE, _NUMBER, _FLAG = 1, 2, 3, 4  # types of parameters
 _AT = dict(zip(KINDS, ("pickup_dispenser", "dropoff_ingestor"), strict=True))
 
@@ -28,9 +30,9 @@ _AT = dict(zip(KINDS, ("pickup_dispenser", "dropoff_ingestor"), strict=True))
 def write_building(grid: GridMap, path: Path, resolution: float | None = None) -> str:
     """Write a floor's lanes, speed limits, picks and stations; return the corners as a fleet adapter needs them.
 
-    resolution: [m/pixel] of the drawing, a whole fraction of a cell; by default a pixel a cell. Prices are lost.
+    resolution: [m/pixel] of the drawing, a whole fraction of a cell; by default about _PIXEL. Prices are lost.
     """
-    fine = fineness(grid, resolution)
+    fine = fineness(grid, resolution or grid.cell_size / math.ceil(grid.cell_size / _PIXEL))
     size = grid.cell_size / fine
     drawing = path.with_suffix(".png")
     _draw(grid, fine, drawing)
@@ -76,7 +78,7 @@ def _graph(grid: GridMap, size: float) -> tuple[list[list[Any]], list[list[Any]]
         place.name: (f"{kind[:-1]} {k}", _AT[kind]) for kind in KINDS for k, place in enumerate(floor.places[kind], 1)
     }
     vertices = []
-    for node, (x, y) in zip(floor.nodes, points.round(6).tolist(), strict=True):
+    for node, (x, y) in zip(floor.nodes, points.round(3).tolist(), strict=True):
         name, parameter = places.get(node, ("", ""))
         vertices.append([x, y, 0, name, {parameter: [_TEXT, name]} if name else {}])
     number = {node: k for k, node in enumerate(floor.nodes)}
