@@ -64,6 +64,15 @@ def test_a_ring_is_settled_and_of_a_queue_only_its_head() -> None:
         assert (world.robots["traffic"]["rules_active"] > 0).tolist() == expected, holders
 
 
+def test_rules_act_around_a_robot_that_waits_for_a_parked_one() -> None:
+    world = held([1, NOBODY, NOBODY, 2, NOBODY])
+    world.robots["task"]["alive"][[1, 4]] = 0
+    world.robots["clocks"]["waiting_time"][2] = world.robots["clocks"]["standing_time"][2] = 0.0  # it drives
+    assert not said(world, 3.1)
+    assert said(world, 3.0)
+    assert (world.robots["traffic"]["rules_active"] > 0).tolist() == [True, False, False, False, False]
+
+
 def test_who_stands_for_nobody_is_settled_and_nobody_near_it_nor_who_drives_within_its_metre() -> None:
     for waited, expected in ((3.0, [True, False, False]), (0.0, [False] * 3)):
         world = three(2.0)

@@ -1,11 +1,11 @@
 """Where right of way applies: everywhere, or only around robots that have stood for `right_of_way_after` seconds.
 
 A policy that gives way by itself drives closer, and gets more done, than grants allow. But now and then some of its
-robots block each other permanently. There the rules apply: around wait cycles (waits.py), which do not dissolve by
-themselves; to a robot that stands although it waits for nobody; around any robot that has stood five times as long; and
-around people whom robots keep from walking. A queue needs no rules. The radius grows by a metre for each second of
-standing, and the rules stay active for a while after the last call. Other robots drive as commanded; their grants tell
-the robots under rules what to expect of them.
+robots block each other permanently. There the rules apply: around wait cycles (waits.py) and robots that wait for a
+parked one, which do not dissolve by themselves; to a robot that stands although it waits for nobody; around any robot
+that has stood five times as long; and around people whom robots keep from walking. A queue needs no rules. The radius
+grows by a metre for each second of standing, and the rules stay active for a while after the last call. Other robots
+drive as commanded; their grants tell the robots under rules what to expect of them.
 
 What was tried instead: docs/measured/trials.md.
 """
@@ -42,9 +42,11 @@ def _activate(robots, persons, routes, found, p, kinds):
         motion, stood = robots[i]["motion"], robots[i]["clocks"]["standing_time"]
         if robots[i]["task"]["alive"] == 0 or stood < after:
             continue
-        if stood >= LONGER * after or found[CYCLE, i] != NOBODY:
+        j = found[WHO, i]
+        parked = j != NOBODY and robots[j]["task"]["alive"] == 0
+        if stood >= LONGER * after or found[CYCLE, i] != NOBODY or parked:
             _activate_around(motion["x"], motion["y"], stood, robots)
-        elif found[WHO, i] == NOBODY and robots[i]["clocks"]["waiting_time"] >= STANDS:
+        elif j == NOBODY and robots[i]["clocks"]["waiting_time"] >= STANDS:
             robots[i]["traffic"]["rules_active"] = CALM
     for o in persons:
         if is_kept(o):
