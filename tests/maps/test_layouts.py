@@ -116,9 +116,9 @@ def longest_error(grid: GridMap, scenarios: list[movingai.Scenario]) -> float:
 
 def test_reading_a_map(tmp_path: Path) -> None:
     path = tmp_path / "tiny.map"
-    path.write_text("type octile\nheight 2\nwidth 7\nmap\n.GS@OTW\n.......\n")
+    path.write_text("type octile\nheight 2\nwidth 8\nmap\n.GSE@OTW\n........\n")
     grid = movingai.read_map(path)
-    assert grid.occupied.tolist() == [[False] * 3 + [True] * 4, [False] * 7]
+    assert grid.occupied.tolist() == [[False] * 4 + [True] * 4, [False] * 8]
     assert grid.name == "tiny"
     assert grid.cell_size == 1.0
     assert np.array_equal(movingai.read_map(str(path)).occupied, grid.occupied)

@@ -13,11 +13,13 @@ import numpy as np
 import tyro
 
 from train.commands.layouts import BY_MAP
+from train.execute.delays import DelayClock, Delays, read_delays
 from train.execute.drive import Drive
 from train.execute.lifelong import plan_lifelong
 from train.execute.motions import Curves
 from train.execute.order import ROUNDS, Order, find_order, why_stuck
-from train.execute.plan import GridPlan, path_of, read_plan
+from train.execute.plan import GridPlan, path_of
+from train.execute.read import read_plan
 from train.learning.config import HELD_OUT_SEED
 from train.reporting.report import Table, make_progress, number
 from train.reporting.rows import Row, RowFile, plain
@@ -45,8 +47,10 @@ class Execute(Checked):
     """
 
     plan: tyro.conf.Positional[Path | None] = None
-    """File of a plan: of the League of Robot Runners (JSON), of pypibt or lacam (a line a step), or of CBS, EECBS,
-    MAPF-LNS2 and PBS (a line a robot)."""
+    """File of a plan: of the League of Robot Runners (JSON), of the MAPF Tracker (CSV), of pypibt or lacam (a line a
+    step), or of CBS, EECBS, MAPF-LNS2 and PBS (a line a robot)."""
+    scen: Path | None = None
+    """The scenarios of a plan of the MAPF Tracker, a MovingAI .scen file."""
     layout: Annotated[str, BY_MAP] = EnvConfig.layout
     """The floor: a name of `warehouse layouts`, a file NAME.map or NAME.yaml, or your own, FILE.py:FUNCTION."""
     grid_planner: str | None = None
@@ -61,8 +65,10 @@ class Execute(Checked):
     """Simulated time after which the drive ends [s], if the plan has not ended before."""
     delay_probability: float = 0.0
     """Probability that a robot is held up, each second."""
-    delay_seconds: float = 2.0
+    delay_seconds: int = 2
     """How long it is held up then [s]."""
+    delays: Path | None = None
+    """Instead, a problem file of the League of Robot Runners 2026: delays as its `delayConfig` draws them."""
     seed: int = HELD_OUT_SEED
     """Seed of the tasks of --grid-planner, and of the delays."""
     json: Path | None = None
@@ -71,7 +77,7 @@ class Execute(Checked):
     """Folder for the row, the table and episode.npz, which `warehouse replay` and `audit` take."""
     ranges: ClassVar = {
         "robots": (1, 10_000), "steps": (1, 1_000_000), "window": (1, 10_000), "seconds": (1.0, 1e6),
-        "delay_probability": (0.0, 1.0), "delay_seconds": (0.1, 3600.0), "seed": (0, 2**62),
+        "delay_probability": (0.0, 1.0), "delay_seconds": (1, 3600), "seed": (0, 2**62),
     }  # fmt: skip
 
     def run(self) -> None:
@@ -82,6 +88,7 @@ class Execute(Checked):
         for path in (self.out / "table.md", self.out / "episode.npz"):
             check_writable(path)
         plan, config = self._plan()
+        delays = self._delays(config)
         curves = Curves(Simulator(config.replace(num_agents=1), 1))
         with make_progress() as progress:
             bar = progress.add_task("order the motions", total=ROUNDS)
@@ -90,8 +97,8 @@ class Execute(Checked):
         what = f"{counted(config.num_agents, 'robot')}, {plan.makespan} steps, {sum(map(len, order.own)):,} motions"
         told = "no order was found in which all can be driven" if stuck else "all can be driven"
         print(f"{what}: {told}", *stuck, sep="\n  ", flush=True)
-        drive = self._drive(order, curves, config)
-        row = self._row(plan, order, drive, config)
+        drive = self._drive(order, curves, config, delays)
+        row = self._row(plan, order, drive, delays)
         with RowFile(rows_path, keep=True) as file:
             file.add([row])
         table = _table(row, _waits(drive, order, plan))
@@ -104,7 +111,7 @@ class Execute(Checked):
         base = EnvConfig(self.layout, self.robots, "astar_turns", action_type="raw")
         steps = max(1, round(self.seconds / (base.time_step * base.action_repeat)))
         if self.plan is not None:
-            plan = read_plan(self.plan, make_layout(self.layout))
+            plan = read_plan(self.plan, make_layout(self.layout), self.scen)
         else:
             with make_progress() as progress:
                 bar = progress.add_task(f"plan by {self.grid_planner}", total=self.steps)
@@ -114,32 +121,39 @@ class Execute(Checked):
                 )  # fmt: skip
         return plan, base.replace(num_agents=plan.cells.shape[1], max_steps=steps)
 
-    def _drive(self, order: Order, curves: Curves, config: EnvConfig) -> Drive:
-        drive, rng = Drive(order, curves, config), np.random.default_rng([self.seed, 1])
-        step = config.time_step * config.action_repeat
-        held, still, ended = np.zeros(config.num_agents), 0.0, 0
+    def _delays(self, config: EnvConfig) -> Delays | None:
+        if self.delays is not None:
+            return read_delays(self.delays, make_layout(self.layout).cell_size / config.robot.max_speed)
+        if not self.delay_probability:
+            return None
+        return Delays(1.0, self.delay_probability, self.delay_seconds, self.delay_seconds)
+
+    def _drive(self, order: Order, curves: Curves, config: EnvConfig, delays: Delays | None) -> Drive:
+        drive, robots = Drive(order, curves, config), config.num_agents
+        clock = None if delays is None else DelayClock(delays, robots, np.random.default_rng([self.seed, 1]))
+        step, nobody = config.time_step * config.action_repeat, np.zeros(robots, np.bool_)
+        still, ended = 0.0, 0
         with make_progress() as progress:
             bar = progress.add_task("drive", total=sum(map(len, order.own)))
             for k in range(config.max_steps):
                 if drive.over or still > _STILL:
                     break
-                if self.delay_probability and k % round(1.0 / step) == 0:
-                    late = rng.random(len(held)) < self.delay_probability
-                    held = np.where(late, np.maximum(held, self.delay_seconds), held)
-                drive.step(held > 0.0)
-                held, before, ended = held - step, ended, sum(drive.done)
+                drive.step(nobody if clock is None else clock.held(k * step))
+                before, ended = ended, sum(drive.done)
                 still = 0.0 if ended > before else still + step
                 progress.update(bar, completed=ended)
         return drive
 
-    def _row(self, plan: GridPlan, order: Order, drive: Drive, config: EnvConfig) -> Row:
+    def _row(self, plan: GridPlan, order: Order, drive: Drive, delays: Delays | None) -> Row:
+        config = drive.simulator.config
         robots, step = config.num_agents, config.time_step * config.action_repeat
         seconds, tasks = max(drive.simulator.seconds(0), step), sum(map(len, _task_times(plan, drive)))
-        planned = max(plan.makespan, 1) * drive.simulator.grid.cell_size / config.robot.max_speed
+        move = drive.simulator.grid.cell_size / config.robot.max_speed
+        planned = max(plan.makespan, 1) / plan.ticks * move
         return dict(plain({
             "plan": str(self.plan or self.grid_planner), "layout": self.layout, "robots": robots,
             "window": None if self.plan else self.window, "seed": self.seed,
-            "delay_probability": self.delay_probability, "delay_seconds": self.delay_seconds,
+            "delays": None if delays is None else vars(delays),
             "steps": plan.makespan, "planned_s": planned, "seconds": seconds, "whole": drive.over,
             "deadlocks": len(order.cycles), "motions": sum(map(len, order.own)), "motions_done": sum(drive.done),
             "tasks": sum(map(len, plan.tasks)), "tasks_done": tasks,

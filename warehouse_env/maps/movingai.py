@@ -17,7 +17,7 @@ from warehouse_env.maps import one_way
 from warehouse_env.maps.discs import SUFFIX, read_discs, write_beside
 from warehouse_env.maps.grid_map import Cell, GridMap
 
-FREE = ".GS"  # floor; S is swamp, which the benchmarks' shortest paths treat as floor
+FREE = ".GSE"  # S is swamp, which the benchmarks' shortest paths treat as floor; S and E are places of the League
 BLOCKED = "@OTW"
 EXAMPLE_MAP = Path(__file__).parent / "data" / "warehouse-40-64.map"
 EXAMPLE_SCEN = Path(__file__).parent / "data" / "warehouse-40-64.scen"

@@ -19,7 +19,8 @@ from train.execute.drive import Drive
 from train.execute.lifelong import Pibt, add_grid_planner, plan_lifelong
 from train.execute.motions import DIRECTIONS, Curves, motions_of
 from train.execute.order import Order, find_order, why_stuck
-from train.execute.plan import GridPlan, check_plan, finished, path_of, read_plan
+from train.execute.plan import GridPlan, check_plan, finished, path_of
+from train.execute.read import read_plan
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, PlanError
 from warehouse_env.maps.grid_map import GridMap
@@ -71,6 +72,40 @@ def test_actions_of_the_league_turn_on_the_spot(tmp_path: Path) -> None:
     earlier = [[[7, 0, "assigned"], [7, 1, "finished"]], [[9, 0, "assigned"], [9, 2, "finished"]]]
     path.write_text(json.dumps(LEAGUE | {"events": earlier}))
     assert read_plan(path, OPEN).tasks == ((1,), (2,))
+
+
+def test_runs_of_actions_of_the_league_take_several_ticks(tmp_path: Path) -> None:
+    paths = ["[(0,1,1,0,0):(W 1,F 3)][(4,1,2,0,0):(R 3,F 2)]", "[(0,3,3,0,0):(C 3,W 1,F 1)][(5,3,3,3,1):(W 1,F 2,W 1)]"]
+    data = {"start": [[1, 1, "E"], [3, 3, "E"]], "actualPaths": paths, "agentMaxCounter": 3, "version": "2026 LoRR"}
+    path = tmp_path / "plan.json"
+    path.write_text(json.dumps(data | {"events": [[4, 0, 5, 1], [8, 1, 6, 1]]}))
+    plan = read_plan(path, OPEN)
+    np.testing.assert_array_equal(plan.cells[:, 0], [(1, 1)] * 4 + [(1, 2)] * 6)
+    np.testing.assert_array_equal(plan.cells[:, 1], [(3, 3)] * 8 + [(2, 3)] * 2)  # held up within a move
+    assert (plan.ticks, plan.tasks) == (3, ((4,), (8,)))
+    for wrong in ("[(0,1,1,0,0):(F 3", "[(0,1,1,0,0):(X 3)]", "[(0,1,1,0,0):(F 9999999)]"):
+        path.write_text(json.dumps(data | {"actualPaths": [wrong, wrong]}))
+        with pytest.raises(PlanError, match="without `start` and `actualPaths`"):
+            read_plan(path, OPEN)
+
+
+@pytest.mark.parametrize("moves", ["rw\nwd", "rw\nwu"])  # rows upwards, as published, and downwards
+def test_moves_of_the_tracker_lead_from_starts_to_goals(tmp_path: Path, moves: str) -> None:
+    path, scen = tmp_path / "plan.csv", tmp_path / "two.scen"
+    lines = ("1 1 2 1", "3 3 3 2", "9 9 9 9")  # x and y of starts and goals
+    scen.write_text("version 1\n" + "".join(f"0\topen.map\t12\t12\t{line.replace(' ', chr(9))}\t1\n" for line in lines))
+    path.write_text(f'map_name,agents,solution_plan\nopen,2,"{moves}"\n')
+    np.testing.assert_array_equal(read_plan(path, OPEN, scen).cells, CELLS)
+    for text, starts, told in (
+        (f'agents,path\n2,"{moves}"\n', None, "name their scenarios with --scen"),
+        ("agents,path\n1,r\n1,r\n", scen, "holds 2 plans"),
+        ("agents,path\n1,rx\n", scen, "robot 0 makes the move 'x'"),
+        ("agents,path\n1,l\n", scen, "do not lead the robots"),
+        ('agents,path\n4,"r\nw\nw\nw"\n', scen, "has moves of 4 robots"),
+    ):
+        path.write_text(text)
+        with pytest.raises(PlanError, match=told):
+            read_plan(path, OPEN, starts)
 
 
 @pytest.mark.parametrize(
