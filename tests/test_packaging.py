@@ -80,7 +80,7 @@ def test_the_pins_meet_the_bounds() -> None:
 
 
 @pytest.mark.parametrize(("name", "owner"), [("agents", "openai-agents"), ("train", "")])
-def test_whoever_hides_a_package_of_ours_is_named(name: str, owner: str, tmp_path: Path) -> None:
+def test_a_file_that_hides_one_of_our_packages_is_named(name: str, owner: str, tmp_path: Path) -> None:
     """Another package's `agents`, or somebody's own train.py, found before ours."""
     path = tmp_path / (f"{name}/__init__.py" if owner else f"{name}.py")
     path.parent.mkdir(exist_ok=True)

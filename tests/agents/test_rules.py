@@ -138,7 +138,7 @@ def test_alone_it_cruises_on_the_route(observe: Observe) -> None:
         ((2.5, 2.5), np.pi / 2, False),  # past the node
     ],
 )
-def test_at_a_node_the_nearer_goes_first_else_who_comes_from_the_right(
+def test_at_a_node_the_nearer_robot_goes_first_then_the_one_from_the_right(
     observe: Observe, other: tuple[float, float], turn: float, waits: bool
 ) -> None:
     observation = moving(seen(observe, CONFIG, other=other, turn=turn), 0.0, np.sin(turn))

@@ -89,7 +89,7 @@ def test_it_costs_nothing_where_there_is_none_and_devices_refuse_it(monkeypatch:
     with pytest.raises(ConfigError, match="a device does not simulate extra sensors"):
         tensor_env(2, CONFIG.replace(people=0, traffic="none"), device="cpu")
     monkeypatch.setattr("warehouse_env.simulation.simulator.ExtraSensor", None)  # would raise if it were made
-    simulator = Simulator(PLAIN)
+    simulator = Simulator(PLAIN.replace(people=0))
     simulator.reset(0)
     simulator.step(np.full((1, 3), simulator.cruise_action))
 

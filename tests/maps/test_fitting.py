@@ -82,7 +82,7 @@ def test_what_does_not_fit_is_one_sentence() -> None:
 
 
 @pytest.mark.parametrize(("length", "width", "gets_there"), [(0.9, 0.6, True), (1.4, 0.8, False)])
-def test_bodies_stand_for_good_where_it_is_said(length: float, width: float, gets_there: bool) -> None:
+def test_bodies_get_stuck_where_the_note_says(length: float, width: float, gets_there: bool) -> None:
     robot = RobotSpec(length=length, width=width)
     grid = drawn("############", "s..........s", "#####.######", "#####p######", "############")
     config = policy_config("greedy", EnvConfig(num_agents=1, planner="astar_turns", robot=robot, layout="pocket"))

@@ -48,7 +48,7 @@ def test_on_open_floor_and_in_dead_ends_they_face_where_they_can() -> None:
     assert heads == pytest.approx([0.0, -math.pi])
 
 
-def test_who_comes_along_faces_on() -> None:
+def test_a_robot_that_arrives_along_a_lane_faces_on() -> None:
     poses = face(FLOOR, (2, 2), ROBOT).poses
     assert facing(poses, np.array([(2, 5), (2, 4), (2, 3), (2, 2)]))[2] == pytest.approx(-math.pi)
     assert facing(poses, np.array([(2, 0), (2, 1), (2, 2)]))[2] == 0.0

@@ -125,7 +125,7 @@ def test_a_bad_action_is_one_sentence_and_changes_nothing(action_type: str, acti
 CONFIG = EnvConfig(planner="astar", num_agents=8, action_repeat=1, sensor=SensorSpec(predictions=True))
 
 
-def test_who_is_put_somewhere_sees_what_one_that_drove_there_sees() -> None:
+def test_a_placed_robot_observes_what_one_that_drove_there_observes() -> None:
     grid = make_layout("open")
     driven, standing = (Simulator(CONFIG, grid=grid) for _ in range(2))
     driven.reset(seed=7)

@@ -56,7 +56,7 @@ def test_a_silent_robot_is_seen_by_lidar_alone() -> None:
 
 
 @pytest.mark.parametrize(("silent", "held"), [((0, 0), [0, 0]), ((0, 1), [1, 1]), ((1, 0), [1, 0])])
-def test_who_is_not_heard_keeps_its_stop_and_others_count_on_it(silent: tuple[int, int], held: list[int]) -> None:
+def test_an_unheard_robot_keeps_its_stop_and_others_count_on_it(silent: tuple[int, int], held: list[int]) -> None:
     """Both stop within the same way, so who is 0.1 m ahead is in the way only if it stops now, as unheard it does."""
     poses = (2.0, 1.5, 0.0, 1.5), (3.0, 1.5, 0.0, 1.5)
     simulator = stage(room(3, 30), *poses, traffic=TrafficSpec(shield=True))

@@ -72,7 +72,7 @@ def test_in_passing_a_robot_arrives_at_speed_and_else_it_stands_at_the_end_of_it
 
 
 @given(st.floats(0.0, 5.0), st.floats(0.0, 1.5), st.floats(0.3, 3.0))
-def test_who_brakes_before_an_end_stands_there_and_never_beyond(way: float, speed: float, brake: float) -> None:
+def test_a_robot_that_brakes_before_an_end_stops_there_and_never_beyond(way: float, speed: float, brake: float) -> None:
     p = parameters_of(EnvConfig(), 1.0)
     p["max_acceleration"] = brake
     most = brake * 0.1

@@ -281,7 +281,7 @@ def test_it_makes_room_for_the_path_of_another() -> None:
     assert np.abs(arcs[:, 0]).sum() < 4.0
 
 
-def test_whoever_stands_clear_need_not_move() -> None:
+def test_a_robot_that_stands_clear_need_not_move() -> None:
     arcs = found(room(9, 12), (5.0, 2.0, 0.0), avoid=rectangles((5.0, 5.0, 0.0)))
     assert len(arcs) == 0
 

@@ -241,7 +241,7 @@ def test_however_narrow_the_margin_a_search_sees_a_corner_that_is_passed(
 
 
 @given(st.sampled_from([1e-5, 5e-5, 5e-4]), st.integers(-40, 40))
-def test_who_stands_as_near_a_shelf_as_the_margin_may_leave(margin: float, rounded: int) -> None:
+def test_a_robot_at_the_margin_of_a_shelf_may_leave(margin: float, rounded: int) -> None:
     area = test_manoeuvre.around(drawn([".......", ".#.....", "......."]))  # a shelf behind its tail
     x = np.float32(2.0 + REAR + margin)
     x += rounded * np.spacing(x)
@@ -260,7 +260,7 @@ def test_who_stands_as_near_a_shelf_as_the_margin_may_leave(margin: float, round
         ("single_lane", (10.312093, 30.265598, -1.4772751), (22, 38)),  # which 6,000 nodes do not free
     ],
 )
-def test_who_stands_wedged_beside_a_shelf_gets_out(
+def test_a_robot_wedged_beside_a_shelf_gets_out(
     floor: str, pose: tuple[float, float, float], goal: tuple[int, int]
 ) -> None:
     grid = make_layout(floor)

@@ -355,7 +355,7 @@ def test_without_a_shield_it_goes_around_a_robot_that_its_manoeuvre_does_not_hee
 
 
 @pytest.mark.parametrize("field", ["alive", "arrived"])
-def test_nobody_searches_for_who_is_parked_or_gets_another_route(field: str) -> None:
+def test_parked_and_rerouted_robots_do_not_search(field: str) -> None:
     grid = drawn(["#" * 24, "." * 24, "." * 24, "#" * 24])
     simulator = on_route(grid, (12.0, 2.0, math.pi), (12.0, 2.0), (22.0, 2.0))
     for asks, found in ((False, False), (True, True)):

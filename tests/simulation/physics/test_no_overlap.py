@@ -153,7 +153,7 @@ def test_bodies_touch_between_samples_where_dense_sampling_says_so(
         assert not found
 
 
-def test_who_turns_back_within_a_substep_touches_what_its_tail_swings_into() -> None:
+def test_a_tail_that_swings_out_within_a_substep_touches() -> None:
     """It ends where it began, a centimetre further in between, and its tail two."""
     brisk = RobotSpec(max_acceleration=2.0)
     turns = (5.0, 5.0, 0.0, 0.2, brisk.max_steering)  # the nose to the right, the tail to the left

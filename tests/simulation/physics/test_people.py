@@ -183,7 +183,7 @@ def test_under_the_field_a_robot_stops_before_a_person(away: float) -> None:
     assert 0.2 * PACE < gap_to(simulator) < 0.2 * PACE + 0.1 + 0.05
 
 
-def test_who_turns_away_goes_past_no_robot() -> None:
+def test_people_that_turn_away_pass_no_robot() -> None:
     """A robot stands in the doorway between a person and its goal; so it goes the long way round, or elsewhere."""
     grid = drawn(["............", ".####.#####.", "............"])
     simulator = with_people(grid, (5.6, 1.5, 0.0))

@@ -102,7 +102,7 @@ def test_it_waits_outside_for_all_aisles_in_a_row() -> None:
     assert last / 1.3 - 0.2 <= 2.4 * seen((8.4, AISLE, 0.0, 1.3), other)[FAST, 0] <= (last + 0.5) / 1.3
 
 
-def test_whoever_is_in_a_blind_aisle_will_come_out() -> None:
+def test_a_robot_in_a_blind_aisle_is_predicted_to_come_out() -> None:
     simulator = stage(
         FLOOR, (3.0, AISLE, 0.0, 1.3), (8.5, 5.8, 1.5), action_type="discrete", sensor=SensorSpec(predictions=True)
     )

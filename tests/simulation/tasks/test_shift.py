@@ -109,7 +109,7 @@ def test_a_load_slows_by_the_rule() -> None:
     assert fastest[False] > 1.4
 
 
-def test_who_wants_a_held_cell_waits_at_a_place_and_gets_it_next() -> None:
+def test_a_robot_that_wants_a_held_cell_queues_and_gets_it_next() -> None:
     places = Places(waiting=[(0, 0), (0, 5)], spare=[(9, 9)])
     places.take(1, (5, 5))
     assert places.near((1, 4)) == (0, 5)
@@ -128,7 +128,7 @@ def test_who_wants_a_held_cell_waits_at_a_place_and_gets_it_next() -> None:
 
 
 @pytest.mark.parametrize("layout", ["paper46", "narrow", "aisles:seed=741"])
-def test_who_stands_at_all_places_leaves_all_endpoints_joined(layout: str) -> None:
+def test_robots_at_all_places_leave_all_endpoints_connected(layout: str) -> None:
     grid, config = make_layout(layout), BASE.replace(num_agents=40)
     places = standing_places(grid, config, 44)
     free = ~grid.occupied

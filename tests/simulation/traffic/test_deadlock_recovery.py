@@ -64,7 +64,7 @@ def test_a_robot_behind_a_permanently_standing_one_looks_for_a_way_round_it() ->
     assert world.robots["traffic"]["retreating"].tolist() == [0, 0]
 
 
-def test_who_waits_for_itself_leaves_its_place() -> None:
+def test_a_robot_that_waits_for_itself_leaves_its_place() -> None:
     """It lets a person out of an aisle: there is one way."""
     world = World((6.0, 1.5, 0.0), grid=AISLE, people=1).decide()
     person = world.simulator.people.persons[0, 0]
@@ -78,7 +78,7 @@ def test_who_waits_for_itself_leaves_its_place() -> None:
     assert ways[-1].max() < 6.15 - 0.9  # a body's length back
 
 
-def test_who_makes_room_goes_round_people() -> None:
+def test_a_retreating_robot_drives_around_people() -> None:
     """There is as much room before the robot as behind it; it leaves its place to where nobody is."""
     for beside in (-1.0, 1.0):
         world = World((10.15, 10.0, 0.0), people=1).decide()
@@ -148,7 +148,7 @@ def meet(meeting: str) -> Simulator:
 
 
 @pytest.mark.parametrize("meeting", IN_THE_PASSAGE)
-def test_who_meet_in_a_winding_passage_of_one_cell_get_on(meeting: str) -> None:
+def test_robots_that_meet_in_a_winding_one_cell_passage_get_out(meeting: str) -> None:
     """Room is several metres and bends away: no short search gets there, and who waits behind stands on the way."""
     robots = meet(meeting).robots
     assert robots["totals"]["longest_standing"].max() < 60.0
@@ -175,7 +175,7 @@ def simulator_at(x: float, y: float, heading: float, reroute: bool = False) -> S
 
 
 @pytest.mark.parametrize("reroute", [False, True])
-def test_who_is_far_from_its_route_gets_another_and_arrives(reroute: bool) -> None:
+def test_a_robot_far_off_its_route_gets_another_and_arrives(reroute: bool) -> None:
     simulator = simulator_at(2.5, 0.8, math.pi, reroute)
     for _ in range(500):
         simulator.step(np.full((1, 1), simulator.cruise_action))
@@ -207,7 +207,7 @@ def test_astray_in_the_cell_of_its_goal_it_goes_on_to_its_centre() -> None:
     assert simulator.robots["task"]["alive"][0, 0] == 0
 
 
-def test_who_drives_or_is_near_keeps_its_route() -> None:
+def test_driving_and_near_robots_keep_their_routes() -> None:
     simulator = simulator_at(28.0, 5.0, 0.5)
     for _ in range(20):
         simulator.step(STILL)
@@ -227,7 +227,7 @@ def test_an_offset_and_the_way_from_a_cells_centre_are_not_astray(offset: float,
     assert far_off(config, cell) == pytest.approx(far)
 
 
-def test_who_stands_at_a_wide_offset_keeps_its_route() -> None:
+def test_a_robot_at_a_wide_offset_keeps_its_route() -> None:
     config = EnvConfig(num_agents=1, planner="astar", lateral_offsets=(0.0, 2.5), keep_right=0.0)
     simulator = Simulator(config, grid=room(12, 24))
     simulator.reset_to([Assignment(np.array([[2.5, 3.5, 0.0]]), np.array([(8, 21)]))], [1])

@@ -175,7 +175,7 @@ def test_nobody_bars_his_own_way_and_what_is_behind_bars_none() -> None:
     assert barred(robots, eastwards(2, 2, range(9))) == [False, False]
 
 
-def test_all_robots_look_but_those_who_have_arrived_or_are_parked_and_one_after_another() -> None:
+def test_all_but_arrived_and_parked_robots_replan_in_turn() -> None:
     robots = record(*({"x": 0.5, "y": 2.5, "points": 9} for _ in range(5)))  # nobody stands
     robots["events"]["arrived"][0, 3], robots["task"]["alive"][0, 4] = 1, 0
     looked = [looks(robots, step, every=10)[0] for step in range(20)]
@@ -291,7 +291,7 @@ def look_for(live: LiveRoutes, simulator: Simulator, me: int = 0, step: int = 1,
     return live.route(simulator.robots, simulator.routes, 0, me, step, goal, **how)
 
 
-def test_prices_of_who_has_stood_for_ever_are_cut_off() -> None:
+def test_prices_of_permanently_standing_robots_are_bounded() -> None:
     simulator = Simulator(CONFIG)
     simulator.reset([1])
     simulator.robots["clocks"]["standing_time"] = 1e9
@@ -402,7 +402,7 @@ def test_stored_prices_are_read_where_they_are_those_of_today() -> None:
     assert numbers.items() <= TrafficSpec.retired.items()
 
 
-def test_who_is_in_the_cell_of_its_goal_keeps_its_route_to_the_middle() -> None:
+def test_a_robot_in_its_goal_cell_keeps_its_route_to_the_middle() -> None:
     simulator = Simulator(CONFIG)
     simulator.reset([1])
     r = simulator.robots[0, 0]

@@ -1,4 +1,4 @@
-"""Right of way that steps in only where a robot has stood: `right_of_way_after`."""
+"""Right of way only where a robot has stood for a while: `right_of_way_after`."""
 
 from __future__ import annotations
 
@@ -19,48 +19,48 @@ from warehouse_env.traffic_spec import TrafficSpec
 DECISION = 0.2  # [s]
 
 
-def said(world: World, after: float) -> bool:
-    """Have right of way step in `after` so many seconds of standing; whether anybody is settled then."""
+def rules_act(world: World, after: float) -> bool:
+    """Activate the rules around robots that have stood for `after` [s]; return whether they act on any robot."""
     world.simulator._params["right_of_way_after"] = after
     return world.activate_rules()
 
 
 def three(beside: float) -> World:
-    """Three that stand in a row: the second `beside` [m] from the first, the third far from both."""
+    """Three robots: the second `beside` [m] from the first, the third far from both."""
     return World((4.0, 4.0, 0.0), (4.0, 4.0 + beside, 0.0), (20.0, 20.0, math.pi))
 
 
-def test_who_has_stood_for_long_and_who_is_near_are_settled() -> None:
+def test_rules_act_on_a_robot_that_has_stood_for_long_and_around_it() -> None:
     for beside, after, near in ((4.9, 1.0, True), (5.1, 1.0, False), (7.9, 3.0, True), (8.1, 3.0, False)):
         assert min(LONGER * after, AROUND) in (5.0, 8.0)  # [m]: a metre a second, 8 m at most
         world = three(beside)
         world.robots["shield"]["vetoed_by"][0] = 2  # which drives
         world.robots["clocks"]["waiting_time"][0] = 3.0
         world.robots["clocks"]["standing_time"][0] = LONGER * after - 0.1
-        assert not said(world, after)
+        assert not rules_act(world, after)
         world.robots["clocks"]["standing_time"][0] = LONGER * after
-        assert said(world, after)
+        assert rules_act(world, after)
         assert (world.robots["traffic"]["rules_active"] > 0).tolist() == [True, near, False]
 
 
 def held(holders: list[int]) -> World:
-    """Five that have stood for 3 s, 5 m apart, each held by the robot named, NOBODY or one that moves among them."""
+    """Five robots that have stood for 3 s, 5 m apart, each vetoed by the robot named, or by NOBODY."""
     world = World(*((4.0, 2.0 + 5.0 * k, 0.0) for k in range(5)), grid=room(8, 28))
     world.robots["clocks"]["standing_time"] = world.robots["clocks"]["waiting_time"] = 3.0
     world.robots["shield"]["vetoed_by"] = holders
     return world
 
 
-def test_a_ring_is_settled_and_of_a_queue_only_its_head() -> None:
+def test_rules_act_on_wait_cycles_and_on_the_head_of_a_queue() -> None:
     for holders, expected in (
         ([1, 0, NOBODY, NOBODY, 3], [True, True, True, True, False]),  # two wait for each other, two for nobody
-        ([2, 0, 1, 4, 2], [True, True, True, False, False]),  # a ring of three, and two that queue for it
+        ([2, 0, 1, 4, 2], [True, True, True, False, False]),  # a wait cycle of three, and two that queue for it
         ([1, 2, 3, 4, NOBODY], [False] * 4 + [True]),
         ([4, 0, 1, 2, 3], [True] * 5),
     ):
         world = held(holders)
-        assert not said(world, 3.1)
-        assert said(world, 3.0) == any(expected)
+        assert not rules_act(world, 3.1)
+        assert rules_act(world, 3.0) == any(expected)
         assert (world.robots["traffic"]["rules_active"] > 0).tolist() == expected, holders
 
 
@@ -68,51 +68,51 @@ def test_rules_act_around_a_robot_that_waits_for_a_parked_one() -> None:
     world = held([1, NOBODY, NOBODY, 2, NOBODY])
     world.robots["task"]["alive"][[1, 4]] = 0
     world.robots["clocks"]["waiting_time"][2] = world.robots["clocks"]["standing_time"][2] = 0.0  # it drives
-    assert not said(world, 3.1)
-    assert said(world, 3.0)
+    assert not rules_act(world, 3.1)
+    assert rules_act(world, 3.0)
     assert (world.robots["traffic"]["rules_active"] > 0).tolist() == [True, False, False, False, False]
 
 
-def test_who_stands_for_nobody_is_settled_and_nobody_near_it_nor_who_drives_within_its_metre() -> None:
+def test_rules_act_on_a_robot_that_stands_for_nobody_but_not_around_it() -> None:
     for waited, expected in ((3.0, [True, False, False]), (0.0, [False] * 3)):
         world = three(2.0)
         world.robots["clocks"]["standing_time"][0], world.robots["clocks"]["waiting_time"][0] = 3.0, waited
-        assert said(world, 3.0) == any(expected)
+        assert rules_act(world, 3.0) == any(expected)
         assert (world.robots["traffic"]["rules_active"] > 0).tolist() == expected
 
 
-def test_who_moves_breaks_the_ring() -> None:
+def test_a_moving_robot_breaks_the_wait_cycle() -> None:
     world = held([1, 2, 0, NOBODY, NOBODY])
     world.robots["clocks"]["waiting_time"][1:] = world.robots["clocks"]["standing_time"][1:] = 0.0
-    assert not said(world, 3.0)
+    assert not rules_act(world, 3.0)
 
 
-def test_two_nose_to_nose_are_a_ring_though_nobody_holds_them() -> None:
+def test_two_robots_nose_to_nose_are_a_wait_cycle_without_a_veto() -> None:
     world = World((8.0, 10.0, 0.0), (9.6, 10.0, math.pi), (20.0, 20.0, 0.0))
     world.robots["clocks"]["standing_time"][:2] = world.robots["clocks"]["waiting_time"][:2] = 3.0
-    assert said(world, 3.0)
+    assert rules_act(world, 3.0)
     assert (world.robots["traffic"]["rules_active"] > 0).tolist() == [True, True, False]
 
 
-def test_all_are_settled_at_once_without_a_time_to_wait_for() -> None:
+def test_rules_act_everywhere_if_there_is_no_waiting_time() -> None:
     world = three(2.0)
-    assert said(world, 0.0)
+    assert rules_act(world, 0.0)
     assert (world.robots["traffic"]["rules_active"] > 0).all()
 
 
 def test_it_lasts_until_it_has_been_calm_for_a_while() -> None:
     world = three(2.0)
     world.robots["clocks"]["standing_time"][0] = LONGER * 3.0
-    said(world, 3.0)
+    rules_act(world, 3.0)
     world.robots["clocks"]["standing_time"] = 0.0
     decisions = 0
-    while said(world, 3.0):
+    while rules_act(world, 3.0):
         decisions += 1
     assert decisions == pytest.approx(float(CALM) / DECISION, abs=1)
     assert (world.robots["traffic"]["yields_to"] == NOBODY).all()
 
 
-def test_who_is_not_settled_keeps_its_command_and_its_offset() -> None:
+def test_a_robot_without_rules_keeps_its_command_and_offset() -> None:
     world = World((8.0, 10.0, 0.0, 1.0), (10.0, 8.0, math.pi / 2, 1.0), ages=[100, 0])
     world.simulator._params["right_of_way_after"] = 3.0
     aside = np.array([[int(world.simulator.cruise_action) + 1] * 2])
@@ -123,7 +123,7 @@ def test_who_is_not_settled_keeps_its_command_and_its_offset() -> None:
 
 
 @pytest.mark.parametrize("command", [0, 5])  # back, stand: the offset is 0
-def test_who_is_settled_carries_out_its_manoeuvre_whatever_the_policy_says(command: int) -> None:
+def test_a_robot_under_rules_completes_its_manoeuvre_against_its_policy(command: int) -> None:
     settings = {"traffic": TrafficSpec(shield=True, right_of_way=True, right_of_way_after=3.0), "action_repeat": 2}
     simulator = stage(room(10, 20), (10.0, 5.0, 0.0), action_type="discrete", **settings)
     give_line(simulator, 0, [[10.0 + k, 5.0] for k in range(6)])
@@ -174,10 +174,10 @@ def test_a_jam_that_the_field_leaves_is_dissolved() -> None:
     assert goals[True] > 3 * goals[False]
 
 
-@pytest.mark.parametrize(("kept", "settled"), [(1.4, [False, False]), (1.6, [True, False]), (5.5, [True, True])])
-def test_rules_step_in_around_a_person_who_is_kept_from_walking(kept: float, settled: list[bool]) -> None:
+@pytest.mark.parametrize(("kept", "active"), [(1.4, [False, False]), (1.6, [True, False]), (5.5, [True, True])])
+def test_rules_act_around_a_person_kept_from_walking(kept: float, active: list[bool]) -> None:
     world = World((4.0, 4.0, 0.0), (4.0, 9.5, 0.0), people=1)
     person = world.simulator.people.persons[0, 0]
     person["x"], person["y"], person["kept"] = 5.0, 4.5, kept
-    assert said(world, 12.0) == any(settled)
-    assert (world.robots["traffic"]["rules_active"] > 0).tolist() == settled
+    assert rules_act(world, 12.0) == any(active)
+    assert (world.robots["traffic"]["rules_active"] > 0).tolist() == active

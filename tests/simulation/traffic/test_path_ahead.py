@@ -79,7 +79,7 @@ def test_a_path_is_kept_for_two_metres_and_then_written_anew() -> None:
 
 
 @pytest.mark.parametrize(("field", "value"), [("y", 12.3), ("heading", 0.6), ("x", 5.0)])
-def test_who_is_off_its_path_gets_another(field: str, value: float) -> None:
+def test_a_robot_off_its_path_gets_another(field: str, value: float) -> None:
     world = World((2.0, 12.0, 0.0), length=20.0)
     decided(world)
     drive(world, 0.6)

@@ -64,7 +64,7 @@ def test_nobody_waits_on_a_crossing() -> None:
         assert float(separation(end, line).min()) > 0.0, distance
 
 
-def test_who_has_been_granted_a_crossing_keeps_it() -> None:
+def test_a_granted_crossing_is_kept() -> None:
     world = crossing(1)
     world.robots["task"]["alive"][0] = 0  # not there yet
     world.robots["motion"]["x"][0] = 1.0
@@ -123,7 +123,7 @@ def test_behind_one_that_drives_the_same_way_nobody_changes_sides() -> None:
     assert gap(world, 0, 1, world.granted(0), 0) > 0
 
 
-def test_who_bars_the_way_inherits_the_right() -> None:
+def test_a_blocking_robot_inherits_the_right() -> None:
     world = World(*((2.0 + 4 * k, 10.0, 0.0) for k in range(5)), ages=[9, 3, 1, 7, 5])
     world.robots["traffic"]["yields_to"] = [1, 2, NOBODY, NOBODY, 3]
     rank(world.robots, world.order)
@@ -134,7 +134,7 @@ def test_who_bars_the_way_inherits_the_right() -> None:
     assert world.robots["traffic"]["right"].tolist() == [9, 9, 9, 7, 5]
 
 
-def test_a_robot_that_the_field_holds_waits_for_who_holds_it() -> None:
+def test_a_vetoed_robot_waits_for_the_robot_that_vetoes_it() -> None:
     world = World((5.0, 10.0, 0.0), (5.0, 18.0, 0.0))
     world.robots["shield"]["vetoed_by"][0], world.robots["shield"]["vetoed_time"][0] = 1, 1.0
     assert world.decide().robots["traffic"]["yields_to"].tolist() == [1, NOBODY]
@@ -180,7 +180,7 @@ def test_within_its_limit_a_robot_stops_before_its_authority_ends(speed: float, 
     assert left > -0.005  # the last decision is rounded to physics steps; WIDE is sixteen times that
 
 
-def test_who_has_stood_for_long_is_urged_to_go() -> None:
+def test_a_robot_that_has_stood_for_long_is_urged_to_go() -> None:
     r = World((5.0, 10.0, 0.0)).robots[0]
     choices = np.array([(0.6, 0.0, 0.5), (0.0, -0.4, 1.5)], np.float32)
     assert [SIDE, SPEED, GOING] == [0, 1, 2]
@@ -194,7 +194,7 @@ def test_who_has_stood_for_long_is_urged_to_go() -> None:
     assert speed_of(r, choices, np.float32(0.7), is_urged(r)) == np.float32(0.7)
 
 
-def test_of_two_whose_paths_end_on_each_others_the_first_goes_to_its_goal() -> None:
+def test_the_first_of_two_robots_that_end_on_each_others_paths_reaches_its_goal() -> None:
     """Nobody need not wait at its goal: it goes on from there."""
     world = World((9.25, 10.0, 0.0), (10.0, 9.25, math.pi / 2), ages=[9, 0], length=1.0).decide()
     assert world.robots["traffic"]["yields_to"].tolist() == [NOBODY, 0]
@@ -215,7 +215,7 @@ def test_a_grant_ends_before_a_person_and_where_one_is_about_to_walk(x: float, w
     assert front > min(free, 11.0) - 0.5
 
 
-def test_who_is_beside_a_person_may_go_away_from_it() -> None:
+def test_a_robot_beside_a_person_may_drive_away() -> None:
     world = World((10.0, 10.0, 0.0, 0.0), people=1)
     person = world.simulator.people.persons[0, 0]
     person["x"], person["y"], person["rest"] = 9.1, 10.0, 5.0  # a hand behind the body, which ends at 9.25
@@ -226,7 +226,7 @@ def test_who_is_beside_a_person_may_go_away_from_it() -> None:
     ("kept", "other", "waits_for"),
     [(1.4, 12.0, [NOBODY, NOBODY]), (1.6, 12.0, [1, 0]), (3.1, 12.0, [0, 1]), (1.6, 20.0, [0, NOBODY])],
 )
-def test_who_keeps_a_person_waits_for_the_other_that_does_and_at_last_for_itself(
+def test_a_robot_that_shuts_a_person_in_waits_for_the_other_then_for_itself(
     kept: float, other: float, waits_for: list[int]
 ) -> None:
     """Two face each other in an aisle with a person between, or one faces it alone; their own paths do not meet."""

@@ -98,7 +98,7 @@ def test_one_may_follow_close_behind_another_that_drives() -> None:
 
 
 @pytest.mark.parametrize("first", [0, 1])
-def test_who_has_been_longest_on_its_way_goes_first(first: int) -> None:
+def test_the_robot_longest_on_its_way_goes_first(first: int) -> None:
     simulator = guarded(room(20, 20), (8.0, 10.0, 0.0), (10.0, 8.0, math.pi / 2))
     simulator.robots["task"]["age"][0, first] = 100
     for _ in range(40):

@@ -47,13 +47,11 @@ def stages(world: World) -> list[int]:
         ([3.0, 3.0, 3.0], [SEEKS, SEEKS, SEEKS]),
     ],
 )
-def test_a_ring_is_left_once_all_of_it_stand_by_who_has_waited_long_enough(
-    waited: list[float], found: list[int]
-) -> None:
+def test_a_robot_leaves_a_wait_cycle_once_all_of_it_have_waited(waited: list[float], found: list[int]) -> None:
     assert stages(standing([1, 2, 0], waited)) == found
 
 
-def test_who_queues_for_a_ring_or_for_one_that_moves_waits() -> None:
+def test_robots_that_queue_for_a_cycle_or_a_moving_robot_wait() -> None:
     assert stages(standing([1, 0, 0, NOBODY, 3], [3.0, 3.0, 3.0, 0.0, 9.0])) == [SEEKS, SEEKS, WAITS, MOVES, WAITS]
 
 
@@ -68,13 +66,13 @@ def test_behind_a_permanently_standing_robot_it_is_stuck(waited: float, other: f
 
 
 @pytest.mark.parametrize(("field", "value"), [("rules_active", 0.0), ("pause", 1.0)])
-def test_who_drives_as_commanded_or_has_just_searched_does_not_search(field: str, value: float) -> None:
+def test_robots_that_drive_or_have_just_searched_do_not_search(field: str, value: float) -> None:
     world = standing([1, 0], [9.0, 9.0])
     field_of(world.robots, field)[0] = value
     assert stages(world) == [WAITS, SEEKS]
 
 
-def test_while_one_makes_room_nobody_else_of_its_ring_does() -> None:
+def test_only_one_robot_of_a_wait_cycle_retreats_at_a_time() -> None:
     world = standing([1, 2, 0], [3.0, 3.0, 3.0])
     world.robots["traffic"]["retreating"][1], world.robots["traffic"]["pause"][1] = 1, 5.0
     assert stages(world) == [WAITS, MOVES, WAITS]
@@ -82,7 +80,7 @@ def test_while_one_makes_room_nobody_else_of_its_ring_does() -> None:
     assert stages(world) == [SEEKS, SEEKS, SEEKS]
 
 
-def test_only_whoever_could_be_in_a_ring_is_asked_for_whom_it_waits() -> None:
+def test_waits_are_looked_up_only_for_robots_that_may_be_in_a_cycle() -> None:
     world = standing([NOBODY] * 4, [9.0] * 4)
     world.robots["shield"]["vetoed_by"], world.robots["clocks"]["standing_time"] = [1, 2, 1, 0], [0.0, 3.0, 0.0, 0.0]
     found = waits.scratch(4)
@@ -135,7 +133,7 @@ def waits_for(simulator: Simulator) -> list[int]:
 QUEUE = [(2.5, 5.5, EAST), (4.5, 5.5, EAST), (8.5, 5.5, EAST)]
 
 
-def test_only_who_stands_waits() -> None:
+def test_only_standing_robots_wait() -> None:
     assert waits_for(on_routes(*QUEUE, goals=[(6, 10), (6, 11), (6, 9)], seconds=0.8)) == [NOBODY] * 3
     simulator = on_routes(*QUEUE, goals=[(6, 10), (6, 11), (6, 9)], seconds=0.0)
     simulator.robots["clocks"]["standing_time"] = 5.0  # rocks where it is
@@ -145,7 +143,7 @@ def test_only_who_stands_waits() -> None:
 
 
 @pytest.mark.parametrize(("refused_by", "yields_to", "answer"), [(2, NOBODY, 2), (NOBODY, 2, 2), (2, 1, 2)])
-def test_who_has_refused_it_or_goes_first_is_waited_for(refused_by: int, yields_to: int, answer: int) -> None:
+def test_a_robot_waits_for_the_one_that_vetoes_it_or_goes_first(refused_by: int, yields_to: int, answer: int) -> None:
     simulator = on_routes(*QUEUE, goals=[(6, 10), (6, 11), (6, 9)])
     write(simulator.robots[0, 0], vetoed_by=refused_by, yields_to=yields_to)
     assert waits_for(simulator) == [answer, NOBODY, NOBODY]

@@ -120,7 +120,7 @@ def test_the_answer_says_what_was_found() -> None:
     assert "the difference may be chance, +5.0" in "\n".join(unsure)
 
 
-def test_the_answer_names_who_stood_longest_and_for_whom_it_waited() -> None:
+def test_the_answer_names_the_longest_stand_and_its_cause() -> None:
     stood = {"longest_standing_s": 93.2, "seed": 7, "longest_standing_why": "robot 3 waits for 5, which is parked"}
     said = " The longest stand took 93 s (seed 7): robot 3 waits for 5, which is parked."
     wait, jam = (

@@ -265,7 +265,7 @@ def test_moments_that_miss_a_gap_do_not_bridge_it(every: float, tmp_path: Path) 
     assert set(made.pose[:, 0, 0, 0].tolist()) == {1.0, 15.0}
 
 
-def test_a_vehicle_that_falls_silent_for_good_is_said(tmp_path: Path) -> None:
+def test_a_permanently_silent_vehicle_is_named(tmp_path: Path) -> None:
     states = [foreign(1, 0), foreign(1, 1), foreign(1, 0, serialNumber="b"), foreign(1, 59, serialNumber="b")]
     made = episode_of(heard(tmp_path, states), FLOOR, EnvConfig(), every=1.0)
     assert np.flatnonzero(made.moments["bits"][:, 0] & PRESENT).tolist() == [0, 1]

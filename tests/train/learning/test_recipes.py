@@ -149,7 +149,7 @@ def test_quantiles_are_over_the_rows_of_all_trainings_in_a_part_of_the_budget() 
 
 
 @pytest.mark.parametrize("name", MEASURED)
-def test_what_ships_is_of_several_whole_trainings_of_its_recipe(name: str) -> None:
+def test_shipped_curves_come_from_several_whole_trainings_of_the_recipe(name: str) -> None:
     config = by_recipe(name)
     shipped = reference_of(config)
     assert shipped is not None, "the recipe has changed: renew or delete curves.json (train/learning/recipes.py)"
