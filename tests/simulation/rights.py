@@ -1,4 +1,4 @@
-"""Worlds in which a test assigns right of way without a step: robots on straight routes across an open floor."""
+"""Worlds in which a test decides on the right of way without a step: robots on straight routes across an open floor."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SPACING = 0.25  # [m] between a route's points
 
 
 class World:
-    """Robots at poses, each with a straight route ahead, and the latest decision."""
+    """Robots at poses, each with a straight route ahead of it, and what has been decided last."""
 
     def __init__(
         self, *poses: Pose, ages: Sequence[int] | None = None, length: float = 8.0, grid: GridMap | None = None,
@@ -49,10 +49,10 @@ class World:
         self.order = np.empty(len(poses), np.int64)
 
     def decide(self, actions: Any = None) -> World:
-        """Grant paths; all robots cruise unless given actions."""
+        """Grant paths; everybody cruises unless told otherwise."""
         sim = self.simulator
-        chosen = np.full((1, len(self.robots)), int(sim.cruise_action)) if actions is None else actions
-        sim.actions.decode(chosen, sim._commands[0], sim._choices)
+        told = np.full((1, len(self.robots)), int(sim.cruise_action)) if actions is None else actions
+        sim.actions.decode(told, sim._commands[0], sim._choices)
         p, kinds = sim._params[0], sim._kinds
         self.table = reservations.ReservationTable(sim._paths[0], *reservations.scratch(len(self.robots)))
         self.activate_rules()
@@ -63,7 +63,7 @@ class World:
         return self
 
     def activate_rules(self) -> bool:
-        """Update on which robots rules act; return whether there are any."""
+        """Say who is settled; whether anybody is."""
         sim, found = self.simulator, waits.scratch(len(self.robots))
         commands, persons = sim._commands[0, 0], sim.people.persons[0]
         return bool(
@@ -71,11 +71,11 @@ class World:
         )
 
     def granted(self, robot: int) -> int:
-        """Number of the last pose that a robot is granted."""
+        """Number of the last pose that a robot has been granted."""
         return int(self.table.numbers[reservations.GRANT, robot])
 
     def path(self, robot: int, last: int | None = None) -> NDArray[np.float32]:
-        """The poses of a robot's path up to number `last`, by default to its end."""
+        """The poses of a robot's path, to the last one of it or to number `last`."""
         end = int(self.table.numbers[reservations.COUNT, robot]) if last is None else last + 1
         return np.array(self.table.paths[robot, :end])
 
@@ -103,7 +103,7 @@ def rectangles(path: NDArray[np.float32], room: float = 0.0) -> Points:
 
 
 def simulator_with_right(robots: int, layout: str, max_steps: int = 1000, **switches: Any) -> Simulator:
-    """A simulator under the rules with some switches of TrafficSpec changed, before its reset."""
+    """A simulator under the rules, but for some switches of TrafficSpec, which has not been reset."""
     from warehouse_env.config import EnvConfig
 
     traffic = replace(TRAFFIC["rules"], **switches)

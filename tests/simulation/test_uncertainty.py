@@ -1,7 +1,7 @@
-"""Lost and late messages, and robots with motion errors.
+"""Messages lost and late, and robots that err.
 
-An unheard robot appears only in lidar and keeps its published stop. Within the declared bounds, a body stays in its
-tube and touches nothing.
+Who is silent is seen by lidar alone, and keeps the stop that it has published; within the declared bounds a body stays
+in its tube and touches nothing.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ STANDING = ((5.0, 5.0, 0.0), (7.0, 5.0, math.pi))
 
 
 def seen(loss: float) -> tuple[Simulator, NDArray[np.float32]]:
-    """A simulator of two robots nose to nose, and the observation of each."""
+    """What each of two robots, nose to nose, sees of the other."""
     changes = {
         "action_type": "discrete",
         "sensor": SensorSpec(predictions=True),
@@ -57,7 +57,7 @@ def test_a_silent_robot_is_seen_by_lidar_alone() -> None:
 
 @pytest.mark.parametrize(("silent", "held"), [((0, 0), [0, 0]), ((0, 1), [1, 1]), ((1, 0), [1, 0])])
 def test_an_unheard_robot_keeps_its_stop_and_others_count_on_it(silent: tuple[int, int], held: list[int]) -> None:
-    """Both need the same distance to stop, so the robot ahead blocks only if it stops now, as an unheard robot does."""
+    """Both stop within the same way, so who is 0.1 m ahead is in the way only if it stops now, as unheard it does."""
     poses = (2.0, 1.5, 0.0, 1.5), (3.0, 1.5, 0.0, 1.5)
     simulator = stage(room(3, 30), *poses, traffic=TrafficSpec(shield=True))
     simulator.robots["task"]["age"][0, 1] = 1
@@ -68,7 +68,7 @@ def test_an_unheard_robot_keeps_its_stop_and_others_count_on_it(silent: tuple[in
 
 
 def shaken(simulator: Simulator, rng: np.random.Generator, steps: int) -> Iterator[None]:
-    """Step with random commands, yield after each step, and check that robots drove and touched nothing."""
+    """Step by random commands, yield after each step, and check that robots drove and touched nothing."""
     commands = np.zeros((1, simulator.num_agents, 2))
     for _ in range(steps):
         fresh = rng.choice([-1.0, 0.0, 1.0], commands.shape, p=[0.2, 0.1, 0.7])
@@ -83,7 +83,7 @@ def shaken(simulator: Simulator, rng: np.random.Generator, steps: int) -> Iterat
 @settings(max_examples=20)
 @given(st.integers(0, 10**6), st.sampled_from([0.1, 0.3, 0.9]), st.sampled_from([0.0, 0.5, 5.0]))
 def test_whatever_is_lost_nobody_touches_anything(seed: int, loss: float, burst: float) -> None:
-    """In a crowd with random commands, each robot can stop clear of all others after every step."""
+    """In a crowd told to drive at random, each of whom must be able to stop clear of all others after every step."""
     rng = np.random.default_rng(seed)
     grid = room(9, 9)
     changes = {"traffic": TrafficSpec(shield=True), "uncertainty": UncertaintySpec(loss=loss, burst=burst)}
@@ -101,7 +101,7 @@ def test_what_a_silent_robot_is_granted_the_others_learn_a_decision_later() -> N
         world.robots["shield"]["silent"][0] = silent
         world.decide()
         authority[silent] = world.robots["traffic"]["authority"].tolist()
-        assert world.robots["traffic"]["authority"][0] > 2.0 + 0.3 + 0.75  # beyond the crossing
+        assert world.robots["traffic"]["authority"][0] > 2.0 + 0.3 + 0.75  # over the crossing
     assert authority[0][1] < 2.0  # waits before it
     assert authority[1][1] > authority[0][1]
     world.robots["shield"]["silent"][0] = 0
@@ -120,7 +120,7 @@ def test_bursts_last_as_long_as_asked_for_and_lose_as_much() -> None:
         lost.append(simulator.robots["shield"]["silent"].reshape(-1).copy())
     lasted = [len(run) for robot in np.array(lost).T for run in "".join(map(str, robot)).strip("1").split("0") if run]
     assert min(lasted) == 10
-    assert all(run % 10 == 0 for run in lasted)  # a burst may begin when another ends
+    assert all(run % 10 == 0 for run in lasted)  # one may begin when another ends
     assert np.mean(lost) == pytest.approx(0.25, abs=0.05)
 
 
@@ -130,7 +130,7 @@ DECLARED: dict[str, Any] = {"traffic": SHIELD, "uncertainty": UncertaintySpec(**
 
 
 def off_plan(simulator: Simulator) -> NDArray[np.float64]:
-    """Greatest distance [m] of each body from its planned place, over its four corners."""
+    """How far [m] any point of each body is from where it is planned, at most, by its four corners."""
     robot, found = simulator.config.robot, []
     for ahead in (robot.front_overhang, -robot.rear_reach):
         for left in (-robot.width / 2, robot.width / 2):
@@ -148,7 +148,7 @@ def test_within_the_bounds_bodies_stay_in_their_tubes_and_touch_nothing(seed: in
     rng, grid = np.random.default_rng(seed), room(10, 10)
     changes = DECLARED | {"uncertainty": UncertaintySpec(latency=latency, loss=loss, **ERRORS)}
     simulator = stage(grid, *crowd(rng, grid, 8, 0.2), **changes)
-    simulator._planned[...] = simulator.robots  # `stage` places the bodies, this their plans
+    simulator._planned[...] = simulator.robots  # `stage` puts the bodies, this what is planned
     simulator.draws.begin(0, [seed])
     simulator.deviation.begin(0, simulator._planned[0])
     simulator.messages.begin(0)
@@ -158,7 +158,7 @@ def test_within_the_bounds_bodies_stay_in_their_tubes_and_touch_nothing(seed: in
 
 
 def test_the_tube_by_hand() -> None:
-    """The farthest point is 0.75 m behind the axle and 0.3 m aside; heading errors act on 0.5 m more."""
+    """The farthest point is .75 m behind the axle and .3 m aside; half a metre more goes by a wrong heading."""
     config = EnvConfig(**DECLARED)
     far = math.hypot(0.75, 0.3)
     assert tube(config, config.robot) == pytest.approx(0.02 + (far + 0.5) * math.radians(1.0) + OFF_PLAN)
@@ -170,7 +170,7 @@ def test_the_tube_by_hand() -> None:
 
 @pytest.mark.nightly
 def test_errors_that_nobody_declared_are_beyond_the_bounds() -> None:
-    """Bodies leave their plans by more than the bounds."""
+    """Bodies leave their plans by more than is allowed."""
     errors = {"pose_error": 0.1, "heading_error": 0.1, "actuation_error": 0.3}
     uncertainty = UncertaintySpec(**errors, declared=ErrorBounds())
     config = EnvConfig(num_agents=6, planner="astar", traffic=SHIELD, uncertainty=uncertainty)
@@ -184,7 +184,7 @@ def test_errors_that_nobody_declared_are_beyond_the_bounds() -> None:
 
 
 def test_what_is_said_comes_into_force_one_latency_later() -> None:
-    """0.3 s is three physics steps; later messages do not change that."""
+    """0.3 s: three physics steps after it was said, whatever is said in between."""
     changes = {"traffic": SHIELD, "uncertainty": UncertaintySpec(declared=ErrorBounds(latency=0.3))}
     simulator = stage(room(6, 20), (5.0, 3.0, 0.0), **changes)
     speeds = []

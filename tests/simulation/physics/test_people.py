@@ -1,4 +1,4 @@
-"""Pedestrians: walking, observation, contacts, and that the shield prevents contacts."""
+"""People on foot: how they walk, what robots see of them, contacts with them, and that the field knows none."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ FAR = (18.0, 5.0, 0.0)
 
 
 def with_people(*where: Any, people: int = 1, **changes: Any) -> Simulator:
-    """A stage with people whose next goals come from a seed."""
+    """A stage with people, whose next goals are drawn from a seed."""
     simulator = stage(*where, people=people, **changes)
     simulator.people.begin(0, [3, 0], simulator.robots[0])
     return simulator
 
 
 def send(simulator: Simulator, x: float, y: float, goal: Cell, person: int = 0) -> Any:
-    """Put a person of the first world at (x, y) [m] on the way to a cell; return its record."""
+    """Stand a person of the first world at (x, y) [m], on the way to a cell; return its record."""
     people, grid = simulator.people, simulator.grid
     people.ways[0, person] = grid.distance_to(goal)[::-1]
     o = people.persons[0, person]
@@ -41,14 +41,14 @@ def send(simulator: Simulator, x: float, y: float, goal: Cell, person: int = 0) 
 
 
 def still(simulator: Simulator, x: float, y: float, person: int = 0) -> Any:
-    """Put a resting person at (x, y) [m]."""
+    """Stand a person at (x, y) [m] that rests."""
     o = simulator.people.persons[0, person]
     o["x"], o["y"], o["rest"] = x, y, 1e6
     return o
 
 
 def gap_to(simulator: Simulator, person: int = 0, robot: int = 0) -> float:
-    """The gap [m] between a person and a robot, in double precision."""
+    """The gap [m] between a person and a robot, worked out in double precision."""
     o, r, body = simulator.people.persons[0, person], simulator.robots[0, robot], RobotSpec()
     dx, dy = float(o["x"]) - float(r["motion"]["x"]), float(o["y"]) - float(r["motion"]["y"])
     c, s = math.cos(float(r["motion"]["heading"])), math.sin(float(r["motion"]["heading"]))
@@ -103,11 +103,11 @@ def test_where_there_is_no_way_past_a_person_turns_away() -> None:
 @pytest.mark.usefixtures("checked")
 @pytest.mark.parametrize("lane", [["##########", "..........", "##########"], [".........."]])
 def test_nobody_comes_so_near_to_a_robot_that_it_may_not_drive_on(lane: list[str]) -> None:
-    """Even before a robot that stands for long: a shielded robot too close to a person could not leave."""
+    """However long a robot stands in its way: under the field it could not leave then."""
     simulator = with_people(drawn(lane), (5.75, len(lane) / 2, 0.0), traffic=TrafficSpec(shield=True))
     send(simulator, 2.5, len(lane) / 2, (len(lane) // 2, 9))
     least = math.inf
-    for _ in range(40):  # it finally turns away
+    for _ in range(40):  # it turns away at last
         coast(simulator, 1)
         least = min(least, gap_to(simulator))
     assert KEEP <= least + 1e-4 < KEEP + STEP
@@ -118,7 +118,7 @@ def test_nobody_comes_so_near_to_a_robot_that_it_may_not_drive_on(lane: list[str
 
 
 def test_how_long_a_person_is_kept_from_walking_is_counted() -> None:
-    """The time between two robots in an aisle, until one of them leaves."""
+    """Between two robots in an aisle, until one of them is gone."""
     lane = drawn(["############", "............", "############"])
     simulator = with_people(lane, (4.2, 1.5, 0.0), (5.95, 1.5, math.pi))
     o = send(simulator, 5.1, 1.5, (1, 11))
@@ -148,7 +148,7 @@ def test_a_robot_that_runs_into_a_person_is_put_back_and_counted_once() -> None:
     assert simulator.episode_metrics()["collisions_per_km"] == pytest.approx(
         1000 / float(r["totals"]["distance"]), rel=1e-6
     )
-    for _ in range(10):  # back off by more than near_miss_gap, then hit it again
+    for _ in range(10):  # back off by more than near_miss_gap, and run into it again
         simulator.step(raw(simulator, (-0.5, 0.0)))
     assert gap_to(simulator) > 0.1
     assert r["totals"]["hits_person"] == 1
@@ -179,12 +179,12 @@ def test_under_the_field_a_robot_stops_before_a_person(away: float) -> None:
         simulator.step(raw(simulator, (1.0, 0.0)))
         assert gap_to(simulator) > 0.02
     assert simulator.robots["motion"]["speed"][0, 0] == 0
-    # one step of 0.1 m/s and a stop take 0.2 s and 0.01 m, which bounds the distance
+    # one step of .1 m/s and a stop take .2 s and .01 m: nearer than that nobody may be
     assert 0.2 * PACE < gap_to(simulator) < 0.2 * PACE + 0.1 + 0.05
 
 
 def test_people_that_turn_away_pass_no_robot() -> None:
-    """A robot blocks the doorway to the person's goal, so the person takes the long way or another goal."""
+    """A robot stands in the doorway between a person and its goal; so it goes the long way round, or elsewhere."""
     grid = drawn(["............", ".####.#####.", "............"])
     simulator = with_people(grid, (5.6, 1.5, 0.0))
     o = simulator.people.persons[0, 0]
@@ -199,7 +199,7 @@ def test_people_that_turn_away_pass_no_robot() -> None:
 @settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.integers(0, 2**31 - 1))
 def test_whatever_people_and_robots_do_the_field_lets_nobody_be_hit(seed: int) -> None:
-    """People run at PACE, through each other and at robots, and robots get random commands."""
+    """People who dart about at PACE, through each other and into robots, which get random commands."""
     rng = np.random.default_rng(seed)
     poses = [(x, y, float(rng.uniform(-3, 3))) for x in (3.0, 9.0) for y in (3.0, 9.0)]
     simulator = with_people(drawn(["............"] * 5 + ["....####...."] * 2 + ["............"] * 5), *poses, people=3,

@@ -1,4 +1,4 @@
-"""Deadlock recovery: the robot with the lowest priority leaves a wait cycle; off-route robots get a new route."""
+"""Robots that get away: a ring dissolved by the one with the least right, and those astray who get another route."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from warehouse_env.simulation.traffic.right_of_way import NOBODY
 AISLE = drawn(["#" * 16, "." * 16, "#" * 16])
 
 
-def wait_cycle(ages: Sequence[int] = (5, 2, 9)) -> World:
-    """Three robots, each blocked by the next."""
+def ring(ages: Sequence[int] = (5, 2, 9)) -> World:
+    """Three robots, each of whose ways the next one bars."""
     world = World((10.0, 10.0, 0.0), (11.6, 10.2, math.pi / 2), (10.6, 11.6, -2.4), ages=ages).decide()
     world.robots["traffic"]["yields_to"] = [1, 2, 0]
     world.robots["clocks"]["waiting_time"] = 3.0
@@ -30,7 +30,7 @@ def wait_cycle(ages: Sequence[int] = (5, 2, 9)) -> World:
 
 
 def resolve(world: World) -> list[int]:
-    """Run deadlock recovery; return the robots that have a manoeuvre."""
+    """Let them make room; return who has a manoeuvre."""
     sim = world.simulator
     if waits.look(world.robots, waits.scratch(len(world.robots))):
         deadlock_recovery.resolve_deadlocks(0, 1, sim.worlds, sim.search_setup, sim._scratch.search)
@@ -38,7 +38,7 @@ def resolve(world: World) -> list[int]:
 
 
 def test_the_one_with_the_least_right_leaves_the_others_paths() -> None:
-    world = wait_cycle()
+    world = ring()
     assert resolve(world) == [1]
     assert world.robots["traffic"]["retreating"].tolist() == [0, 1, 0]
     assert world.robots["traffic"]["pause"][1] == waits.LEAVES
@@ -49,7 +49,7 @@ def test_the_one_with_the_least_right_leaves_the_others_paths() -> None:
 
 
 def test_of_equals_it_is_always_the_last() -> None:
-    assert resolve(wait_cycle(ages=(5, 5, 5))) == [2]
+    assert resolve(ring(ages=(5, 5, 5))) == [2]
 
 
 def test_a_robot_behind_a_permanently_standing_one_looks_for_a_way_round_it() -> None:
@@ -59,13 +59,13 @@ def test_a_robot_behind_a_permanently_standing_one_looks_for_a_way_round_it() ->
     resolve(world)
     assert world.robots["traffic"]["pause"].tolist() == [0.0, 0.0]
     world.robots["clocks"]["waiting_time"] = 4.1
-    resolve(world)  # it searches once, then pauses whatever the result
+    resolve(world)  # it searches, and whether or not it finds a way, not again for a while
     assert world.robots["traffic"]["pause"].tolist() == [waits.PAUSE, 0.0]
     assert world.robots["traffic"]["retreating"].tolist() == [0, 0]
 
 
 def test_a_robot_that_waits_for_itself_leaves_its_place() -> None:
-    """It makes way for a person in an aisle, in the only possible direction."""
+    """It lets a person out of an aisle: there is one way."""
     world = World((6.0, 1.5, 0.0), grid=AISLE, people=1).decide()
     person = world.simulator.people.persons[0, 0]
     person["x"], person["y"] = 7.0, 1.5
@@ -73,13 +73,13 @@ def test_a_robot_that_waits_for_itself_leaves_its_place() -> None:
     assert resolve(world) == [0]
     assert world.robots["traffic"]["retreating"].tolist() == [1]
     world.decide()
-    x = rectangles(world.path(0))[..., 0]
-    assert x.max() < 6.15 + 1e-3
-    assert x[-1].max() < 6.15 - 0.9  # a body's length back
+    ways = rectangles(world.path(0))[..., 0]
+    assert ways.max() < 6.15 + 1e-3
+    assert ways[-1].max() < 6.15 - 0.9  # a body's length back
 
 
 def test_a_retreating_robot_drives_around_people() -> None:
-    """There is equal room ahead and behind; the robot moves away from the person."""
+    """There is as much room before the robot as behind it; it leaves its place to where nobody is."""
     for beside in (-1.0, 1.0):
         world = World((10.15, 10.0, 0.0), people=1).decide()
         person = world.simulator.people.persons[0, 0]
@@ -92,7 +92,7 @@ def test_a_retreating_robot_drives_around_people() -> None:
 
 
 def shut_in() -> World:
-    """A robot in an aisle of one cell faces a parked one; two more wait nose to tail behind it."""
+    """In an aisle of one cell one faces a parked robot, and two more wait right behind it, nose to tail."""
     poses = [(10.1, 1.5, math.pi), (9.6, 1.5, 0.0), (8.6, 1.5, 0.0), (7.6, 1.5, 0.0)]
     world = World(*poses, ages=[0, 9, 8, 7], grid=AISLE).decide()
     world.robots["traffic"]["yields_to"] = [NOBODY, 0, 1, 2]
@@ -106,8 +106,8 @@ def test_behind_one_that_is_shut_in_the_last_backs_off_first() -> None:
     assert resolve(world) == [3]
     assert world.robots["traffic"]["retreating"].tolist() == [0, 0, 0, 1]
     world.decide()
-    assert rectangles(world.path(3))[-1, :, 0].max() < 7.6 - 1.0  # clear of the floor behind the robot ahead
-    assert resolve(world) == [3]  # robot 2 now waits for its manoeuvre
+    assert rectangles(world.path(3))[-1, :, 0].max() < 7.6 - 1.0  # off the floor behind the one before it
+    assert resolve(world) == [3]  # which now waits for that
 
 
 WINDING = drawn(
@@ -131,7 +131,7 @@ IN_THE_PASSAGE = {  # robots as (row, column, heading in quarter turns, goal)
 
 
 def meet(meeting: str) -> Simulator:
-    """Drive at full speed along the routes for three minutes, with right of way."""
+    """Drive at full speed along the routes for three minutes, under right of way."""
     starts, goals = [], []
     for row, column, quarters, goal in IN_THE_PASSAGE[meeting]:
         heading = math.pi / 2 * quarters
@@ -149,7 +149,7 @@ def meet(meeting: str) -> Simulator:
 
 @pytest.mark.parametrize("meeting", IN_THE_PASSAGE)
 def test_robots_that_meet_in_a_winding_one_cell_passage_get_out(meeting: str) -> None:
-    """Free room is several metres and bends away, beyond a short search, and waiting robots block the way."""
+    """Room is several metres and bends away: no short search gets there, and who waits behind stands on the way."""
     robots = meet(meeting).robots
     assert robots["totals"]["longest_standing"].max() < 60.0
     assert robots["totals"]["goals"].sum() > 0
@@ -164,7 +164,7 @@ STILL = np.array([[EnvConfig().speed_levels.index(0.0) * len(EnvConfig().lateral
 
 
 def simulator_at(x: float, y: float, heading: float, reroute: bool = False) -> Simulator:
-    """One robot with a route in the eastern room that now stands elsewhere."""
+    """One robot that was given a route in the eastern room and is somewhere else now."""
     config = EnvConfig(
         num_agents=1, planner="astar", tasks="one_shot", action_repeat=2, traffic="routes" if reroute else "none"
     )
@@ -180,7 +180,7 @@ def test_a_robot_far_off_its_route_gets_another_and_arrives(reroute: bool) -> No
     for _ in range(500):
         simulator.step(np.full((1, 1), simulator.cruise_action))
     assert simulator.robots["totals"]["reroutes"][0, 0] >= 1
-    assert simulator.robots["task"]["alive"][0, 0] == 0  # it has arrived
+    assert simulator.robots["task"]["alive"][0, 0] == 0  # it is there
 
 
 @pytest.mark.parametrize("reroute", [False, True])
@@ -196,7 +196,7 @@ def test_a_robot_that_believes_to_be_off_the_floor_or_in_a_shelf_gets_a_route(
 
 
 def test_astray_in_the_cell_of_its_goal_it_goes_on_to_its_centre() -> None:
-    simulator = simulator_at(30.05, 0.95, -1.5)  # in the goal's cell, but not yet arrived
+    simulator = simulator_at(30.05, 0.95, -1.5)  # in the goal's cell, but too far from its centre to have arrived
     give_line(simulator, 0, [[2.0, 5.5], [2.5, 5.5]])
     for _ in range(10):
         simulator.step(STILL)
@@ -212,13 +212,13 @@ def test_driving_and_near_robots_keep_their_routes() -> None:
     for _ in range(20):
         simulator.step(STILL)
     assert simulator.robots["totals"]["reroutes"][0, 0] == 0
-    put(simulator, 0, (26.6, 0.6, 0.5, 0.5))  # off route, but driving
+    put(simulator, 0, (26.6, 0.6, 0.5, 0.5))  # far, but it drives
     simulator.robots["clocks"]["standing_time"] = 9.0
     simulator.step(STILL)
     assert simulator.robots["totals"]["reroutes"][0, 0] == 0
     for _ in range(10):
         simulator.step(STILL)
-    assert simulator.robots["totals"]["reroutes"][0, 0] == 1  # it has stopped there
+    assert simulator.robots["totals"]["reroutes"][0, 0] == 1  # it has come to a halt there
 
 
 @pytest.mark.parametrize(("offset", "cell", "far"), [(1.2, 1.0, 1.5), (3.0, 1.0, 3.3), (0.6, 4.0, 4.0)])

@@ -1,4 +1,4 @@
-"""Live replanning: which robots replan and when, costs of other robots, and independence of the batch."""
+"""Live routes: who is routed anew and when, what others cost, and that nothing depends on the batch."""
 
 from __future__ import annotations
 
@@ -47,13 +47,13 @@ EVERY, STOOD_FOR = live.EVERY, live.STOOD_FOR
 
 @pytest.fixture(autouse=True)
 def _often(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Replan twice as often and count robots as standing sooner, so that short episodes suffice."""
+    """Robots look twice as often, and stand sooner, so that short episodes suffice."""
     monkeypatch.setattr(live, "EVERY", 2.0)
     monkeypatch.setattr(live, "STOOD_FOR", 2.0)
 
 
 def record(*robots: dict[str, Any]) -> Any:
-    """ROBOT[1, N], alive and facing east unless given otherwise."""
+    """ROBOT[1, N], alive and facing east but for what is given."""
     found = np.zeros((1, len(robots)), ROBOT)
     found["task"]["alive"] = 1
     found["motion"]["cos"] = 1.0
@@ -78,7 +78,7 @@ def looks(robots: Any, step: int = 0, every: int = 1) -> Any:
 
 
 ONE = np.float32(1.0)
-SITE = Site(ONE, ROWS, COLUMNS, 6.0, np.zeros(64, np.float32))  # a robot counts as standing after 6 s; body centres on the axle
+SITE = Site(ONE, ROWS, COLUMNS, 6.0, np.zeros(64, np.float32))  # a robot stands after 6 s; bodies' centres on the axle
 
 
 def table_of(robots: Any, routes: Any) -> RouteOccupancy:
@@ -99,7 +99,7 @@ FREE = Prices(0.0, 0.0, 0.0, 0.0, 0.0, PRICES.crowd_within, 0.0, 0.0, 0.0)
 
 
 def steps_of(legal: Any) -> Any:
-    """Costs of moves on a floor, given the legal moves, bool[H, W, 8]."""
+    """What moves cost on a floor where these are legal, bool[H, W, 8]."""
     return (np.where(np.arange(8) % 2, DIAGONAL, UNIT) * legal).astype(np.int32)
 
 
@@ -132,13 +132,13 @@ def price_all(look: ReplanQuery, cost: Any) -> None:
 
 
 def prices_of(look: ReplanQuery) -> Any:
-    """The cost that other robots add to each legal move, int64[H, W, 8]; 0 for illegal moves."""
+    """What others make each legal move cost, int64[H, W, 8]; 0 for the others."""
     price_all(look, cost := np.zeros(look.steps.shape, np.int64))
     return cost
 
 
 def costs(robots: Any, routes: Any, me: int, legal: Any = None, **prices: float) -> Any:
-    """The cost [cells] that other robots add to each legal move, float64[H, W, 8]; 0 for illegal moves."""
+    """What others make each legal move cost [cells], float64[H, W, 8]; 0 for the others."""
     return prices_of(look_of(robots, routes, me, legal, **prices)) / UNIT
 
 
@@ -158,7 +158,7 @@ def test_a_robot_counts_as_standing_once_it_has_not_moved_a_metre_for_so_long_or
         (6.5, 2.5, 25.0, True),  # on the way
         (6.5, 3.5, 25.0, True),  # beside it
         (6.5, 4.4, 25.0, False),  # two cells off
-        (6.5, 2.5, 4.0, True),  # the cell before it, column 5, is the fifth ahead
+        (6.5, 2.5, 4.0, True),  # the cell before it, column 5, is the fifth from here
         (6.5, 2.5, 3.0, False),
         (0.5, 1.5, 25.0, True),  # beside the robot, and beside the next cell
     ],
@@ -176,7 +176,7 @@ def test_nobody_bars_his_own_way_and_what_is_behind_bars_none() -> None:
 
 
 def test_all_but_arrived_and_parked_robots_replan_in_turn() -> None:
-    robots = record(*({"x": 0.5, "y": 2.5, "points": 9} for _ in range(5)))  # no robot stands
+    robots = record(*({"x": 0.5, "y": 2.5, "points": 9} for _ in range(5)))  # nobody stands
     robots["events"]["arrived"][0, 3], robots["task"]["alive"][0, 4] = 1, 0
     looked = [looks(robots, step, every=10)[0] for step in range(20)]
     assert np.sum(looked, axis=0).tolist() == [2, 2, 2, 0, 0]
@@ -204,8 +204,8 @@ def test_a_robot_that_stands_makes_its_cell_dear_and_those_around_it() -> None:
     assert cost[2, 4, EAST] == cost[3, 7, WEST] == cost[0, 6, SOUTH] == 3.0
     assert cost[2, 6, EAST] == 3.0  # leaving it for the cell beside
     assert cost[2, 3, EAST] == 0.0
-    assert not costs(robots, eastwards(3, 2, range(9)), 1, standing=10.0, beside=3.0).any()  # a robot does not block itself
-    robots[0, 0]["clocks"]["standing_time"] = 40.0  # a robot that has stood long accepts longer detours
+    assert not costs(robots, eastwards(3, 2, range(9)), 1, standing=10.0, beside=3.0).any()  # nobody is in his own way
+    robots[0, 0]["clocks"]["standing_time"] = 40.0  # who has stood long himself goes a longer way round
     assert costs(robots, eastwards(3, 2, range(9)), 0, standing=10.0, beside=3.0)[2, 5, EAST] == 30.0
 
 
@@ -220,7 +220,7 @@ def test_cells_where_others_have_waited_at_a_look_cost_and_half_as_much_ten_look
         found: list[float] = (prices_of(look)[2, [5, 4, 7], EAST] / UNIT).tolist()
         return found
 
-    assert cost_at(0, [True, False, True]) == [0.0, 0.0, 0.0]  # driving robots and robots that do not replan note nothing
+    assert cost_at(0, [True, False, True]) == [0.0, 0.0, 0.0]  # who drives notes nothing, nor who does not look
     assert cost_at(1, [False, True, False]) == [3.0, 0.0, 0.0]
     assert cost_at(5, [False, True, False]) == [6.0, 0.0, 0.0]
     assert cost_at(10 * every, [False, False, False]) == [3.0, 0.0, 0.0]
@@ -243,7 +243,7 @@ def test_moves_against_what_is_left_of_a_route_cost() -> None:
 def test_moves_against_a_route_cost_their_own_price_where_two_cannot_pass() -> None:
     robots = record({"x": 0.5, "y": 2.5, "points": 9}, {"x": 8.5, "y": 4.5})
     legal = all_moves()
-    legal[2, 3:6, NORTH] = legal[2, 3:5, SOUTH] = False  # an aisle of one cell in columns 3 and 4, entered from 5
+    legal[2, 3:6, NORTH] = legal[2, 3:5, SOUTH] = False  # an aisle of one cell, columns 3 and 4, which 5 leads into
     cost = costs(robots, eastwards(2, 2, range(9)), 1, legal, against=1.0, boxed_against=8.0)
     west = cost[2, :, WEST]
     assert west.tolist() == [0, 1, 1, 8, 8, 1, 1, 1, 1]
@@ -252,13 +252,13 @@ def test_moves_against_a_route_cost_their_own_price_where_two_cannot_pass() -> N
 
 
 def test_cells_where_another_will_be_at_the_same_time_cost() -> None:
-    robots = record({"x": 0.5, "y": 2.5, "points": 9}, {"x": 4.5, "y": 4.5})  # one drives east in row 2, the other is off it
+    robots = record({"x": 0.5, "y": 2.5, "points": 9}, {"x": 4.5, "y": 4.5})  # one goes east in row 2, one is off it
     cost = costs(robots, eastwards(2, 2, range(9)), 1, crowd=2.0, crowd_within=4.0)
-    # (2, 3) is 3 m from one and 2.41 m from the other at (0, 4): 2 - 2 * 0.59 / 4. (2, 4) is 4 and 2 m away.
+    # To (2, 3) one has 3 m to go and the other 2.41 from (0, 4): 2 - 2 * 0.59 / 4. To (2, 4) they have 4 and 2.
     wanted = [0.0, 0.586, 1.586, 1.707, 1.0, 0.707, 0.414, 0.414, 0.414]
     assert cost[1, :, SOUTH].tolist() == pytest.approx(wanted, abs=1e-3)
     assert cost[2, :8, EAST].tolist() == pytest.approx(wanted[1:], abs=1e-3)
-    assert not costs(robots, eastwards(2, 2, range(9)), 0, crowd=2.0).any()  # a robot does not block itself
+    assert not costs(robots, eastwards(2, 2, range(9)), 0, crowd=2.0).any()  # nobody is in his own way
 
 
 @kernel
@@ -278,7 +278,7 @@ def test_what_is_left_of_a_route_costs_its_length_and_its_prices_as_far_as_one_l
 
 
 def live_of(simulator: Simulator) -> LiveRoutes:
-    """The live routes of a simulator's dispatcher."""
+    """The live routes that a simulator's own dispatcher asks."""
     found = simulator.dispatcher.live
     assert found is not None
     return found

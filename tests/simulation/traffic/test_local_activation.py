@@ -32,9 +32,9 @@ def three(beside: float) -> World:
 
 def test_rules_act_on_a_robot_that_has_stood_for_long_and_around_it() -> None:
     for beside, after, near in ((4.9, 1.0, True), (5.1, 1.0, False), (7.9, 3.0, True), (8.1, 3.0, False)):
-        assert min(LONGER * after, AROUND) in (5.0, 8.0)  # [m]: 1 m per second of waiting, at most 8 m
+        assert min(LONGER * after, AROUND) in (5.0, 8.0)  # [m]: a metre a second, 8 m at most
         world = three(beside)
-        world.robots["shield"]["vetoed_by"][0] = 2  # a robot that drives
+        world.robots["shield"]["vetoed_by"][0] = 2  # which drives
         world.robots["clocks"]["waiting_time"][0] = 3.0
         world.robots["clocks"]["standing_time"][0] = LONGER * after - 0.1
         assert not rules_act(world, after)
@@ -53,7 +53,7 @@ def held(holders: list[int]) -> World:
 
 def test_rules_act_on_wait_cycles_and_on_the_head_of_a_queue() -> None:
     for holders, expected in (
-        ([1, 0, NOBODY, NOBODY, 3], [True, True, True, True, False]),  # two wait for each other, two for no robot
+        ([1, 0, NOBODY, NOBODY, 3], [True, True, True, True, False]),  # two wait for each other, two for nobody
         ([2, 0, 1, 4, 2], [True, True, True, False, False]),  # a wait cycle of three, and two that queue for it
         ([1, 2, 3, 4, NOBODY], [False] * 4 + [True]),
         ([4, 0, 1, 2, 3], [True] * 5),
@@ -115,11 +115,11 @@ def test_it_lasts_until_it_has_been_calm_for_a_while() -> None:
 def test_a_robot_without_rules_keeps_its_command_and_offset() -> None:
     world = World((8.0, 10.0, 0.0, 1.0), (10.0, 8.0, math.pi / 2, 1.0), ages=[100, 0])
     world.simulator._params["right_of_way_after"] = 3.0
-    offset = np.array([[int(world.simulator.cruise_action) + 1] * 2])
-    world.decide(offset)
-    command = world.simulator._commands[0, 0]
-    assert command[0, 1] != 0.0
-    assert world.robots["traffic"]["side"].tolist() == command[:, 1].tolist()
+    aside = np.array([[int(world.simulator.cruise_action) + 1] * 2])
+    world.decide(aside)
+    told = world.simulator._commands[0, 0]
+    assert told[0, 1] != 0.0
+    assert world.robots["traffic"]["side"].tolist() == told[:, 1].tolist()
 
 
 @pytest.mark.parametrize("command", [0, 5])  # back, stand: the offset is 0
@@ -157,7 +157,7 @@ def test_if_nobody_stands_for_long_it_is_as_if_it_were_not_there() -> None:
 
 
 def test_a_jam_that_the_field_leaves_is_dissolved() -> None:
-    """Robots that only drive ahead deadlock; with right of way after 5 s they proceed."""
+    """Robots that only drive on block each other for good; with right of way after 5 s they come through."""
     goals = {False: 0.0, True: 0.0}
     for right in goals:
         switches: dict[str, Any] = {"right_of_way_after": 5.0} if right else {"right_of_way": False}

@@ -1,4 +1,4 @@
-"""Paths ahead: poses at half metres of the odometer, and meetings of paths against a check of all pairs of poses."""
+"""Paths ahead: poses at half metres of the odometer, and where paths meet, each pose held against every other."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def test_poses_do_not_move_while_the_robot_drives(driven: float) -> None:
 
 
 def decided(world: World) -> NDArray[np.float32]:
-    """The path of the first robot that the decision uses; it may be an earlier one."""
+    """The path of the first robot that the decision goes by, which may have been kept."""
     return world.decide().path(0)
 
 
@@ -106,7 +106,7 @@ def test_another_route_or_manoeuvre_is_another_path() -> None:
 def test_a_path_ends_at_the_goal() -> None:
     path, at_end = ahead(World((2.0, 12.0, 0.0), length=3.0))
     assert at_end
-    assert path[:, DRIVEN].tolist() == [0.0, 0.5, 1.0, 1.5, 2.0, 2.5]  # it ends 0.3 m before the goal
+    assert path[:, DRIVEN].tolist() == [0.0, 0.5, 1.0, 1.5, 2.0, 2.5]  # 0.3 m before its end it is over
 
 
 @pytest.mark.parametrize("side", [0.6, -1.2])
@@ -147,7 +147,7 @@ paths = st.lists(st.lists(poses, min_size=1, max_size=POSES), min_size=2, max_si
 
 
 def near(k: int, m: int) -> bool:
-    """Whether two poses are so close in time that only TIGHT room is required between them."""
+    """Whether two poses are so near in time that they are held against each other with TIGHT room alone."""
     return k == 0 or m == 0 or (k <= reservations.NEARBY and m <= reservations.NEARBY)
 
 

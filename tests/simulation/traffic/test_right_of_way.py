@@ -1,4 +1,4 @@
-"""Right of way: which stretch of its path each robot is granted, and that granted stretches never touch."""
+"""Right of way: who is granted which stretch of its path, and that nobody then touches anybody."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ ROUNDING = 1e-4  # [m]
 
 
 def gap(world: World, robot: int, other: int, last: int | None = None, others_last: int | None = None) -> float:
-    """Least distance [m] between two robots' paths up to the given poses; negative if they touch."""
+    """Least distance [m] of two robots' paths as far as the given poses; below 0: they touch."""
     one, two = rectangles(world.path(robot, last)), rectangles(world.path(other, others_last))
     return float(separation(one[:, None], two[None]).min())
 
 
 def crossing(first: int, **more: Any) -> World:
-    """Two robots that drive at 1 m/s towards one point 2 m ahead; robot `first` has the older task."""
+    """Two that drive at 1 m/s towards the same place, 2 m before it; robot `first` is longer on its way."""
     ages = [0, 0]
     ages[first] = 100
     return World((8.0, 10.0, 0.0, 1.0), (10.0, 8.0, math.pi / 2, 1.0), ages=ages, **more)
@@ -49,14 +49,14 @@ def test_of_two_that_cross_one_waits_off_the_others_path(first: int) -> None:
     world, other = crossing(first).decide(), 1 - first
     assert world.order.tolist() == [first, other]
     assert world.robots["traffic"]["yields_to"].tolist() == [NOBODY if k == first else first for k in range(2)]
-    # 2 m to the crossing, then half a body's width and its own rear reach
+    # 2 m to the crossing, and the body, half a width and its own rear beyond it
     assert world.robots["traffic"]["authority"][first] > 2.0 + 0.3 + 0.75
     assert 0.0 < world.robots["traffic"]["authority"][other] < 2.0
-    assert gap(world, other, first, last=world.granted(other)) > 0.0  # clear of the whole path of the other
+    assert gap(world, other, first, last=world.granted(other)) > 0.0  # off all of the other's path
 
 
 def test_nobody_waits_on_a_crossing() -> None:
-    # A metre of path ends on the other's line, so the robot requests more or takes less.
+    # A metre of path ends on the other's line, so that more is asked for, or less is taken.
     for distance in np.arange(0.75, 3.0, 0.125):
         world = World((10.0 - distance, 10.0, 0.0), (10.0, 7.0, math.pi / 2), ages=[9, 0]).decide()
         end = rectangles(world.path(0))[world.granted(0)][None, None]
@@ -95,7 +95,7 @@ def test_what_is_granted_is_lost_to_one_that_cannot_stop() -> None:
 
 def test_of_two_head_on_the_later_one_takes_another_side() -> None:
     world = World((5.0, 10.0, 0.0, 1.0), (11.6, 10.0, math.pi, 1.0), ages=[9, 0]).decide()
-    assert world.robots["traffic"]["side"].tolist() == [0.0, np.float32(-1.2)]  # an offset of 0.6 m is too small for two bodies
+    assert world.robots["traffic"]["side"].tolist() == [0.0, np.float32(-1.2)]  # 0.6 m are too few for two bodies
     assert world.robots["traffic"]["yields_to"].tolist() == [NOBODY, NOBODY]
     assert gap(world, 1, 0, world.granted(1), world.granted(0)) > 2 * WIDE - ROUNDING
 
@@ -108,7 +108,7 @@ def test_sides_are_tried_in_the_order_of_preference(liked: float) -> None:
     preferences[0, :, np.flatnonzero((table == np.array((0.5, liked), np.float32)).all(axis=1))] = 2.0
     world = World((5.0, 10.0, 0.0, 1.0), (11.6, 10.0, math.pi, 1.0), ages=[9, 0]).decide(preferences)
     assert world.robots["traffic"]["side"][1] == np.float32(liked)
-    assert world.simulator._commands[0, 0, :, 0].tolist() == [1.5, 0.5]  # the preferred speed at that offset
+    assert world.simulator._commands[0, 0, :, 0].tolist() == [1.5, 0.5]  # the speed that it likes there
 
 
 def test_the_liked_side_is_taken_back_when_it_is_free() -> None:
@@ -129,7 +129,7 @@ def test_a_blocking_robot_inherits_the_right() -> None:
     rank(world.robots, world.order)
     assert world.robots["traffic"]["right"].tolist() == [9, 9, 9, 7, 5]
     assert world.order.tolist() == [0, 1, 2, 3, 4]
-    world.robots["traffic"]["yields_to"] = [1, 2, 0, NOBODY, NOBODY]  # a wait cycle, on which inheritance must end
+    world.robots["traffic"]["yields_to"] = [1, 2, 0, NOBODY, NOBODY]  # a ring, and nobody turns in it for ever
     rank(world.robots, world.order)
     assert world.robots["traffic"]["right"].tolist() == [9, 9, 9, 7, 5]
 
@@ -138,7 +138,7 @@ def test_a_vetoed_robot_waits_for_the_robot_that_vetoes_it() -> None:
     world = World((5.0, 10.0, 0.0), (5.0, 18.0, 0.0))
     world.robots["shield"]["vetoed_by"][0], world.robots["shield"]["vetoed_time"][0] = 1, 1.0
     assert world.decide().robots["traffic"]["yields_to"].tolist() == [1, NOBODY]
-    # The step reads vetoes before it clears them.
+    # ... and the step asks before it forgets who held whom
     sim = world.simulator
     sim.step(np.zeros((1, 2, 20), np.float32))
     assert sim.robots["traffic"]["yields_to"][0, 0] == 1
@@ -170,8 +170,8 @@ def test_no_two_are_granted_poses_that_touch(places: list[tuple[int, int]], data
 def test_within_its_limit_a_robot_stops_before_its_authority_ends(speed: float, more: float, wanted: float) -> None:
     world = World((5.0, 10.0, 0.0))
     r, p = world.robots[0], world.simulator._params[0]
-    left = speed * speed / 2 + 0.2 * speed + more  # it can always stop within its authority
-    for _ in range(40):  # decisions of two physics steps, without a new grant
+    left = speed * speed / 2 + 0.2 * speed + more  # whatever it is granted, it could stop before that
+    for _ in range(40):  # decisions of two physics steps, nothing more being granted
         r["traffic"]["authority"] = left
         for _ in range(2):
             target = float(limit(r, np.float32(wanted), p))
@@ -190,21 +190,21 @@ def test_a_robot_that_has_stood_for_long_is_urged_to_go() -> None:
     assert speed_of(r, choices, np.float32(0.0), is_urged(r)) == 1.5
     r["traffic"]["authority"] = 0.0
     assert speed_of(r, choices, np.float32(0.0), is_urged(r)) == np.float32(-0.4)
-    r["traffic"]["side"] = -1.2  # from an earlier decision; no longer a candidate
+    r["traffic"]["side"] = -1.2  # from a decision before; not among what is offered now
     assert speed_of(r, choices, np.float32(0.7), is_urged(r)) == np.float32(0.7)
 
 
 def test_the_first_of_two_robots_that_end_on_each_others_paths_reaches_its_goal() -> None:
-    """A robot need not stop at its goal: it continues from there."""
+    """Nobody need not wait at its goal: it goes on from there."""
     world = World((9.25, 10.0, 0.0), (10.0, 9.25, math.pi / 2), ages=[9, 0], length=1.0).decide()
     assert world.robots["traffic"]["yields_to"].tolist() == [NOBODY, 0]
     assert world.robots["traffic"]["authority"][0] == math.inf
-    assert world.robots["traffic"]["side"][0] == 0.0  # straight to the goal, without an offset
+    assert world.robots["traffic"]["side"][0] == 0.0  # straight there, not beside it
 
 
 @pytest.mark.parametrize(("x", "walks", "ends"), [(11.6, 0.0, 11.6), (20.0, 0.0, 20.0), (12.8, -1.0, 11.6)])
 def test_a_grant_ends_before_a_person_and_where_one_is_about_to_walk(x: float, walks: float, ends: float) -> None:
-    """A person has a radius of 0.25 m and keeps 0.4 m free ahead; poses are at most 0.5 m apart."""
+    """A person is .25 m wide to each side; .4 m stay free before it, and poses are at most .5 m apart."""
     world = World((10.0, 10.0, 0.0, 0.5), people=1)
     person = world.simulator.people.persons[0, 0]
     person["x"], person["y"], person["cos"], person["rest"] = x, 10.0, walks, 0.0 if walks else 5.0
@@ -218,7 +218,7 @@ def test_a_grant_ends_before_a_person_and_where_one_is_about_to_walk(x: float, w
 def test_a_robot_beside_a_person_may_drive_away() -> None:
     world = World((10.0, 10.0, 0.0, 0.0), people=1)
     person = world.simulator.people.persons[0, 0]
-    person["x"], person["y"], person["rest"] = 9.1, 10.0, 5.0  # just behind the body, which ends at 9.25
+    person["x"], person["y"], person["rest"] = 9.1, 10.0, 5.0  # a hand behind the body, which ends at 9.25
     assert world.decide().granted(0) > 0
 
 
@@ -229,7 +229,7 @@ def test_a_robot_beside_a_person_may_drive_away() -> None:
 def test_a_robot_that_shuts_a_person_in_waits_for_the_other_then_for_itself(
     kept: float, other: float, waits_for: list[int]
 ) -> None:
-    """One or two robots face a person in an aisle; the robots' own paths do not meet."""
+    """Two face each other in an aisle with a person between, or one faces it alone; their own paths do not meet."""
     aisle = drawn(["#" * 24, "." * 24, "#" * 24])
     world = World((10.0, 1.5, 0.0), (other, 1.5, math.pi), grid=aisle, length=1.0, people=1)
     person = world.simulator.people.persons[0, 0]

@@ -1,4 +1,4 @@
-"""The shield: robots touch nothing under any commands and any changes of routes."""
+"""The protective field: whatever robots are told, and whatever befalls their routes, nobody touches anything."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def test_two_head_on_stop_before_they_meet() -> None:
 
 
 def test_one_may_follow_close_behind_another_that_drives() -> None:
-    # Both need the same distance to stop, so the margin suffices once the robot ahead has committed.
+    # Both stop within the same way, so that the margin is all they need, once the one ahead has committed.
     simulator = guarded(room(3, 30), (2.0, 1.5, 0.0, 1.5), (3.0, 1.5, 0.0, 1.5))
     simulator.robots["task"]["age"][0, 1] = 1
     for _ in range(100):
@@ -126,7 +126,7 @@ def test_robots_that_arrive_under_one_shot_tasks_brake_to_their_place() -> None:
         simulator.step(raw(simulator, FULL, FULL))
     assert simulator.terminated[0].tolist() == [False, True]
     assert simulator.state.speed[0].tolist() == [0.0, 0.0]
-    assert 8.0 < simulator.state.pose[0, 1, 0] < 9.0  # it arrives 0.5 m before the goal and stops 1.13 m later
+    assert 8.0 < simulator.state.pose[0, 1, 0] < 9.0  # half a metre before the goal it arrives, 1.13 m on it stands
     assert untouched(simulator)
 
 
@@ -144,7 +144,7 @@ def shake(simulator: Simulator, rng: np.random.Generator, steps: int) -> None:
 
 
 def random_floor(rng: np.random.Generator) -> Any:
-    """Random shelves outside every third row and one column, so that all free cells are connected."""
+    """Shelves anywhere but on every third row and in a column, so that all free cells hang together."""
     occupied = rng.random((7, 9)) < rng.choice([0.0, 0.3, 0.6])
     occupied[[0, 3, 6]] = False
     occupied[:, 0] = False
@@ -168,7 +168,7 @@ def test_random_commands_on_random_floors(seed: int, substeps: int, margin: floa
 @settings(max_examples=60)
 @given(st.integers(0, 10**6), st.sampled_from([1, 2, 3]), st.sampled_from([0.5, 1.03, 1.047]))
 def test_the_field_samples_the_poses_that_bodies_take(seed: int, substeps: int, steer: float) -> None:
-    """Steering that reaches its limit between two substeps changes the curvature of later substeps."""
+    """Steering that reaches its lock between two substeps of the command bends the next ones more, not the same."""
     rng = np.random.default_rng(seed)
     pose = (15.0, 15.0, rng.uniform(-3.0, 3.0), rng.uniform(-0.5, 1.5), rng.choice([-steer, steer]))
     command = (rng.uniform(-1.0, 1.0), rng.uniform(-1.5, 1.5))
@@ -238,7 +238,7 @@ def test_the_check_finds_what_a_shield_lets_through() -> None:
     simulator._params["field_margin"] = -1.0  # a shield that bodies may run through
     with pytest.raises(AssertionError, match="world 0: robot 1 cannot stop clear of robot 0"):
         drive_on(simulator)
-    assert untouched(simulator)  # found before contact
+    assert untouched(simulator)  # found while there was still a way to go
     simulator = guarded(room(3, 20), (18.9, 1.5, 0.0))
     put(simulator, 0, (18.9, 1.5, 0.0, 1.5))
     with pytest.raises(AssertionError, match="robot 0 cannot stop clear of a shelf"):
@@ -264,7 +264,7 @@ def test_what_a_policy_sees_of_the_field() -> None:
 
 
 def test_a_robot_that_is_held_where_it_stands_may_steer() -> None:
-    """Its tail would swing into the other robot; it must be able to straighten its wheels and leave."""
+    """Its tail would swing into the other; with its wheels straight it can go, so it must be able to turn them."""
     simulator = stage(
         room(12, 12), (5.0, 6.0, 0.0), (4.75, 5.379, 0.0), action_type="raw", traffic=TrafficSpec(shield=True)
     )

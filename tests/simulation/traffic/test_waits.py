@@ -1,4 +1,4 @@
-"""The wait-for graph and the stages of waiting: by hand, against a plain walk, and against the page in docs."""
+"""Who waits for whom and what is done about it: by hand, cycles against a plain walk, the page that tells when."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from warehouse_env.simulation.traffic.waits import MOVES, SEEKS, STUCK, WAITS, f
 
 
 def standing(yields_to: list[int], waited: list[float]) -> World:
-    """Robots in a row, far apart, that yield to the given robots and have waited for given times [s]."""
+    """Robots in a row, far enough apart, which have agreed on who goes first and have stood for some time [s]."""
     world = World(*((2.0 + 3.0 * k, 10.0, 0.0) for k in range(len(waited))))
     world.robots["traffic"]["rules_active"] = 1.0
     world.robots["traffic"]["yields_to"], world.robots["clocks"]["waiting_time"] = yields_to, waited
@@ -42,7 +42,7 @@ def stages(world: World) -> list[int]:
 @pytest.mark.parametrize(
     ("waited", "found"),
     [
-        ([0.9, 3.0, 3.0], [MOVES, WAITS, WAITS]),  # one robot of the cycle moves
+        ([0.9, 3.0, 3.0], [MOVES, WAITS, WAITS]),  # one of the ring moves
         ([1.0, 1.9, 2.0], [WAITS, WAITS, SEEKS]),
         ([3.0, 3.0, 3.0], [SEEKS, SEEKS, SEEKS]),
     ],
@@ -92,7 +92,7 @@ def test_waits_are_looked_up_only_for_robots_that_may_be_in_a_cycle() -> None:
 
 
 def rows() -> list[list[str]]:
-    """The cells of each row of the page's table of stages."""
+    """The cells of each row of the page's table of who steps in when."""
     table = PAGES["docs/traffic.md"].split("## Who steps in when")[1].split("\n## ")[0]
     lines = [line.strip("| ").split(" | ") for line in table.splitlines() if line.startswith("| ")]
     return lines[2:]
@@ -116,7 +116,7 @@ EAST, NORTH, WEST, SOUTH = 0.0, math.pi / 2, math.pi, -math.pi / 2
 
 
 def on_routes(*poses: Pose, goals: list[tuple[int, int]], seconds: float = 1.0) -> Simulator:
-    """Robots in a room of 12 x 12 that have waited for some time, each with a straight route to its goal."""
+    """Robots that have stood for some time on a room of 12 x 12, each with a straight route from its cell to a goal."""
     simulator = stage(room(12, 12), *poses, keep_right=0.0)
     for robot, (pose, goal) in enumerate(zip(poses, goals, strict=True)):
         start = tuple(simulator.grid.cell(np.array(pose[:2])).tolist())
@@ -254,7 +254,7 @@ def test_the_longest_stand_is_kept_with_its_chain() -> None:
         record(simulator, step)
     kept = (40.0, "robot 0 waits for 1, which waits for 0: a wait cycle")
     assert record.longest[0] == kept
-    simulator.robots["motion"]["speed"] = 0.5  # they part
+    simulator.robots["motion"]["speed"] = 0.5  # they get away from each other
     clocks["standing_time"], clocks["waiting_time"] = 45.0, 0.0
     simulator.robots["motion"]["x"] += (-5.0, 5.0)
     record(simulator, 30)
