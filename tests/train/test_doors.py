@@ -22,7 +22,7 @@ from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.movingai import write_map
 
 INPUTS = {
-    "check", "draw", "episode", "episodes", "files", "fleet", "folder", "listen",
+    "check", "delays", "draw", "episode", "episodes", "files", "fleet", "folder", "listen",
     "map", "maps", "orders", "plan", "rows", "runs", "scen", "solutions",
 }  # fmt: skip
 
