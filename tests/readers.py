@@ -16,6 +16,8 @@ from agents import WEIGHTS_FOLDER, Network
 from agents.weights_folder import CONFIG, read_record, read_tensors
 from train.clmapf.instance import read_instance, read_solution
 from train.commands.compare import read_runs
+from train.execute.delays import read_delays
+from train.execute.read import read_plan
 from train.fleet.check import check_log
 from train.fleet.driven import load_episode
 from train.fleet.messages import factsheet_of
@@ -24,9 +26,10 @@ from train.kinds import read_fleet
 from train.learning import checkpoint
 from train.reporting.rows import read_rows, whole_rows
 from warehouse_env.config import EnvConfig
-from warehouse_env.errors import ConfigError, MapError, WarehouseError, WeightsError
+from warehouse_env.errors import ConfigError, MapError, PlanError, WarehouseError, WeightsError
 from warehouse_env.files import file_digest
 from warehouse_env.maps.discs import read_discs
+from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.halls.lif import read_lif
 from warehouse_env.maps.halls.map_server import read_occupancy, read_picture
 from warehouse_env.maps.halls.places import read_places
@@ -176,7 +179,19 @@ def of_checkpoint(path: Path) -> Any:
     return checkpoint.read(path.parent)
 
 
+def of_plan(path: Path) -> Any:
+    scen = path.with_suffix(".scen")
+    scen.write_text("version 1\n0\tm\t6\t6\t1\t1\t2\t1\t1\n0\tm\t6\t6\t3\t3\t3\t2\t1\n")
+    plan = read_plan(path, GridMap(np.zeros((6, 6), bool)), scen if path.suffix == ".csv" else None)
+    return plan.cells.tolist(), plan.tasks, plan.ticks
+
+
 LOG = rows(_fleet_entries())
+LEAGUE_PLAN = {
+    "start": [[1, 1, "E"], [3, 3, "N"]], "agentMaxCounter": 2, "events": [[2, 0, 7, 1]],
+    "actualPaths": ["[(0,1,1,0,0):(F 2,W 1)]", "[(0,3,3,3,0):(W 1,F 2)]"],
+}  # fmt: skip
+LEAGUE_PROBLEM = {"agentCounter": 3, "delayConfig": {"pDelay": 0.1, "minDelay": 2, "maxDelay": 4}}
 READERS: dict[str, Reader] = {
     "m.map": of_text(lambda path: read_map(path).key, MAP),
     "m.oneway": of_text(with_one_way, ONE_WAY),
@@ -203,6 +218,10 @@ READERS: dict[str, Reader] = {
     "run.jsonl": of_text(with_other_rows, rows(EVALUATED), WarehouseError),
     "instance.yaml": of_text(lambda path: repr(read_instance(path, "i")), CLMAPF),
     "solution.yaml": of_text(lambda path: repr(read_solution(path)), CLMAPF_SOLUTION),
+    "plan.txt": of_text(of_plan, b"0:(1,1),(3,3),\n1:(2,1),(3,3),\n", PlanError),
+    "plan.json": of_text(of_plan, json.dumps(LEAGUE_PLAN).encode(), PlanError),
+    "plan.csv": of_text(of_plan, b'agents,solution_plan\n2,"rw\nwd"\n', PlanError),
+    "problem.json": of_text(lambda path: read_delays(path, 0.6), json.dumps(LEAGUE_PROBLEM).encode(), ConfigError),
     "log.jsonl": of_text(lambda path: check_log(path).messages, LOG, WarehouseError),
     "heard.jsonl": of_text(lambda path: hear_log(path).messages, LOG, WarehouseError),
     "digest": Reader(file_digest, lambda: b"any", WarehouseError),

@@ -84,6 +84,10 @@ class Execute(Checked):
         """Plan or read, order, drive; print what was lost where."""
         if (self.plan is None) == (self.grid_planner is None):
             raise ConfigError("name a file with a plan, or a --grid-planner")
+        if self.delays is not None and self.delay_probability:
+            raise ConfigError("draw delays by --delays or by --delay-probability, not by both")
+        if self.scen is not None and self.plan is None:
+            raise ConfigError("--scen goes with a plan of the MAPF Tracker; leave it out")
         rows_path = self.json or self.out / "rows.jsonl"
         for path in (self.out / "table.md", self.out / "episode.npz"):
             check_writable(path)

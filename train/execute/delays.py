@@ -1,7 +1,8 @@
 """Random delays, as the League of Robot Runners draws them in 2026 (DelayGenerator.cpp of its Start-Kit).
 
-In each tick, every robot that is not held up may be: each with a probability, or a Poisson number of robots. A delay
-lasts a uniform number of ticks, or a normal one rounded into its limits. The generator of random numbers is NumPy's.
+In each tick, robots that are not delayed may become so: each with a given probability, or a Poisson-distributed number
+of them. A delay lasts a number of ticks from a uniform distribution, or from a normal one, rounded and cut off at the
+limits. Random numbers are NumPy's, so a seed gives other delays than in the League.
 """
 
 import math

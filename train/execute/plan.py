@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from warehouse_env.errors import PlanError, counted, shown
 from warehouse_env.maps.grid_map import Cell, GridMap
 
-MOST = 10_000, 1_000_000  # robots, and steps
+_MOST = 10_000, 1_000_000  # robots, and steps
 
 
 class GridPlan(NamedTuple):
@@ -43,8 +43,8 @@ def finished(cells: NDArray[np.int64]) -> GridPlan:
 def check_plan(cells: NDArray[np.int64], grid: GridMap) -> None:
     """Raise PlanError unless robots move to free cells beside theirs, and no two share or swap cells."""
     steps, robots = len(cells) - 1, cells.shape[1]
-    if not 1 <= robots <= MOST[0] or steps > MOST[1]:
-        raise PlanError(f"{counted(robots, 'robot')} over {steps:,} steps; at most {MOST[0]:,} over {MOST[1]:,}")
+    if not 1 <= robots <= _MOST[0] or steps > _MOST[1]:
+        raise PlanError(f"{counted(robots, 'robot')} over {steps:,} steps; at most {_MOST[0]:,} over {_MOST[1]:,}")
     inside = np.asarray(((cells >= 0) & (cells < grid.shape)).all(axis=2))
     closed = grid.closed[tuple(np.where(inside[..., None], cells, 0).transpose(2, 0, 1))]
     for step, robot in np.argwhere(np.logical_or(~inside, closed))[:1].tolist():

@@ -11,6 +11,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -19,13 +20,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from train.execute.plan import MOST, GridPlan, check_plan, finished
+from train.execute.plan import GridPlan, check_plan, finished
 from warehouse_env.errors import PlanError, shown
 from warehouse_env.files import parsed_json, read_text
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.maps.movingai import read_scen
 
 LARGEST = 2**28  # [bytes] of a file
+_MOST_ACTIONS = 100_000_000  # of all robots, since runs of actions are short texts
 _STEP = re.compile(r"(\d+):((?:\(\d+,\d+\),?)+)")
 _AGENT = re.compile(r"Agent(\d+):((?:\(\d+,\d+(?:,\d+)?\)(?:->)?)+)")
 _BEGUN = re.compile(r"\d+:|Agent")  # such a line; headers are passed over
@@ -44,11 +46,13 @@ def read_plan(path: Path, grid: GridMap, scen: Path | None = None) -> GridPlan:
     scen: the scenarios of a plan of the MAPF Tracker, which holds no starts; MapError if these cannot be read.
     """
     text = read_text(path, "plan", LARGEST, PlanError)
-    heading = text.lstrip("\ufeff").partition("\n")[0]
-    if text.lstrip().startswith("{"):
+    columns = [name.strip('"') for name in text.partition("\n")[0].strip().split(",")]
+    if any(name in columns for name in _COLUMNS):
+        plan = _tracked(text, path, scen)
+    elif scen is not None:
+        raise PlanError(f"{path} is no plan of the MAPF Tracker: leave out --scen {scen}")
+    elif text.lstrip().startswith("{"):
         plan = _league(parsed_json(text, str(path), PlanError), path)
-    elif any(name in heading for name in _COLUMNS):
-        plan = _tracked(text.lstrip("\ufeff"), path, scen)
     else:
         lines = "".join(text.split(" ")).splitlines()
         for number, line in enumerate(lines, start=1):
@@ -94,7 +98,11 @@ def _together(paths: Sequence[Sequence[Cell]]) -> NDArray[np.int64]:
 
 
 def _tracked(text: str, path: Path, scen: Path | None) -> GridPlan:
-    rows = list(csv.DictReader(text.splitlines(keepends=True)))
+    csv.field_size_limit(LARGEST)
+    try:
+        rows = list(csv.DictReader(io.StringIO(text.rstrip() + "\n", newline="")))
+    except csv.Error as error:
+        raise PlanError(f"{path} is no table of comma-separated values ({error})") from None
     if len(rows) != 1:
         raise PlanError(f"{path} holds {len(rows)} plans: keep its heading and the row of one plan")
     if scen is None:
@@ -124,12 +132,19 @@ def _moved(start: Cell, moves: str, up: int) -> Iterator[Cell]:
 
 def _league(data: Any, path: Path) -> GridPlan:
     try:
-        actions, ticks = [_actions(text) for text in data["actualPaths"]], int(data.get("agentMaxCounter", 1))
+        ticks, paths = int(data.get("agentMaxCounter", 1)), data["actualPaths"]
+        if ticks < 1:
+            raise ValueError
+        if sum(int(times) for text in paths for _, times in _RUN.findall(text)) > _MOST_ACTIONS:
+            raise PlanError(f"{path}: robots take more than {_MOST_ACTIONS:,} actions")
+        actions = [_actions(text) for text in paths]
         starts = [(int(row), int(column), "ESWN".index(towards)) for row, column, towards in data["start"]]
-        cells = [list(_driven(start, own, ticks)) for start, own in zip(starts, actions, strict=True)]
+        cells = [np.array(list(_driven(*one, ticks))) for one in zip(starts, actions, strict=True)]
         tasks: list[list[int]] = [[] for _ in cells]
         for step, robot in _finishes(data.get("events", [])):
             tasks[robot].append(int(step))
+    except PlanError:  # which is a ValueError
+        raise
     except (KeyError, ValueError, TypeError, IndexError, AttributeError):
         raise PlanError(
             f"{path} is JSON without `start` and `actualPaths` as the League of Robot Runners' output has them"
@@ -146,10 +161,7 @@ def _actions(text: str) -> str:
         return text.replace(",", "")
     if not _SEGMENTS.fullmatch(text):
         raise ValueError
-    runs = [(action, int(times)) for action, times in _RUN.findall(text)]
-    if sum(times for _, times in runs) > MOST[1]:
-        raise ValueError
-    return "".join(action * times for action, times in runs)
+    return "".join(action * int(times) for action, times in _RUN.findall(text))
 
 
 def _finishes(events: Sequence[Any]) -> Iterator[tuple[int, int]]:

@@ -17,7 +17,9 @@ from warehouse_env.maps import one_way
 from warehouse_env.maps.discs import SUFFIX, read_discs, write_beside
 from warehouse_env.maps.grid_map import Cell, GridMap
 
-FREE = ".GSE"  # S is swamp, which the benchmarks' shortest paths treat as floor; S and E are places of the League
+# S is swamp, which the benchmarks' shortest paths treat as floor, or a pick-up point of the League of Robot Runners;
+# E is its delivery point.
+FREE = ".GSE"
 BLOCKED = "@OTW"
 EXAMPLE_MAP = Path(__file__).parent / "data" / "warehouse-40-64.map"
 EXAMPLE_SCEN = Path(__file__).parent / "data" / "warehouse-40-64.scen"

@@ -83,10 +83,31 @@ def test_runs_of_actions_of_the_league_take_several_ticks(tmp_path: Path) -> Non
     np.testing.assert_array_equal(plan.cells[:, 0], [(1, 1)] * 4 + [(1, 2)] * 6)
     np.testing.assert_array_equal(plan.cells[:, 1], [(3, 3)] * 8 + [(2, 3)] * 2)  # held up within a move
     assert (plan.ticks, plan.tasks) == (3, ((4,), (8,)))
-    for wrong in ("[(0,1,1,0,0):(F 3", "[(0,1,1,0,0):(X 3)]", "[(0,1,1,0,0):(F 9999999)]"):
-        path.write_text(json.dumps(data | {"actualPaths": [wrong, wrong]}))
-        with pytest.raises(PlanError, match="without `start` and `actualPaths`"):
+    for changes, told in (
+        ({"actualPaths": ["[(0,1,1,0,0):(F 3"] * 2}, "without `start` and `actualPaths`"),
+        ({"actualPaths": ["[(0,1,1,0,0):(X 3)]"] * 2}, "without `start` and `actualPaths`"),
+        ({"agentMaxCounter": 0}, "without `start` and `actualPaths`"),
+        ({"actualPaths": [f"[(0,1,1,0,0):({','.join(['W 9999999'] * 20)})]"] * 2}, "more than 100,000,000 actions"),
+    ):
+        path.write_text(json.dumps(data | changes))
+        with pytest.raises(PlanError, match=told):
             read_plan(path, OPEN)
+
+
+def test_files_of_other_formats_may_name_a_path_and_refuse_scenarios(tmp_path: Path) -> None:
+    path = tmp_path / "plan.txt"
+    path.write_text("map_file=a/path/open.map,seed=1\n0:(1,1),\n1:(2,1),\n")
+    assert read_plan(path, OPEN).makespan == 1
+    with pytest.raises(PlanError, match="leave out --scen"):
+        read_plan(path, OPEN, tmp_path / "two.scen")
+
+
+def test_a_plan_of_the_tracker_may_be_long(tmp_path: Path) -> None:
+    """Longer than a field of Python's csv module may be by default, 131,072 characters."""
+    path, scen = tmp_path / "plan.csv", tmp_path / "one.scen"
+    scen.write_text("version 1\n0\topen.map\t12\t12\t1\t1\t2\t1\t1\n")
+    path.write_text(f"agents,path\n1,{'w' * 200_000}r\n")
+    assert read_plan(path, OPEN, scen).makespan == 200_001
 
 
 @pytest.mark.parametrize("moves", ["rw\nwd", "rw\nwu"])  # rows upwards, as published, and downwards
@@ -324,6 +345,8 @@ def test_the_command_tells_what_is_left_of_a_plan(tmp_path: Path, capsys: pytest
     [
         ([], "name a file with a plan, or a --grid-planner"),
         (["plan.txt", "--grid-planner", "pibt"], "name a file with a plan, or a --grid-planner"),
+        (["plan.txt", "--delays", "problem.json", "--delay-probability", "0.1"], "not by both"),
+        (["--grid-planner", "pibt", "--scen", "two.scen"], "--scen goes with a plan of the MAPF Tracker"),
         (["nowhere.txt"], "nowhere.txt"),
         (["--grid-planner", "lacam"], "lacam"),
         (["--grid-planner", "pibt", "--robots", "9999"], "9999"),
