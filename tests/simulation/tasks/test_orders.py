@@ -124,7 +124,7 @@ COSTS = st.integers(1, 5).flatmap(
 
 @pytest.mark.parametrize("name", ALLOCATORS)
 @given(COSTS)
-def test_every_free_robot_gets_one_order(name: str, cost: list[list[int]]) -> None:
+def test_as_many_robots_as_possible_get_one_order_each(name: str, cost: list[list[int]]) -> None:
     table = np.array(cost, dtype=np.float64)
     pairs = make_allocator(name)(table)
     robots, orders = zip(*pairs, strict=True)

@@ -103,7 +103,7 @@ def test_what_it_cannot_say_is_one_sentence(method: str, given: Any, error: type
     assert said in str(refused.value)
 
 
-def test_unavailable_features_are_refused_in_a_sentence() -> None:
+def test_unknown_tasks_and_tasks_on_a_device_are_refused() -> None:
     with pytest.raises(ConfigError, match="unknown tasks 'row'; did you mean rows"):
         Simulator(CONFIG.replace(tasks="row"))
     with pytest.raises(ConfigError, match="a device does not simulate own tasks"):

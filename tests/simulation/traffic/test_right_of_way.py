@@ -129,7 +129,7 @@ def test_a_blocking_robot_inherits_the_right() -> None:
     rank(world.robots, world.order)
     assert world.robots["traffic"]["right"].tolist() == [9, 9, 9, 7, 5]
     assert world.order.tolist() == [0, 1, 2, 3, 4]
-    world.robots["traffic"]["yields_to"] = [1, 2, 0, NOBODY, NOBODY]  # a ring, and nobody turns in it for ever
+    world.robots["traffic"]["yields_to"] = [1, 2, 0, NOBODY, NOBODY]  # a wait cycle: the inheritance ends
     rank(world.robots, world.order)
     assert world.robots["traffic"]["right"].tolist() == [9, 9, 9, 7, 5]
 

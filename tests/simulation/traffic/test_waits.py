@@ -147,12 +147,12 @@ def test_a_robot_waits_for_the_one_that_vetoes_it_or_goes_first(refused_by: int,
     simulator = on_routes(*QUEUE, goals=[(6, 10), (6, 11), (6, 9)])
     write(simulator.robots[0, 0], vetoed_by=refused_by, yields_to=yields_to)
     assert waits_for(simulator) == [answer, NOBODY, NOBODY]
-    simulator.robots["clocks"]["waiting_time"] = 0.0  # yet who drives waits_for for nobody
+    simulator.robots["clocks"]["waiting_time"] = 0.0  # a driving robot waits for nobody
     assert waits_for(simulator) == [NOBODY] * 3
 
 
 CROSSING = [(5.2, 5.5, EAST), (6.5, 5.2, NORTH), (6.8, 6.5, WEST), (5.5, 6.8, SOUTH)]  # each before the next flank
-STANDING: dict[str, tuple[list[Pose], list[tuple[int, int]], list[int]]] = {  # poses, goals, whom each waits_for for
+STANDING: dict[str, tuple[list[Pose], list[tuple[int, int]], list[int]]] = {  # poses, goals, waits
     "a queue": (QUEUE, [(6, 10), (6, 11), (6, 9)], [1, NOBODY, NOBODY]),  # 1.1 m before the first, 3.1 m: too far
     "a goal before the other body": (QUEUE[:2], [(6, 3), (6, 10)], [NOBODY, NOBODY]),  # 1 m ahead, 0.1 m are left
     "a body 1 cm beside the way": ([(2.5, 5.5, EAST), (4.5, 6.11, EAST)], [(6, 10), (5, 10)], [NOBODY, NOBODY]),

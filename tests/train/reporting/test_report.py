@@ -215,7 +215,7 @@ def test_a_damaged_line_is_named_and_left_in_the_file(tmp_path: Path) -> None:
 ROOT = Path(__file__).parents[3]
 
 
-def test_the_vetoing_robot_is_named_and_later_cleared(tmp_path: Path) -> None:
+def test_a_held_lock_names_its_process_and_goes_when_released(tmp_path: Path) -> None:
     lock = tmp_path / "new" / ".lock"
     with held(lock, tmp_path):
         with pytest.raises(WarehouseError, match=rf"{tmp_path} is in use by process {os.getpid()}, since 2\d\d\d-"):
