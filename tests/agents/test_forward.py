@@ -1,4 +1,4 @@
-"""The forward pass: the network that was asked for, and the same bits of a row whatever runs beside it."""
+"""Test that the forward pass equals the network and that a row's bits do not depend on its batch."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from warehouse_env.config import EnvConfig
 from warehouse_env.simulation.simulator import Simulator
 
 ROOT = Path(__file__).parents[2]
-SIZES = (9, 7, 8, 3)  # numbers of inputs of which 1, 3 and none are left over from fours
+SIZES = (9, 7, 8, 3)  # input counts that leave a remainder of 1, 3 and 0 after division by four
 LEARNED = [name for name, entry in POLICIES.items() if entry.weights is not None]
 
 
@@ -40,16 +40,16 @@ def rows(count: int, size: int = SIZES[0]) -> NDArray[np.float32]:
     return np.random.default_rng(3).normal(size=(count, size)).astype(np.float32)
 
 
-def exact(network: Sequence[Layer], observation: NDArray[np.float32]) -> NDArray[np.float64]:
-    """The same network in float64."""
+def float64_outputs(network: Sequence[Layer], observation: NDArray[np.float32]) -> NDArray[np.float64]:
+    """Return the outputs of the same network in float64."""
     x = observation.astype(np.float64)
     for weight, bias in network[:-1]:
         x = np.tanh(x @ weight.astype(np.float64) + bias)
     return np.asarray(x @ network[-1][0].astype(np.float64) + network[-1][1])
 
 
-def decisions(name: str, steps: int = 25) -> tuple[LearnedPolicy, NDArray[np.float32]]:
-    """A policy and observations [M, D] that it meets as it drives 24 robots."""
+def rollout(name: str, steps: int = 25) -> tuple[LearnedPolicy, NDArray[np.float32]]:
+    """Return a policy and the observations [M, D] of its rollout with 24 robots."""
     config = policy_config(name, EnvConfig(num_agents=24, planner="astar"))
     simulator, policy, rng = Simulator(config), make_policy(name, config), np.random.default_rng(0)
     assert isinstance(policy, LearnedPolicy)
@@ -59,25 +59,25 @@ def decisions(name: str, steps: int = 25) -> tuple[LearnedPolicy, NDArray[np.flo
 
 
 @pytest.mark.parametrize("count", [1, 2, 5])
-def test_it_is_the_network(count: int) -> None:
-    assert forward(layers(), rows(count)) == pytest.approx(exact(layers(), rows(count)), abs=2e-6)
+def test_forward_equals_the_float64_network(count: int) -> None:
+    assert forward(layers(), rows(count)) == pytest.approx(float64_outputs(layers(), rows(count)), abs=2e-6)
 
 
 @pytest.mark.parametrize("name", LEARNED)
-def test_the_shipped_policies_are_exact(name: str) -> None:
-    policy, observation = decisions(name)
-    assert policy.output(observation) == pytest.approx(exact(policy._layers, observation), rel=1e-5, abs=1e-5)
+def test_shipped_policies_match_float64_outputs(name: str) -> None:
+    policy, observation = rollout(name)
+    assert policy.output(observation) == pytest.approx(float64_outputs(policy._layers, observation), rel=1e-5, abs=1e-5)
 
 
-def test_a_rows_bits_do_not_depend_on_the_others() -> None:
-    policy, observation = decisions("ppo")
+def test_row_bits_do_not_depend_on_batch_width() -> None:
+    policy, observation = rollout("ppo")
     together = policy.output(observation)
     for width in (1, 2, 3, 16, 64, 65):
         parts = [policy.output(observation[first : first + width]) for first in range(0, len(observation), width)]
         assert np.array_equal(np.concatenate(parts), together), f"{width} rows at a time"
 
 
-def test_large_sums_end_at_one() -> None:
+def test_tanh_is_accurate_odd_and_saturates_at_one() -> None:
     network = [(np.ones((1, 1), np.float32), np.zeros(1, np.float32))] * 2
     x = np.concatenate([np.linspace(-12, 12, 4001), [-1e30, 1e30]]).astype(np.float32)[:, None]
     out = forward(network, x)
@@ -87,7 +87,7 @@ def test_large_sums_end_at_one() -> None:
     assert np.isnan(forward(network, np.array([[np.nan]], np.float32))).all()
 
 
-def test_every_activation_is_torchs() -> None:
+def test_every_activation_matches_torch() -> None:
     x = torch.linspace(-12, 12, 4001)[:, None]
     one = [(np.ones((1, 1), np.float32), np.zeros(1, np.float32))] * 2
     for name, function in ACTIVATIONS.items():

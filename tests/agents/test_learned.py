@@ -1,4 +1,4 @@
-"""Policy folders: what is written is read back, and damage is one sentence."""
+"""Test that policy folders round-trip and that a damaged one raises one sentence."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def test_a_real_valued_policy_samples_within_bounds(tmp_path: Path) -> None:
     assert action.max() == 1.0
 
 
-def test_policy_config_puts_in_what_the_policy_needs(folder: Path) -> None:
+def test_policy_config_adds_the_needs_of_the_policy(folder: Path) -> None:
     base = EnvConfig(num_agents=3, layout="narrow", speed_levels=(1.0,), action_repeat=5, sensor=SensorSpec(rays=8))
     config = policy_config(folder, base)
     assert (config.num_agents, config.layout) == (3, "narrow")
@@ -64,18 +64,18 @@ def test_policy_config_puts_in_what_the_policy_needs(folder: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("base", "driven"),
+    ("base", "expected"),
     [
         ("none", "rules"),
         (TrafficSpec(margin=0.1), TrafficSpec(shield=True, margin=0.1, right_of_way=True, routes=True)),
         (TrafficSpec(routes="barred"), TrafficSpec(shield=True, right_of_way=True, routes="barred")),
     ],
 )
-def test_what_a_rule_needs_is_added_to_the_traffic_that_is_asked_for(base: Any, driven: Any) -> None:
-    assert policy_config("greedy", EnvConfig(traffic=base)) == EnvConfig(traffic=driven)
+def test_needs_of_a_rule_extend_the_given_traffic(base: Any, expected: Any) -> None:
+    assert policy_config("greedy", EnvConfig(traffic=base)) == EnvConfig(traffic=expected)
 
 
-def test_a_policy_gets_the_options_that_it_was_trained_under(tmp_path: Path) -> None:
+def test_policy_needs_its_training_options(tmp_path: Path) -> None:
     under = EnvConfig(traffic="shield")
     network = Network(observation_layout(under).size, 20, True, (8,))
     tensors = tensors_of(ActorCritic(network, np.zeros(20, np.float32)))
@@ -94,7 +94,7 @@ def test_a_policy_gets_the_options_that_it_was_trained_under(tmp_path: Path) -> 
         ({"action_type": "continuous"}, r"made for action_type=discrete, not continuous"),
     ],
 )
-def test_another_observation_or_action_is_refused(folder: Path, changes: dict[str, Any], sentence: str) -> None:
+def test_other_observations_and_actions_are_refused(folder: Path, changes: dict[str, Any], sentence: str) -> None:
     with pytest.raises(WeightsError, match=sentence):
         make_policy(folder, EnvConfig(**changes))
 
@@ -132,7 +132,7 @@ def test_a_damaged_config_is_refused(folder: Path, changes: dict[str, Any], sent
     assert str(folder / "config.json") in str(error.value)
 
 
-def test_a_folder_of_before_says_no_activation(folder: Path) -> None:
+def test_missing_activation_means_tanh_and_unknown_is_refused(folder: Path) -> None:
     network = json.loads((folder / "config.json").read_text())["network"]
     edit(folder, network={name: network[name] for name in ("observation_size", "actions", "discrete", "hidden")})
     assert LearnedPolicy(folder, EnvConfig()).record.network == Network(_size(), 20, True, (8, 8), "tanh", None)
@@ -141,7 +141,7 @@ def test_a_folder_of_before_says_no_activation(folder: Path) -> None:
         make_policy(folder, EnvConfig())
 
 
-def test_preferences_are_the_logits_and_are_drawn_as_actions_are(folder: Path) -> None:
+def test_preferences_are_logits_drawn_like_actions(folder: Path) -> None:
     config = EnvConfig(traffic="rules")
     policy = make_policy(folder, EnvConfig())
     assert isinstance(policy, LearnedPolicy)
@@ -161,7 +161,7 @@ NEEDS = {"service": ServiceSpec(), "battery": BatterySpec()}
 @pytest.mark.parametrize(
     ("name", "more"), [("ppo", NEEDS), ("shielded", NEEDS), ("ppo", {"traffic": TrafficSpec(shield=True)})]
 )
-def test_a_shipped_policy_passes_over_what_it_was_trained_without(name: str, more: dict[str, Any]) -> None:
+def test_shipped_policy_ignores_slices_absent_in_training(name: str, more: dict[str, Any]) -> None:
     config = policy_config(name, EnvConfig(num_agents=3, arrival="stop"))
     busy = config.replace(**more)
     seen = np.random.default_rng(0).normal(size=(1, 3, observation_layout(busy).size)).astype(np.float32)

@@ -1,4 +1,4 @@
-"""One policy object drives any number of worlds: what it remembers of one never reaches another."""
+"""Test that one policy object drives many worlds and keeps their memories apart."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ BASE = EnvConfig(layout="open", num_agents=3, planner="astar")
 
 @pytest.fixture
 def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, registries: None) -> Path:
-    """Return a working folder with the page's policies, and those above, in my_policy.py."""
+    """Return a working folder whose my_policy.py holds the page's policies and those above."""
     monkeypatch.chdir(tmp_path)
     Path("my_policy.py").write_text(fenced(PAGES["docs/how_to/policy.md"], "python")[0] + COUNTING, encoding="utf-8")
     return tmp_path
@@ -68,35 +68,35 @@ def experiment(name: str, **chosen: Any) -> Experiment:
     return make_experiment(f"my_policy.py:{name}", BASE, 4, 6.0, 5, chosen)
 
 
-def counted(seed: int, decisions: int) -> NDArray[np.float32]:
-    """Return the poses of a world that is driven as Counting says, by hand."""
+def expected_poses(seed: int, decisions: int) -> NDArray[np.float32]:
+    """Drive a world by hand as Counting would; return its poses."""
     simulator = Simulator(policy_config("follow", BASE))
     simulator.reset([seed])
     follow, poses = make_policy("follow", simulator.config), [simulator.state.pose[0].copy()]
-    stop = np.full((1, 3), 1 * len(simulator.config.lateral_offsets))  # the second of the speed levels, on the route
+    stop = np.full((1, 3), 1 * len(simulator.config.lateral_offsets))  # second speed level, no lateral offset
     for k in range(decisions):
         simulator.step(stop if k % 3 == 2 else follow.act(simulator.observation, np.random.default_rng(0)))
         poses.append(simulator.state.pose[0].copy())
     return np.stack(poses)
 
 
-def test_it_counts_each_worlds_decisions_evaluated_recorded_and_live(here: Path) -> None:
+def test_memory_counts_decisions_when_evaluated_recorded_and_live(here: Path) -> None:
     four, poses = experiment("Counting"), list[Any]()
     together = run(four, [lambda simulator, steps: poses.append(simulator.state.pose[0].copy())])
-    np.testing.assert_array_equal(np.stack(poses), counted(5, four.config.max_steps))
+    np.testing.assert_array_equal(np.stack(poses), expected_poses(5, four.config.max_steps))
     for k, row in enumerate(together):
         alone = dataclasses.replace(four, episodes=(k,))
-        np.testing.assert_array_equal(record(alone).pose[:, 0], counted(5 + k, four.config.max_steps))
+        np.testing.assert_array_equal(record(alone).pose[:, 0], expected_poses(5 + k, four.config.max_steps))
         assert run(alone)[0]["robot_km"] == row["robot_km"]
     live = World(WorldSetting(four.policy, "open", 3, 6, "astar"), LiveFloors("open"))
     for seed in (6, 7):
         live.make(Make(seed=seed))
-        for pose in counted(seed, 5)[1:]:
+        for pose in expected_poses(seed, 5)[1:]:
             live.step()
             np.testing.assert_array_equal(live.simulator.state.pose[0], pose)
 
 
-def test_a_replay_shows_what_it_preferred_with_its_memory_then(here: Path) -> None:
+def test_replay_shows_preferences_with_their_memory(here: Path) -> None:
     one = experiment("Preferring", traffic="rules")
     episode = record(one)
     liked = replay_of(episode, "mine", shares_of(one.policy, one.config)).liked
@@ -106,20 +106,20 @@ def test_a_replay_shows_what_it_preferred_with_its_memory_then(here: Path) -> No
 
 
 @pytest.mark.parametrize(
-    ("name", "said"),
+    ("name", "message"),
     [
         ("Unsaid", r"must return two arrays from act: the actions, and the next memory \[1, 3\]"),
         ("Alike", r"must keep a memory \[worlds, ...\]: memory\(1\) is \(3,\), and memory\(2\) is \(3,\)"),
         ("Half", "cannot be used as policy: it has no drawn"),
     ],
 )
-def test_a_memory_that_is_none_is_refused(here: Path, name: str, said: str) -> None:
-    with pytest.raises(ConfigError, match=said):
+def test_invalid_memory_is_refused(here: Path, name: str, message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
         experiment(name)
 
 
 class Constant:
-    """A generator that draws the same for everybody, so that a batch draws what each of its worlds does."""
+    """Generator of constant draws, so that a batch draws the same as each of its worlds."""
 
     def random(self, shape: Any) -> Any:
         return np.full(shape, 0.3)
@@ -130,9 +130,7 @@ class Constant:
 
 @pytest.mark.parametrize("name", [*POLICIES, "my_policy.py:Wary", "my_policy.py:Preferring"])
 @pytest.mark.parametrize("traffic", ["shield", "rules"])
-def test_a_batch_acts_as_each_of_its_worlds_and_after_a_reset_as_a_new_policy(
-    here: Path, name: str, traffic: TrafficMode
-) -> None:
+def test_batch_equals_single_worlds_and_reset_equals_new_policy(here: Path, name: str, traffic: TrafficMode) -> None:
     add_policy(name)
     config = policy_config(name, EnvConfig(num_agents=5)).replace(traffic=traffic)
     rng, policy = cast(np.random.Generator, Constant()), make_policy(name, config)

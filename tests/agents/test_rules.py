@@ -21,7 +21,7 @@ def test_follow_commands_the_fastest_level_on_the_route(observe: Observe) -> Non
     assert action.tolist() == [[1 * 2 + 1]]
 
 
-def test_real_valued_actions_cruise_at_zero_and_stop_between_it_and_the_slowest(observe: Observe) -> None:
+def test_continuous_actions_cruise_at_zero_and_stop_below(observe: Observe) -> None:
     config = EnvConfig(action_type="continuous")
     assert make_policy("follow", config).act(observe(config), RNG).tolist() == [[[0.0, 0.0]]]
     stop = make_policy("brake", config).act(observe(config, other=(0.9, 0.0)), RNG)
@@ -51,12 +51,12 @@ def test_raw_actions_pursue_the_route(observe: Observe) -> None:
         ((5.0, 0.0), 0.0, 1.3, False),
         ((-1.0, 0.0), 0.0, 1.3, False),  # behind
         ((1.2, 0.80), 0.0, 1.3, False),  # 0.2 m beside the corridor's 0.3 + 0.15 m
-        ((1.2, 0.80), np.pi / 2, 1.3, True),  # crosswise, its 0.45 m reach into it
+        ((1.2, 0.80), np.pi / 2, 1.3, True),  # crosswise: its 0.45 m reach into the corridor
         ((1.2, -0.7), 0.0, 1.3, True),
-        (None, 0.0, 1.3, False),  # the zeros of an absent one
+        (None, 0.0, 1.3, False),  # zeros of an absent neighbour
     ],
 )
-def test_brake_stops_for_a_body_in_its_corridor(
+def test_brake_stops_for_bodies_in_its_corridor(
     observe: Observe, other: tuple[float, float] | None, turn: float, speed: float, stops: bool
 ) -> None:
     config = EnvConfig(action_repeat=2)
@@ -66,7 +66,7 @@ def test_brake_stops_for_a_body_in_its_corridor(
 
 
 @pytest.mark.parametrize("action_type", ["discrete", "continuous", "raw"])
-def test_follow_drives_one_robot_to_goals_without_a_touch(action_type: str) -> None:
+def test_follow_reaches_goals_without_contact(action_type: str) -> None:
     config = EnvConfig(layout="open", num_agents=1, planner="astar", action_type=action_type)  # type: ignore[arg-type]
     simulator, policy = Simulator(config), make_policy("follow", config)
     simulator.reset(3)
@@ -77,7 +77,7 @@ def test_follow_drives_one_robot_to_goals_without_a_touch(action_type: str) -> N
     assert row["collisions_shelf"] == 0
 
 
-def test_the_cruise_action_is_the_simulators() -> None:
+def test_cruise_action_equals_the_simulators() -> None:
     for action_type in ("discrete", "continuous"):
         config = EnvConfig(layout="open", planner="astar", action_type=action_type, robot=RobotSpec(max_speed=1.4))
         nothing = np.zeros((1, observation_layout(config).size), np.float32)
@@ -89,9 +89,9 @@ def test_the_cruise_action_is_the_simulators() -> None:
 RNG = np.random.default_rng(0)
 
 
-def seen(observe: Observe, config: EnvConfig, route: tuple[float, float] = (2.0, 0.0), **what: object) -> np.ndarray:  # type: ignore[type-arg]
-    """A robot far from shelves and goal, whose route leads through `route` [m] from its front axle."""
-    observation = observe(config, **what)
+def view(observe: Observe, config: EnvConfig, route: tuple[float, float] = (2.0, 0.0), **more: object) -> np.ndarray:  # type: ignore[type-arg]
+    """Return observations far from shelves and goal; the route passes `route` [m] from the front axle."""
+    observation = observe(config, **more)
     slices, sensor = observation_layout(config).slices, config.sensor
     observation[..., slices["lidar"]] = 1 / (1 + sensor.lidar_range)
     observation[..., slices["ego"].start + 5] = 1.0
@@ -117,15 +117,15 @@ def command(policy: Rules, observation: np.ndarray, seed: int = 0) -> tuple[floa
     return CONFIG.speed_levels[action // 5], CONFIG.lateral_offsets[action % 5]
 
 
-def moving(observation: np.ndarray, vx: float, vy: float) -> np.ndarray:  # type: ignore[type-arg]
+def with_velocity(observation: np.ndarray, vx: float, vy: float) -> np.ndarray:  # type: ignore[type-arg]
     """Give the neighbour a velocity [m/s] relative to the own."""
     start = observation_layout(CONFIG).slices["neighbours"].start
     observation[..., start + 4 : start + 6] = np.array([vx, vy]) / CONFIG.robot.max_speed
     return observation
 
 
-def test_alone_it_cruises_on_the_route(observe: Observe) -> None:
-    assert command(Rules(CONFIG, WIDE), seen(observe, CONFIG)) == (1.5, 0.0)
+def test_rules_cruise_when_alone(observe: Observe) -> None:
+    assert command(Rules(CONFIG, WIDE), view(observe, CONFIG)) == (1.5, 0.0)
 
 
 @pytest.mark.parametrize(
@@ -138,15 +138,15 @@ def test_alone_it_cruises_on_the_route(observe: Observe) -> None:
         ((2.5, 2.5), np.pi / 2, False),  # past the node
     ],
 )
-def test_at_a_node_the_nearer_robot_goes_first_then_the_one_from_the_right(
+def test_nearer_robot_goes_first_at_a_node_then_the_one_on_the_right(
     observe: Observe, other: tuple[float, float], turn: float, waits: bool
 ) -> None:
-    observation = moving(seen(observe, CONFIG, other=other, turn=turn), 0.0, np.sin(turn))
+    observation = with_velocity(view(observe, CONFIG, other=other, turn=turn), 0.0, np.sin(turn))
     assert command(Rules(CONFIG, WIDE), observation)[0] == (0.0 if waits else 1.5)
 
 
-def test_exactly_one_of_two_at_a_node_waits(observe: Observe) -> None:
-    """The same meeting as both see it: who waits is agreed on without a word."""
+def test_exactly_one_of_two_robots_waits_at_a_node(observe: Observe) -> None:
+    """Check both robots' views of one meeting: they agree on who waits without communication."""
     rng, policy = np.random.default_rng(4), Rules(CONFIG, WIDE)
     for _ in range(200):
         own, others = rng.uniform(0.8, 3.0, 2)  # [m] to the node
@@ -155,48 +155,48 @@ def test_exactly_one_of_two_at_a_node_waits(observe: Observe) -> None:
         back_x, back_y = -x * np.cos(turn) - y * np.sin(turn), x * np.sin(turn) - y * np.cos(turn)
         waits = []
         for place, angle in (((x, y), turn), ((back_x, back_y), -turn)):
-            observation = moving(
-                seen(observe, CONFIG, speed=1.0, other=place, turn=angle), np.cos(angle) - 1, np.sin(angle)
+            observation = with_velocity(
+                view(observe, CONFIG, speed=1.0, other=place, turn=angle), np.cos(angle) - 1, np.sin(angle)
             )
             near = policy._surroundings.neighbours(observation)
             waits.append(bool(policy.must_wait(near, np.ones((1, 1))).any()))
         assert sum(waits) == 1
 
 
-def test_head_on_both_step_aside_to_where_it_is_free(observe: Observe) -> None:
-    observation = seen(observe, CONFIG, other=(3.5, 0.0), turn=np.pi)
+def test_head_on_robots_step_aside_to_the_free_side(observe: Observe) -> None:
+    observation = view(observe, CONFIG, other=(3.5, 0.0), turn=np.pi)
     assert command(Rules(CONFIG, WIDE), observation) == (0.5, -0.6)
     lidar = observation_layout(CONFIG).slices["lidar"].start
-    observation[..., lidar + 24] = 1 / (1 + 0.3 + 0.2)  # a shelf 0.2 m off the right side
+    observation[..., lidar + 24] = 1 / (1 + 0.3 + 0.2)  # shelf 0.2 m to the right
     assert command(Rules(CONFIG, WIDE), observation) == (0.5, 0.6)
-    observation[..., lidar + 8] = 1 / (1 + 0.3 + 0.2)  # and one on the left
+    observation[..., lidar + 8] = 1 / (1 + 0.3 + 0.2)  # and on the left
     assert command(Rules(CONFIG, WIDE), observation) == (0.5, 0.0)
 
 
-def test_nose_to_nose_it_waits_and_then_backs_by_chance(observe: Observe) -> None:
+def test_robot_nose_to_nose_waits_then_backs_at_random(observe: Observe) -> None:
     policy = Rules(CONFIG, RuleNumbers(begins=0.5))
-    observation = seen(observe, CONFIG, other=(1.1, 0.0), turn=np.pi)
+    observation = view(observe, CONFIG, other=(1.1, 0.0), turn=np.pi)
     assert {command(policy, observation, seed)[0] for seed in range(20)} == {0.0}
     observation[..., observation_layout(CONFIG).slices["ego"].start + 7] = 10 / 20  # standing for 10 s
     assert {command(policy, observation, seed)[0] for seed in range(20)} == {0.0, -0.4}
 
 
-def test_alone_it_cruises_along_the_route(observe: Observe) -> None:
+def test_orca_cruises_when_alone(observe: Observe) -> None:
     pytest.importorskip("pyrvo")
     config = EnvConfig()
     policy = Reciprocal(config)
-    assert policy.velocity(seen(observe, config, (1.2, 1.6)))[0, 0] == pytest.approx([0.9, 1.2])
-    assert policy.act(seen(observe, config, (1.2, 1.6)), RNG).tolist() == [[15]]
+    assert policy.velocity(view(observe, config, (1.2, 1.6)))[0, 0] == pytest.approx([0.9, 1.2])
+    assert policy.act(view(observe, config, (1.2, 1.6)), RNG).tolist() == [[15]]
 
 
-def test_half_of_the_change_is_the_own_one(observe: Observe) -> None:
-    """Head on, both at 1 m/s, 4 m apart, discs of .5 m: the cone's leg has a sine of 1 / 4 and lies 2 m/s / 4 away.
+def test_orca_takes_half_of_the_velocity_change(observe: Observe) -> None:
+    """Check two robots head-on at 1 m/s, 4 m apart, discs of .5 m: the cone's leg has sine 1 / 4, 2 m/s / 4 away.
 
-    Half of that, .25 m/s, at right angles to the leg, is the own share: slower by .25^2, and to the right.
+    The own share is half of that, .25 m/s at right angles to the leg: slower by .25^2, and to the right.
     """
     pytest.importorskip("pyrvo")
     config = EnvConfig(speed_levels=(0.0, 1.0))
-    observation = seen(observe, config, speed=1.0, other=(4.0, 0.0), turn=np.pi)
+    observation = view(observe, config, speed=1.0, other=(4.0, 0.0), turn=np.pi)
     observation[..., observation_layout(config).slices["neighbours"].start + 4] = -2.0 / config.robot.max_speed
     velocity = Reciprocal(config, Reciprocity(radius=0.5, horizon=2.0)).velocity(observation)[0, 0]
     assert velocity == pytest.approx([1 - 0.25**2, -0.25 * np.sqrt(1 - 0.25**2)], abs=1e-5)

@@ -1,4 +1,4 @@
-"""Models of stable-baselines3: the outputs of the policy folder are the library's own."""
+"""Test that policy folders of stable-baselines3 models give the library's outputs."""
 
 from __future__ import annotations
 
@@ -36,11 +36,11 @@ def logits(made: BaseAlgorithm, observation: np.ndarray[Any, np.dtype[np.float32
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_a_folder_computes_what_the_model_does(name: str, tmp_path: Path) -> None:
+def test_folder_outputs_equal_the_model(name: str, tmp_path: Path) -> None:
     kind, shape = MODELS[name]
     made = kind("MlpPolicy", vec_env(1, SEEN), policy_kwargs=shape, device="cpu", seed=0)
     with torch.no_grad():
-        for parameter in made.policy.parameters():  # weights that are not small, as after long training
+        for parameter in made.policy.parameters():  # large weights, as after long training
             parameter.add_(0.2 * torch.randn_like(parameter))
     observation = np.random.default_rng(0).uniform(-1, 1, (6, 112)).astype(np.float32)
     folder = save_model(tmp_path / "folder", made)
@@ -52,7 +52,7 @@ def test_a_folder_computes_what_the_model_does(name: str, tmp_path: Path) -> Non
     assert policy.drawn == (not isinstance(made, DQN))
 
 
-def test_real_valued_actions_and_a_loaded_model(tmp_path: Path) -> None:
+def test_loaded_continuous_model_is_saved_with_a_given_config(tmp_path: Path) -> None:
     config = SEEN.replace(action_type="continuous")
     made = PPO("MlpPolicy", vec_env(2, config), n_steps=8, batch_size=32, n_epochs=1, device="cpu")
     made.save(tmp_path / "model.zip")
@@ -80,7 +80,7 @@ REAL = SEEN.replace(action_type="continuous")
         (PPO, SEEN, {"policy_kwargs": {"activation_fn": NN.GELU}}, "has the activation GELU"),
     ],
 )
-def test_other_models_are_refused(
+def test_unsupported_models_are_refused(
     kind: Callable[..., BaseAlgorithm], config: EnvConfig, more: dict[str, Any], sentence: str, tmp_path: Path
 ) -> None:
     worlds: Any = vec_env(2, config)

@@ -1,4 +1,4 @@
-"""Small configurations: every layout, action type and task mode, few robots, few steps, the fastest planner."""
+"""Provide small configurations of every layout, action type and task mode, with the fastest planner."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from warehouse_env.work import BatterySpec, OrderSpec, ServiceSpec
 
 
 class Compass:
-    """The heading, disturbed by noise, and the share of the floor's width that lies west of the robot."""
+    """Sensor of the noisy heading and of the share of the floor's width west of the robot."""
 
     size = 3
     bounds = (-2.0, 2.0)
@@ -43,7 +43,7 @@ SENSING = ("open", "extra", "sensor")
 
 
 def working() -> EnvConfig:
-    """Robots that are served, carry out orders and charge."""
+    """Return a configuration with service, orders and batteries."""
     return EnvConfig(
         layout="open", num_agents=3, max_steps=12, planner="astar", arrival="stop", service=ServiceSpec(0.3, 0.3),
         orders=OrderSpec(per_hour=36_000), battery=BatterySpec(),
@@ -52,7 +52,7 @@ def working() -> EnvConfig:
 
 @pytest.fixture(params=[*CASES, WORKING, SENSING], ids="-".join)
 def every_config(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> EnvConfig:
-    """One configuration of each kind there is."""
+    """Return one configuration of each kind."""
     if request.param == WORKING:
         return working()
     plain = EnvConfig(layout="open", num_agents=3, max_steps=12, planner="astar")
@@ -65,5 +65,5 @@ def every_config(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
 
 @pytest.fixture
 def tiny() -> EnvConfig:
-    """Three robots on the open floor for twelve steps."""
+    """Return three robots on the open floor for twelve steps."""
     return EnvConfig(layout="open", num_agents=3, max_steps=12, planner="astar")

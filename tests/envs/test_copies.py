@@ -1,4 +1,4 @@
-"""Every env and the Simulator, copied at any moment in any way: the copy continues to the bit and shares nothing."""
+"""Test copies of every env and the Simulator: a copy continues to the bit and shares no state."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ WAYS: dict[str, Callable[[Any], Any]] = {
 }
 
 
-class Hasty:
-    """Drives the others in `single_env` at full speed, each step with another offset: its state is copied, too."""
+class FullSpeed:
+    """Policy of the other robots in `single_env`: full speed, a new offset each step; copies include its state."""
 
     def __init__(self) -> None:
         self.calls = 0
@@ -39,12 +39,12 @@ class Hasty:
 
 
 def action(space: Any, k: int) -> Any:
-    """Drive on, with a random action from time to time, so that the spaces' generators count."""
+    """Return the cruise action, or every fourth step a random one, so that copies need the space's generator."""
     return space.sample() if k % 4 == 0 else np.int64(17)
 
 
 def step_one(env: Any, k: int) -> tuple[Any, bool]:
-    """Return all that a step gives, and whether the episode is over."""
+    """Step; return the results, and whether the episode is over."""
     result = env.step(action(env.action_space, k))
     return result, bool(result[2] or result[3])
 
@@ -66,7 +66,7 @@ def step_in_turns(env: Any, k: int) -> tuple[Any, bool]:
 def step_rows(env: Any, k: int) -> tuple[Any, bool]:
     result = env.step(np.array([action(env.action_space, k) for _ in range(env.num_envs)]))
     for info in result[3]:
-        info.get("episode", {}).pop("t", None)  # [s] of the clock
+        info.get("episode", {}).pop("t", None)  # [s] wall-clock time
     return result, False
 
 
@@ -81,7 +81,7 @@ KINDS: dict[str, tuple[Callable[..., Any], Callable[[Any, int], tuple[Any, bool]
     "parallel": (lambda **options: parallel_env(grid=GRID, **SETTINGS, **options), step_all),
     "one_shot": (lambda: parallel_env(grid=GRID, tasks="one_shot", **SETTINGS), step_all),
     "aec": (lambda: aec_env(grid=GRID, **SETTINGS), step_in_turns),
-    "single": (lambda: single_env(grid=GRID, others=Hasty(), **SETTINGS), step_one),
+    "single": (lambda: single_env(grid=GRID, others=FullSpeed(), **SETTINGS), step_one),
     "gymnasium": (lambda: gymnasium.make("Warehouse-v0", grid=GRID, **SETTINGS), step_one),
     "vec_env": (lambda **options: vec_env(2, grid=GRID, **SETTINGS, **options), step_rows),
     "mixed": (lambda: vec_env([1, 2], configs=[EnvConfig(**SETTINGS), FOUR], grid=GRID), step_rows),
@@ -97,7 +97,7 @@ def begin(env: Any, seed: int | None = None) -> Any:
     return env.reset()
 
 
-def brought_to(moment: str, name: str) -> Any:
+def env_at(moment: str, name: str) -> Any:
     """Return an env at a moment: "built", "driving", "ended" or "seen" (a picture)."""
     (make, step), seen = KINDS[name], moment == "seen"
     env = make(render_mode="rgb_array") if seen else make()
@@ -115,8 +115,8 @@ def brought_to(moment: str, name: str) -> Any:
     return env
 
 
-def went_on(moment: str, name: str, env: Any) -> list[Any]:
-    """Return all that the env gives from here on, into its next episode."""
+def results_from(moment: str, name: str, env: Any) -> list[Any]:
+    """Return all further results of the env, into its next episode."""
     given: list[Any] = []
     if moment in ("built", "ended"):
         given.append(begin(env, 4 if moment == "built" else None))
@@ -128,15 +128,15 @@ def went_on(moment: str, name: str, env: Any) -> list[Any]:
     return given
 
 
-def same(given: Any, expected: Any) -> None:
-    """Compare to the bit, however nested."""
+def assert_same(given: Any, expected: Any) -> None:
+    """Assert that nested values are equal to the bit."""
     if isinstance(expected, dict):
         assert list(given) == list(expected)
-        same(list(given.values()), list(expected.values()))
+        assert_same(list(given.values()), list(expected.values()))
     elif isinstance(expected, (list, tuple)):
         assert len(given) == len(expected)
         for mine, other in zip(given, expected, strict=True):
-            same(mine, other)
+            assert_same(mine, other)
     else:
         np.testing.assert_array_equal(given, expected)
 
@@ -149,22 +149,22 @@ CASES = [
 
 
 @pytest.mark.parametrize(("name", "way", "moment"), CASES, ids=["-".join(case) for case in CASES])
-def test_a_copy_goes_on_to_the_bit(name: str, way: str, moment: str) -> None:
-    """So do the original and a third, never copied; the copy drives first, and is done with before the original."""
+def test_copy_continues_to_the_bit(name: str, way: str, moment: str) -> None:
+    """Compare copy, original and an env that was never copied; the copy drives before the original."""
     if moment == "seen":
         pytest.importorskip("pygame")
-    never_copied, original = brought_to(moment, name), brought_to(moment, name)
+    never_copied, original = env_at(moment, name), env_at(moment, name)
     twin = WAYS[way](original)
-    expected = went_on(moment, name, never_copied)
-    same(went_on(moment, name, twin), expected)
-    same(went_on(moment, name, original), expected)
+    expected = results_from(moment, name, never_copied)
+    assert_same(results_from(moment, name, twin), expected)
+    assert_same(results_from(moment, name, original), expected)
     for env in (never_copied, twin, original):
         if hasattr(env, "close"):
             env.close()
 
 
-def test_what_the_user_gave_goes_along_as_it_is() -> None:
-    env = brought_to("driving", "single")
+def test_copy_includes_the_users_policy() -> None:
+    env = env_at("driving", "single")
     twin = copy.deepcopy(env)
     assert twin._others.calls == env._others.calls == 7
     twin.step(3)

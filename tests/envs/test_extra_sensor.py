@@ -1,4 +1,4 @@
-"""A user's sensor fills its own slice in every adapter, and changes nothing else."""
+"""Test that a user's sensor fills its own slice in every adapter and changes nothing else."""
 
 from __future__ import annotations
 
@@ -27,21 +27,21 @@ def compass() -> Iterator[None]:
         yield
 
 
-def sensed(simulator: Simulator) -> NDArray[np.float32]:
-    """Return what a compass without noise shows now, by hand."""
+def expected_readings(simulator: Simulator) -> NDArray[np.float32]:
+    """Return the expected readings of a compass without noise."""
     x, _, heading = np.moveaxis(simulator.state.pose, -1, 0)
     return np.stack([np.cos(heading), np.sin(heading), x / 40], axis=-1)
 
 
-def test_its_slice_tells_of_now_and_the_others_are_as_without_it() -> None:
+def test_sensor_changes_only_its_own_slice() -> None:
     simulator, without = Simulator(CONFIG, 3), Simulator(CONFIG.replace(sensor=SensorSpec()), 3)
     part, rng = simulator.layout.slices["extra"], np.random.default_rng(0)
-    assert part.stop == simulator.layout.slices["field"].start  # policies without the shield read up to here
+    assert part.stop == simulator.layout.slices["field"].start  # policies without the shield read only up to here
     assert simulator.grid.shape[1] * simulator.grid.cell_size == 40
     simulator.reset(5)
     without.reset(5)
     for step in range(30):
-        np.testing.assert_allclose(simulator.observation[..., part], sensed(simulator), atol=1e-6)
+        np.testing.assert_allclose(simulator.observation[..., part], expected_readings(simulator), atol=1e-6)
         rest = np.delete(simulator.observation, part, axis=-1)
         np.testing.assert_array_equal(rest, without.observation)
         if step % 9 == 8:
@@ -55,7 +55,7 @@ def test_its_slice_tells_of_now_and_the_others_are_as_without_it() -> None:
                 one.step(actions)
 
 
-def test_noise_is_the_same_in_any_batch_and_in_copies() -> None:
+def test_noise_does_not_depend_on_batch_or_copy() -> None:
     noisy = CONFIG.replace(sensor=SensorSpec(extra="compass"))
     wide, alone = Simulator(noisy, 3), Simulator(noisy)
     wide.reset([7, 8, 9])
@@ -70,7 +70,7 @@ def test_noise_is_the_same_in_any_batch_and_in_copies() -> None:
         assert not np.allclose(simulator.observation[1], simulator.observation[2])
 
 
-def test_rows_and_last_observations_hold_it() -> None:
+def test_rows_and_last_observations_include_the_sensor() -> None:
     worlds, robots = vec_env(2, CONFIG), parallel_env(CONFIG)
     worlds.seed(3)
     rows, (seen, _) = worlds.reset(), robots.reset(seed=3)
@@ -85,30 +85,30 @@ def test_rows_and_last_observations_hold_it() -> None:
         assert not np.allclose(last[part], now[part])
 
 
-def test_it_costs_nothing_where_there_is_none_and_devices_refuse_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_sensor_is_created_only_on_demand_and_refused_on_devices(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(ConfigError, match="a device does not simulate extra sensors"):
         tensor_env(2, CONFIG.replace(people=0, traffic="none"), device="cpu")
-    monkeypatch.setattr("warehouse_env.simulation.simulator.ExtraSensor", None)  # would raise if it were made
+    monkeypatch.setattr("warehouse_env.simulation.simulator.ExtraSensor", None)  # raises if it is created
     simulator = Simulator(PLAIN.replace(people=0))
     simulator.reset(0)
     simulator.step(np.full((1, 3), simulator.cruise_action))
 
 
-def test_it_is_given_the_worlds_that_it_is_asked_for() -> None:
-    asked: list[SensorView] = []
+def test_sensor_gets_only_the_requested_worlds() -> None:
+    views: list[SensorView] = []
 
-    class Listening(Compass):
+    class RecordingCompass(Compass):
         def observe(self, view: SensorView) -> NDArray[np.float32]:
-            asked.append(view._replace(steps=view.steps.copy()))
+            views.append(view._replace(steps=view.steps.copy()))
             return super().observe(view)
 
-    with mock.patch.dict(SENSORS, compass=Listening):
+    with mock.patch.dict(SENSORS, compass=RecordingCompass):
         simulator = Simulator(CONFIG, 4)
     simulator.reset(1)
     simulator.step(np.full((4, 3), simulator.cruise_action))
     simulator.reset_world(2)
-    assert [view.steps.tolist() for view in asked] == [[0] * 4, [1] * 4, [0]]
-    for view in asked:
+    assert [view.steps.tolist() for view in views] == [[0] * 4, [1] * 4, [0]]
+    for view in views:
         worlds = len(view.steps)
         assert {len(part) for part in (view.routes, view.persons, view.keys, *view.state)} == {worlds}
-    np.testing.assert_array_equal(asked[-1].state.pose[0], simulator.state.pose[2])
+    np.testing.assert_array_equal(views[-1].state.pose[0], simulator.state.pose[2])

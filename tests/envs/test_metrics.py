@@ -1,4 +1,4 @@
-"""An episode's metrics and path lengths in the infos: the same in PettingZoo, Gymnasium and stable-baselines3."""
+"""Test that PettingZoo, Gymnasium and stable-baselines3 give the same episode metrics and path lengths."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ MODES: dict[str, dict[str, Any]] = {
 
 @pytest.fixture(params=MODES)
 def mode(request: pytest.FixtureRequest, tiny: EnvConfig) -> EnvConfig:
-    """An episode that ends for all at once, one by one by arrival, and one by one by collision."""
+    """Return an episode in which all robots end at once, or each by arrival or by collision."""
     return tiny.replace(**MODES[request.param])
 
 
 def zoo(config: EnvConfig, seed: int) -> dict[int, list[Info]]:
-    """Every robot's infos in PettingZoo, all of them cruising."""
+    """Return the infos of every cruising robot in PettingZoo."""
     env = parallel_env(config)
     env.reset(seed=seed)
     infos: dict[int, list[Info]] = {k: [] for k in range(config.num_agents)}
@@ -42,7 +42,7 @@ def zoo(config: EnvConfig, seed: int) -> dict[int, list[Info]]:
 
 
 def single(config: EnvConfig, seed: int) -> list[Info]:
-    """Robot 0's infos in Gymnasium, all robots cruising."""
+    """Return the infos of robot 0 in Gymnasium while all robots cruise."""
     env = single_env(config)
     env.reset(seed=seed)
     infos, over = [], False
@@ -54,7 +54,7 @@ def single(config: EnvConfig, seed: int) -> list[Info]:
 
 
 def rows(config: EnvConfig, seed: int) -> dict[int, list[Info]]:
-    """Every robot's infos in the VecEnv until its end, all of them cruising; padding left out."""
+    """Return the infos of every cruising robot in the VecEnv until its end, without padding."""
     env = vec_env(1, config)
     env.seed(seed)
     env.reset()
@@ -71,7 +71,7 @@ def rows(config: EnvConfig, seed: int) -> dict[int, list[Info]]:
     return infos
 
 
-def test_all_adapters_give_each_robot_the_same_metrics(mode: EnvConfig) -> None:
+def test_all_adapters_agree_on_metrics(mode: EnvConfig) -> None:
     in_zoo, in_rows, alone = zoo(mode, 2), rows(mode, 2), single(mode, 2)
     lengths = {len(infos) for infos in in_zoo.values()}
     assert (len(lengths) > 1) == (mode.tasks == "one_shot" or mode.terminate_on_collision), "this tests too little"
@@ -86,7 +86,7 @@ def test_all_adapters_give_each_robot_the_same_metrics(mode: EnvConfig) -> None:
     assert alone == in_zoo[0]
 
 
-def test_the_metrics_are_the_sums_of_the_infos(mode: EnvConfig) -> None:
+def test_metrics_are_sums_of_infos(mode: EnvConfig) -> None:
     seen: dict[str, float] = {}
     for infos in zoo(mode, 4).values():
         metrics = infos[-1]["episode_metrics"]
@@ -112,13 +112,13 @@ def test_the_metrics_are_the_sums_of_the_infos(mode: EnvConfig) -> None:
 
 
 def logged(model: BaseAlgorithm, folder: Path) -> list[dict[str, float]]:
-    """The rows of stable-baselines3's progress.csv, without empty cells; its logger is closed."""
+    """Close the logger; return the rows of stable-baselines3's progress.csv without empty cells."""
     model.logger.close()
     with (folder / "progress.csv").open() as file:
         return [{name: float(cell) for name, cell in row.items() if cell} for row in csv.DictReader(file)]
 
 
-def test_the_callback_logs_what_the_infos_say(tiny: EnvConfig, tmp_path: Path) -> None:
+def test_callback_logs_the_infos(tiny: EnvConfig, tmp_path: Path) -> None:
     configs = [tiny, tiny.replace(tasks="one_shot", max_steps=150)]
     model = PPO("MlpPolicy", vec_env(2, configs=configs), n_steps=40, batch_size=80, n_epochs=1, seed=0, device="cpu")
     model.set_logger(configure(str(tmp_path), ["csv"]))
@@ -136,7 +136,7 @@ def test_the_callback_logs_what_the_infos_say(tiny: EnvConfig, tmp_path: Path) -
     rows = logged(model, tmp_path)
     assert len(rows) == len(seen) == 4
     for row, episodes in zip(rows, seen, strict=True):
-        assert len(episodes) >= 18  # 40 steps end three episodes of 6 robots at least
+        assert len(episodes) >= 18  # 40 steps end at least three episodes of 6 robots
         names = {name for episode in episodes for name in episode}
         assert {f"robot/{name}" for name in names} == {name for name in row if name.startswith("robot/")}
         for name in names:

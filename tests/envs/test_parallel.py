@@ -1,4 +1,4 @@
-"""PettingZoo and Gymnasium: their own checkers, the meaning of what is returned, and clear errors."""
+"""Test PettingZoo and Gymnasium adapters: library checks, returned values and clear errors."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from warehouse_env.simulation.senses.rewards import REWARD_TERMS
 
 
 def strict(test: Callable[..., None]) -> Callable[..., None]:
-    """Any warning fails the test, but that observations have no bound (metres off the route have none)."""
+    """Fail a test on any warning except that observations are unbounded (metres off the route are)."""
     return pytest.mark.filterwarnings("ignore:.*infinity")(pytest.mark.filterwarnings("error")(test))
 
 
@@ -58,7 +58,7 @@ def samples(env: WarehouseParallelEnv) -> dict[str, Any]:
     return {agent: env.action_space(agent).sample() for agent in env.agents}
 
 
-def test_every_value_is_the_simulators(tiny: EnvConfig) -> None:
+def test_every_value_equals_the_simulators(tiny: EnvConfig) -> None:
     env, simulator = parallel_env(tiny), Simulator(tiny)
     observations, infos = env.reset(seed=5)
     expected = simulator.reset(5)
@@ -99,7 +99,7 @@ READINGS: dict[str, Callable[[Any], Any]] = {
 
 
 @pytest.mark.parametrize("name", READINGS)
-def test_infos_that_nobody_has_read_yet_are_a_dict(tiny: EnvConfig, name: str) -> None:
+def test_unread_infos_act_as_a_dict(tiny: EnvConfig, name: str) -> None:
     env, read = parallel_env(tiny), READINGS[name]
     env.reset(seed=1)
     infos, kept = (env.step(samples(env))[4] for _ in range(2))
@@ -115,7 +115,7 @@ def cruise(env: WarehouseParallelEnv) -> dict[str, Any]:
     return dict.fromkeys(env.agents, env.simulator.cruise_action)
 
 
-def test_an_arrived_robot_leaves_and_the_others_go_on(tiny: EnvConfig) -> None:
+def test_arrived_robot_leaves_while_others_continue(tiny: EnvConfig) -> None:
     env = parallel_env(tiny, tasks="one_shot", max_steps=2000, num_agents=4)
     env.reset(seed=2)
     left: list[str] = []
@@ -131,7 +131,7 @@ def test_an_arrived_robot_leaves_and_the_others_go_on(tiny: EnvConfig) -> None:
     assert sorted(set(left)) == sorted(left)
 
 
-def test_after_the_end_only_reset_helps(tiny: EnvConfig) -> None:
+def test_actions_after_the_end_are_refused(tiny: EnvConfig) -> None:
     env = parallel_env(tiny, max_steps=1)
     env.reset(seed=0)
     actions = samples(env)
@@ -151,15 +151,15 @@ def test_after_the_end_only_reset_helps(tiny: EnvConfig) -> None:
         ("raw", [[0.0, 0.0]]),
     ],
 )
-def test_a_bad_action_is_named(tiny: EnvConfig, action_type: str, bad: object) -> None:
+def test_bad_action_names_its_robot(tiny: EnvConfig, action_type: str, bad: object) -> None:
     env = parallel_env(tiny, action_type=action_type)
     env.reset(seed=0)
     with pytest.raises(ActionError, match="robot_1"):
         env.step({**samples(env), "robot_1": bad})
-    env.step(samples(env))  # and nothing is broken by it
+    env.step(samples(env))  # the env still works
 
 
-def test_missing_and_superfluous_actions_are_named(tiny: EnvConfig) -> None:
+def test_missing_and_extra_actions_name_their_robot(tiny: EnvConfig) -> None:
     env = parallel_env(tiny)
     env.reset(seed=0)
     actions = samples(env)
@@ -170,8 +170,8 @@ def test_missing_and_superfluous_actions_are_named(tiny: EnvConfig) -> None:
         env.step(actions)
 
 
-def test_the_action_of_a_robot_that_has_left_is_not_read(tiny: EnvConfig) -> None:
-    """TorchRL gives one for every robot as long as any drives."""
+def test_action_of_a_departed_robot_is_ignored(tiny: EnvConfig) -> None:
+    """TorchRL passes an action for every robot until the last one has left."""
     env, other = (parallel_env(tiny, tasks="one_shot", max_steps=2000) for _ in range(2))
     env.reset(seed=2)
     other.reset(seed=2)
@@ -195,7 +195,7 @@ def test_gymnasium_and_sb3_check(every_config: EnvConfig) -> None:
     sb3_check(made.unwrapped, skip_render_check=True)
 
 
-def test_registered_by_the_import_alone() -> None:
+def test_import_registers_the_env() -> None:
     code = (
         "import gymnasium\n"
         "env = gymnasium.make('warehouse_env:Warehouse-v0', layout='open', num_agents=2, planner='astar')\n"
@@ -208,31 +208,31 @@ def test_registered_by_the_import_alone() -> None:
     assert warehouse_env.__name__ in sys.modules
 
 
-@pytest.mark.parametrize("told", [False, True])
-def test_others_cruise_unless_they_act_by_their_own_observations(tiny: EnvConfig, told: bool) -> None:
+@pytest.mark.parametrize("with_policy", [False, True])
+def test_others_cruise_or_follow_their_own_policy(tiny: EnvConfig, with_policy: bool) -> None:
     seen: list[np.ndarray] = []
 
     def stand(observation: np.ndarray) -> np.ndarray:
         seen.append(observation)
         return np.full(len(observation), 5)
 
-    env, simulator = single_env(tiny, others=stand if told else None), Simulator(tiny)
+    env, simulator = single_env(tiny, others=stand if with_policy else None), Simulator(tiny)
     env.reset(seed=4)
     simulator.reset(4)
-    theirs = 5 if told else simulator.cruise_action
+    theirs = 5 if with_policy else simulator.cruise_action
     for _ in range(12):
         now = simulator.observation[0, 1:].copy()
         observation, reward, terminated, truncated, _ = env.step(7)
         simulator.step(np.array([[7, theirs, theirs]]))
         np.testing.assert_array_equal(observation, simulator.observation[0, 0])
         assert reward == simulator.reward[0, 0]
-        if told:
+        if with_policy:
             np.testing.assert_array_equal(seen[-1], now)
     assert truncated
     assert not terminated
 
 
-def test_bad_others_and_a_missing_reset_are_named(tiny: EnvConfig) -> None:
+def test_bad_others_and_missing_reset_are_refused(tiny: EnvConfig) -> None:
     with pytest.raises(gymnasium.error.ResetNeeded):
         single_env(tiny).step(0)
     env = single_env(tiny, others=lambda observation: [0, math.nan])

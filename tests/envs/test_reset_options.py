@@ -1,4 +1,4 @@
-"""Resets and steps do what options and actions say, in every adapter, or refuse them in one sentence."""
+"""Test that every adapter obeys reset options and actions, or refuses them in one sentence."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ ADAPTERS = [*ONE, "vector", "tensors", "torchrl"]
 
 
 def begin(adapter: str, options: Any) -> tuple[Simulator, Any]:
-    """Reset an env by seed 3 and options; returns its simulator, and another of a second world, if there is one."""
+    """Reset an env with seed 3 and options; return its simulator and the VecEnv, if it is one."""
     if adapter in ONE:
         env: Any = ONE[adapter](CONFIG)
         env.reset(seed=3, options=options)
         return env.unwrapped.simulator, None
-    if isinstance(options, dict):  # of two worlds, the second with the tables turned round
+    if isinstance(options, dict):  # for two worlds; the second has the tables reversed
         options = {name: [of, of[::-1]] if isinstance(of, list) else of for name, of in options.items()}
     if adapter == "vector":
         env = vec_env(configs=[CONFIG, CONFIG])
@@ -63,14 +63,14 @@ def begin(adapter: str, options: Any) -> tuple[Simulator, Any]:
 
 
 @pytest.mark.parametrize("adapter", ADAPTERS)
-def test_robots_start_and_go_as_options_say(adapter: str) -> None:
+def test_options_set_starts_and_goals(adapter: str) -> None:
     simulator, vector = begin(adapter, {"starts": STARTS, "goals": GOALS, "num_agents": 2})
     np.testing.assert_allclose(simulator.state.pose[0], STARTS, atol=1e-6)
     assert simulator.state.goal[0].tolist() == [list(goal) for goal in GOALS]
     if vector is not None:
         second = vector.blocks[1].simulator.state.pose[0]
         np.testing.assert_allclose(second, STARTS[::-1], atol=1e-6)
-        vector.reset()  # options are of one reset
+        vector.reset()  # options apply to one reset only
         assert not np.allclose(second, STARTS[::-1], atol=0.1)
     drawn = Simulator(CONFIG)
     drawn.reset(3)
@@ -80,7 +80,7 @@ def test_robots_start_and_go_as_options_say(adapter: str) -> None:
 
 @pytest.mark.parametrize("adapter", ADAPTERS)
 @pytest.mark.parametrize(
-    ("options", "said"),
+    ("options", "message"),
     [
         ({"start": STARTS}, "unknown option of a reset 'start'; did you mean starts?"),
         ({"goals": GOALS}, "starts and goals of a reset go together"),
@@ -89,20 +89,20 @@ def test_robots_start_and_go_as_options_say(adapter: str) -> None:
         (3, "options=3 must be a dict of starts, goals, num_agents"),
     ],
 )
-def test_what_cannot_be_is_refused(adapter: str, options: Any, said: str) -> None:
+def test_invalid_options_are_refused(adapter: str, options: Any, message: str) -> None:
     with pytest.raises(ConfigError) as refused:
         begin(adapter, options)
-    assert said in str(refused.value)
+    assert message in str(refused.value)
 
 
 @pytest.mark.parametrize("adapter", ADAPTERS)
-def test_an_environment_has_no_more_robots_than_it_was_made_for(adapter: str) -> None:
-    said = "is more than the 2" if adapter in ("parallel", "aec") else "only parallel_env and aec_env change"
-    with pytest.raises(ConfigError, match=said):
+def test_more_robots_than_the_env_was_made_for_are_refused(adapter: str) -> None:
+    message = "is more than the 2" if adapter in ("parallel", "aec") else "only parallel_env and aec_env change"
+    with pytest.raises(ConfigError, match=message):
         begin(adapter, {"num_agents": 3})
 
 
-def test_an_episode_of_fewer_robots_is_that_of_an_environment_of_as_many() -> None:
+def test_episode_of_fewer_robots_equals_a_smaller_env() -> None:
     several, four = parallel_env(CONFIG, num_agents=4), parallel_env(CONFIG, num_agents=4)
     for env in (several, four):
         env.reset(seed=3)
@@ -124,13 +124,13 @@ def test_an_episode_of_fewer_robots_is_that_of_an_environment_of_as_many() -> No
         several.step(dict.fromkeys(several.possible_agents, 0))
     several.reset(seed=3)
     assert several.agents == several.possible_agents
-    for count in (3, 1, 4):  # without a seed, too, what follows is fixed by the last one
+    for count in (3, 1, 4):  # without a seed, the last seed fixes the next episode
         seen, expected = (env.reset(options={"num_agents": count})[0] for env in (several, four))
         assert len(seen) == count
         assert all(np.array_equal(seen[name], expected[name]) for name in seen)
 
 
-def test_turns_of_fewer_robots() -> None:
+def test_fewer_robots_take_turns() -> None:
     env = aec_env(CONFIG, num_agents=4, max_steps=5)
     env.reset(seed=1, options={"num_agents": 3})
     acted = []
@@ -141,7 +141,7 @@ def test_turns_of_fewer_robots() -> None:
     assert acted == ["robot_0", "robot_1", "robot_2"] * 6
 
 
-def test_several_worlds_need_a_table_each() -> None:
+def test_each_world_needs_its_own_table() -> None:
     for starts in (STARTS, np.array(STARTS), 3):
         with pytest.raises(ConfigError, match="lists of a table for each of the 3 worlds"):
             vec_env(3, CONFIG).set_options({"starts": starts, "goals": [GOALS] * 3})
@@ -152,8 +152,8 @@ TINY = EnvConfig(**BASE)
 STOP: dict[str, Any] = {"arrival": "stop"}
 
 
-def test_a_robot_that_could_leap_over_the_rim_is_refused() -> None:
-    """Once it came down beyond the map, and the lidar read memory that is not its own."""
+def test_robot_that_could_leap_over_the_rim_is_refused() -> None:
+    """Such a robot could land beyond the map, where the lidar would read outside the map."""
     with pytest.raises(ConfigError, match="between two contact checks, more than a cell of 1 m"):
         Simulator(EnvConfig(robot=RobotSpec(wheelbase=0.001), time_step=10.0, **BASE))
     Simulator(EnvConfig(robot=RobotSpec(max_speed=15.0), **BASE))
@@ -194,13 +194,13 @@ def test_a_robot_that_could_leap_over_the_rim_is_refused() -> None:
         (lambda: Simulator(TINY, orders=[Order(0.0, ((1, 1),), (2, 2), 1.0, 1.0)]), "need orders=OrderSpec"),
     ],
 )
-def test_what_was_found(make: Callable[[], Any], sentence: str) -> None:
-    """Each ended in another error, or in an endless allocation, once."""
+def test_invalid_arguments_are_refused(make: Callable[[], Any], sentence: str) -> None:
+    """Each argument once raised another error or allocated without end."""
     with pytest.raises(ConfigError, match=sentence):
         make()
 
 
-def test_large_real_valued_actions_are_clipped_in_a_vec_env_too() -> None:
+def test_vec_env_stays_finite_under_large_continuous_actions() -> None:
     env = vec_env(1, action_type="continuous", **BASE)
     env.seed(1)
     env.reset()
@@ -218,24 +218,24 @@ FACTORIES: dict[str, Callable[..., Any]] = {
 
 
 @pytest.fixture
-def bare(monkeypatch: pytest.MonkeyPatch) -> None:
-    """No package of the extra `render` is installed."""
+def no_render_packages(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Hide all packages of the extra `render`."""
     for package in ("pygame", "matplotlib", "imageio_ffmpeg"):
         monkeypatch.setitem(sys.modules, package, None)
 
 
 @pytest.mark.parametrize("factory", FACTORIES)
-def test_a_missing_package_is_named_at_once(factory: str, tiny: EnvConfig, bare: None) -> None:
+def test_missing_render_package_is_named_at_once(factory: str, tiny: EnvConfig, no_render_packages: None) -> None:
     with pytest.raises(WarehouseError) as caught:
         FACTORIES[factory](tiny, render_mode="rgb_array")
     assert str(caught.value) == "pictures need the package 'pygame'; pip install \"warehouse-env[render]\""
 
 
 @pytest.mark.parametrize("factory", FACTORIES)
-def test_without_pictures_no_package_is_missed(factory: str, tiny: EnvConfig, bare: None) -> None:
+def test_env_without_pictures_needs_no_render_package(factory: str, tiny: EnvConfig, no_render_packages: None) -> None:
     FACTORIES[factory](tiny).reset()
 
 
-def test_a_wrong_mode_is_named_first(tiny: EnvConfig, bare: None) -> None:
+def test_wrong_render_mode_is_named_first(tiny: EnvConfig, no_render_packages: None) -> None:
     with pytest.raises(ConfigError, match="rgb_array"):
         parallel_env(tiny, render_mode="rgb_aray")

@@ -1,4 +1,4 @@
-"""The VecEnv against a Simulator stepped by hand, and a short PPO; the environment of torch tensors."""
+"""Test the VecEnv and the env of torch tensors against a Simulator stepped by hand."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def random_actions(env: WarehouseVecEnv, rng: np.random.Generator) -> np.ndarray
 
 
 def test_rows_are_worlds_times_robots(every_config: EnvConfig) -> None:
-    """Twelve steps end the episode in each mode; thirty go well into the third."""
+    """Step thirty times: an episode has twelve steps, so this reaches the third one."""
     env, simulator = vec_env(2, every_config), Simulator(every_config, 2)
     rng = np.random.default_rng(0)
     parked = np.zeros((2, 3), dtype=bool)
@@ -58,7 +58,7 @@ def test_rows_are_worlds_times_robots(every_config: EnvConfig) -> None:
 
 
 class Cruise:
-    """Drives along the route at full speed, as evaluate_policy of stable-baselines3 asks."""
+    """Policy at full speed along the route, with the interface of evaluate_policy of stable-baselines3."""
 
     def __init__(self, env: WarehouseVecEnv) -> None:
         self._action = env.get_attr("cruise_action")[0]
@@ -68,7 +68,7 @@ class Cruise:
 
 
 def one_shots(tiny: EnvConfig, episodes: int) -> list[tuple[float, int]]:
-    """Return and length of every robot's episodes in PettingZoo, where robots that have arrived leave."""
+    """Return (return, length) of every robot's episodes in PettingZoo, where arrived robots leave."""
     env = parallel_env(tiny, tasks="one_shot", max_steps=500)
     found = []
     for episode in range(episodes):
@@ -81,10 +81,10 @@ def one_shots(tiny: EnvConfig, episodes: int) -> list[tuple[float, int]]:
     return sorted(found)
 
 
-@pytest.mark.filterwarnings("ignore:.*already wrapped with a `Monitor`")  # which says that VecMonitor is not needed
+@pytest.mark.filterwarnings("ignore:.*already wrapped with a `Monitor`")  # VecMonitor is redundant
 @pytest.mark.parametrize("wrapped", [False, True])
-def test_a_robot_that_parks_ends_once(tiny: EnvConfig, wrapped: bool) -> None:
-    """stable-baselines3 finds the episodes of PettingZoo, whether it reads the infos or counts itself."""
+def test_parked_robot_ends_once(tiny: EnvConfig, wrapped: bool) -> None:
+    """Check that stable-baselines3 finds PettingZoo's episodes, by the infos and by its own count."""
     returns, lengths = zip(*one_shots(tiny, 3), strict=True)
     assert len(set(lengths)) > 3
     assert max(lengths) < 500
@@ -93,11 +93,11 @@ def test_a_robot_that_parks_ends_once(tiny: EnvConfig, wrapped: bool) -> None:
     env.seed(2)
     found = evaluate_policy(Cruise(plain), env, n_eval_episodes=9, return_episode_rewards=True)  # type: ignore[arg-type]
     assert sorted(found[0]) == pytest.approx(returns, abs=1e-4)
-    if not wrapped:  # VecMonitor counts the time that a row waits for its world to the next episode
+    if not wrapped:  # VecMonitor adds a parked row's waiting time to the next episode
         assert sorted(found[1]) == sorted(lengths)
 
 
-def test_routes_are_planned_once_for_equal_maps(tiny: EnvConfig) -> None:
+def test_equal_maps_share_their_routes(tiny: EnvConfig) -> None:
     configs = [tiny, tiny.replace(num_agents=2), tiny.replace(layout="narrow"), tiny.replace(planner="dijkstra")]
     configs.append(tiny.replace(robot=RobotSpec(width=0.8)))
     books = [block.simulator.route_book for block in vec_env(configs=configs).blocks]
@@ -105,7 +105,7 @@ def test_routes_are_planned_once_for_equal_maps(tiny: EnvConfig) -> None:
     assert len({id(book) for book in books}) == 4
 
 
-def test_attributes_and_methods(tiny: EnvConfig) -> None:
+def test_attributes_are_read_and_set_by_row(tiny: EnvConfig) -> None:
     env = vec_env(configs=[tiny, tiny.replace(num_agents=2)])
     env.reset()
     assert env.get_attr("num_agents") == [3, 3, 3, 2, 2]
@@ -120,7 +120,7 @@ def test_attributes_and_methods(tiny: EnvConfig) -> None:
     assert env.env_is_wrapped(VecMonitor) == [False] * 5  # type: ignore[arg-type]
 
 
-def test_each_row_is_told_of_its_own_world(tiny: EnvConfig) -> None:
+def test_each_row_reads_its_own_world(tiny: EnvConfig) -> None:
     env = vec_env([1, 2], configs=[tiny.replace(num_agents=2), tiny], max_steps=100)
     env.reset()
     env.step(random_actions(env, np.random.default_rng(0)))
@@ -159,7 +159,7 @@ def test_bad_actions_are_refused(tiny: EnvConfig, action_type: str, actions: Any
 CONFIG = EnvConfig(num_agents=6, planner="astar_turns", max_steps=20)
 
 
-def test_an_episode_ends_with_its_last_observation_and_metrics_and_the_next_begins() -> None:
+def test_episode_end_gives_last_observation_and_metrics() -> None:
     env = warehouse_env.tensor_env(3, CONFIG, device="cpu")
     first, _ = env.reset(seed=4)
     assert env.observation_space.shape == first.shape == (18, env.single_observation_space.shape[0])
@@ -173,8 +173,8 @@ def test_an_episode_ends_with_its_last_observation_and_metrics_and_the_next_begi
     assert sorted(infos["world_metrics"]) == [0, 1, 2]
     assert all(row["robot_km"] > 0 for row in infos["world_metrics"].values())
     assert infos["_final_obs"].all()
-    assert not torch.equal(infos["final_obs"], observation)  # the worlds have begun anew
-    assert not torch.equal(observation, first)  # and elsewhere
+    assert not torch.equal(infos["final_obs"], observation)  # the worlds have restarted
+    assert not torch.equal(observation, first)  # from other starts
     side = max(env.simulator.host.grid.shape) * env.simulator.host.grid.cell_size
     for world, robots in enumerate(env.simulator.download([0, 1, 2])):
         assert env.state()[world].tolist() == global_view(robots, side, env.simulator.config).tolist()
@@ -182,7 +182,7 @@ def test_an_episode_ends_with_its_last_observation_and_metrics_and_the_next_begi
 
 
 @pytest.mark.parametrize("uncertainty", [None, UncertaintySpec(pose_error=0.05, actuation_error=0.05)])
-def test_recorded_worlds_equal_a_simulators_and_are_replayed_and_audited(
+def test_recorded_worlds_equal_the_simulator_and_pass_audit(
     uncertainty: UncertaintySpec | None, tmp_path: Path
 ) -> None:
     config = CONFIG.replace(uncertainty=uncertainty)
@@ -193,7 +193,7 @@ def test_recorded_worlds_equal_a_simulators_and_are_replayed_and_audited(
     recorder = env.record([2, 0], seed=7)
     seen = env.simulator.observation
     assert seen[[2, 0]].tolist() == host.simulator.observation.tolist()
-    for k, step in enumerate(actions):  # the episode has 20 steps, and that of the other world ends before
+    for k, step in enumerate(actions):  # the recorded episodes have 20 steps; the other world's ends earlier
         env.step(step.flatten())
         if k < 20:
             host.step(step[[2, 0]].numpy())
@@ -213,8 +213,8 @@ def test_recorded_worlds_equal_a_simulators_and_are_replayed_and_audited(
 
 
 @pytest.mark.parametrize("changes", [{}, {"terminate_on_collision": True}, {"tasks": "one_shot", "layout": "narrow"}])
-def test_rewards_and_ends_are_those_of_the_simulator(changes: dict[str, Any]) -> None:
-    """Robots stay terminated until their world begins anew: once it is truncated, or all its robots have terminated."""
+def test_rewards_and_ends_equal_the_simulators(changes: dict[str, Any]) -> None:
+    """Robots stay terminated until their world restarts: when it is truncated or all its robots have terminated."""
     config = CONFIG.replace(max_steps=150, **changes)
     env, here = warehouse_env.tensor_env(3, config, device="cpu"), Simulator(config, 3)
     env.reset(seed=4)
@@ -239,6 +239,6 @@ def test_rewards_and_ends_are_those_of_the_simulator(changes: dict[str, Any]) ->
     assert (parked > 0) is bool(changes)
 
 
-def test_the_same_seed_gives_the_same_episode_in_any_number_of_worlds() -> None:
+def test_episode_does_not_depend_on_the_number_of_worlds() -> None:
     few, many = warehouse_env.tensor_env(1, CONFIG, device="cpu"), warehouse_env.tensor_env(4, CONFIG, device="cpu")
     assert torch.equal(few.reset(seed=9)[0], many.reset(seed=9)[0][:6])
