@@ -1,4 +1,4 @@
-"""Discs and one-way cells: which cells they close, their files, what is drawn, and what a wrong one is told."""
+"""Test discs and one-way cells: the cells they close, their files, lanes, and errors."""
 
 from __future__ import annotations
 
@@ -26,16 +26,14 @@ PILLARS = [(2.5, 2.5, 0.4), (4.0, 1.0, 0.2)]
 
 
 def floor(**more: object) -> GridMap:
-    """A floor with a shelf in its north-west corner and two pillars, one on a crossing of four cells."""
+    """Return a floor with a shelf in its north-west corner and two pillars, one on a corner of four cells."""
     occupied = FREE.copy()
     occupied[0, 0] = True
     return GridMap(occupied, discs=PILLARS, **more)  # type: ignore[arg-type]
 
 
 @given(st.lists(st.tuples(st.floats(0, 6), st.floats(0, 5), st.floats(0.01, 1.2)), max_size=4), st.integers(0, 10**6))
-def test_a_cell_is_closed_where_its_nearest_point_is_within_a_disc(
-    discs: list[tuple[float, float, float]], seed: int
-) -> None:
+def test_disc_closes_cells_whose_nearest_point_it_covers(discs: list[tuple[float, float, float]], seed: int) -> None:
     occupied = np.random.default_rng(seed).random(FREE.shape) < 0.1
     expected = occupied.copy()
     for row in range(5):
@@ -53,7 +51,7 @@ def test_a_cell_is_closed_where_its_nearest_point_is_within_a_disc(
     assert (grid.walls == occupied).all()
 
 
-def test_copies_keep_what_is_a_shelf_and_what_a_disc() -> None:
+def test_copies_keep_shelves_and_discs_apart() -> None:
     grid = floor()
     for copy in (pickle.loads(pickle.dumps(grid)), dataclasses.replace(grid, name="again")):
         assert (copy.walls == grid.walls).all()
@@ -62,38 +60,38 @@ def test_copies_keep_what_is_a_shelf_and_what_a_disc() -> None:
     assert floor().key != GridMap(grid.occupied).key
     more = grid.occupied.copy()
     more[1, 1], more[0, 0] = True, False
-    changed = dataclasses.replace(grid, occupied=more)  # a shelf goes, one comes, discs stay what they are
+    changed = dataclasses.replace(grid, occupied=more)  # one shelf moves; discs stay discs
     assert np.argwhere(changed.walls).tolist() == [[1, 1]]
     on_disc = FREE.copy()
-    on_disc[2, 2] = True  # a shelf given where a disc is stays one
+    on_disc[2, 2] = True  # a shelf at a disc stays a shelf
     assert GridMap(on_disc, discs=PILLARS).walls[2, 2]
 
 
-def test_robots_in_a_closed_cell_or_off_the_floor_plan_from_the_nearest_free_cell() -> None:
+def test_robots_off_free_cells_plan_from_the_nearest_free_cell() -> None:
     points = [(2.05, 2.5), (2.95, 2.4), (0.5, 4.4), (5.5, 0.5), (-3.0, 9.0), (6.0, -0.1)]
     assert floor().standing(points).tolist() == [[2, 1], [2, 3], [1, 0], [4, 5], [0, 1], [4, 5]]
 
 
-def test_a_map_file_keeps_its_discs_beside_it(tmp_path: Path) -> None:
+def test_discs_are_stored_beside_a_map_file(tmp_path: Path) -> None:
     grid = make_layout("pillars:rows=20,columns=20,count=9")
     write_map(grid, tmp_path / "hall.map")
     read = read_map(tmp_path / "hall.map")
     assert read.discs.tobytes() == grid.discs.tobytes()
     assert read.key == grid.key
-    write_map(GridMap(FREE), tmp_path / "hall.map")  # another floor: they are gone
+    write_map(GridMap(FREE), tmp_path / "hall.map")  # another floor without discs
     assert not len(read_map(tmp_path / "hall.map").discs)
     with pytest.raises(MapError, match=r"write a \.yaml"):
         write_map(GridMap(FREE, cell_size=0.5, discs=[(1, 1, 0.2)]), tmp_path / "hall.map")
 
 
-def test_a_hall_reads_its_discs_and_pixels_within_are_theirs(tmp_path: Path) -> None:
+def test_hall_discs_own_the_pixels_they_cover(tmp_path: Path) -> None:
     grid = floor(origin=(-3.0, 7.0))
     name = write_hall(grid, tmp_path / "hall.yaml", 0.05)
     hall = read_hall(name)
     assert (hall.grid.walls == grid.walls).all()
     assert (hall.grid.occupied == grid.occupied).all()
     np.testing.assert_allclose(hall.grid.discs, grid.discs, atol=1e-6)
-    # a scanner drew the pillar too: as discs it is round, without them a cell of shelf
+    # a scanner also drew the pillar: with its disc it is round, without it a cell of shelf
     picture = (tmp_path / "hall.pgm").read_bytes()
     head, body = picture[: -100 * 120], np.frombuffer(picture[-100 * 120 :], np.uint8).reshape(100, 120).copy()
     body[47:53, 47:53] = 0
@@ -106,16 +104,16 @@ def test_a_hall_reads_its_discs_and_pixels_within_are_theirs(tmp_path: Path) -> 
     assert any("1 disc with a centre off the floor" in note for note in far.notes)
 
 
-def test_files_of_discs(tmp_path: Path) -> None:
+def test_disc_files_round_trip_and_name_errors(tmp_path: Path) -> None:
     discs = np.float32([(0.1, 2.7, 0.3), (1e-3, 33.3333, 1.0)])
     write_beside(tmp_path / "a.map", discs)
     assert (read_discs(tmp_path / "a.discs.json").astype(np.float32) == discs).all()
-    for content, says in (
+    for content, message in (
         ("[", "line 1: not valid"), ('{"disc": []}', 'must hold "discs"'), ('{"discs": [{"x": 1, "y": 2}]}', "disc 1"),
         ('{"discs": [{"x": 1, "y": 2, "radius": -1}]}', "radius from 0.001"), ('{"discs": [3]}', "disc 1"),
     ):  # fmt: skip
         (tmp_path / "b.json").write_text(content)
-        with pytest.raises(MapError, match=says):
+        with pytest.raises(MapError, match=message):
             read_discs(tmp_path / "b.json")
     with pytest.raises(ConfigError, match="radius"):
         make_layout("pillars:radius=0")
@@ -130,7 +128,7 @@ def aisle() -> GridMap:
     return GridMap(occupied, one_way=parse(AISLE), name="aisle")
 
 
-def test_text_is_read_back() -> None:
+def test_one_way_text_round_trips() -> None:
     assert text(parse(AISLE)) == AISLE
     assert parse([".>^<v"]).tolist() == [[0, 1, 2, 3, 4]]
     for wrong in ([".>", "."], [".x"]):
@@ -138,13 +136,13 @@ def test_text_is_read_back() -> None:
             parse(wrong)
 
 
-def test_three_of_eight_moves_are_against_an_arrow() -> None:
+def test_an_arrow_bars_three_of_eight_moves() -> None:
     # moves counter-clockwise from east: 0 E, 1 NE, 2 N, 3 NW, 4 W, 5 SW, 6 S, 7 SE
     moves = [np.flatnonzero(row).tolist() for row in against(parse([".>^<v"]))[0]]
     assert moves == [[], [3, 4, 5], [5, 6, 7], [0, 1, 7], [1, 2, 3]]
 
 
-def test_directions_stand_beside_a_map_file(tmp_path: Path) -> None:
+def test_directions_are_stored_beside_a_map_file(tmp_path: Path) -> None:
     grid, path = aisle(), tmp_path / "aisle.map"
     write_map(grid, path)
     assert (tmp_path / "aisle.oneway").read_text().splitlines() == AISLE
@@ -160,7 +158,7 @@ def test_directions_stand_beside_a_map_file(tmp_path: Path) -> None:
     assert not read_map(path).one_way.any()
 
 
-def test_a_lane_runs_in_the_middle_of_a_one_way_aisle() -> None:
+def test_lane_is_in_the_middle_of_a_one_way_aisle() -> None:
     grid = aisle()
     solid = np.pad(grid.occupied[::-1], 1, constant_values=True).astype(np.uint8)
     arrows = np.pad(grid.one_way[::-1], 1)

@@ -1,4 +1,4 @@
-"""Floors for bodies of other sizes: by hand, by brute force, and what does not fit in one sentence."""
+"""Test floors for other footprints: by hand, by brute force, and one sentence if a footprint does not fit."""
 
 from __future__ import annotations
 
@@ -28,22 +28,22 @@ SMALL = RobotSpec(length=0.5, width=0.4, wheelbase=0.34, front_overhang=0.08)
 
 
 def drawn(*lines: str, cell: float = 1.0) -> GridMap:
-    """A floor of `#` shelf, `p` pick, `s` station."""
+    """Return a floor from `#` shelf, `p` pick, `s` station."""
     letters = np.array([list(line) for line in lines])
     picks, stations = (np.argwhere(letters == letter) for letter in "ps")
     return GridMap(letters == "#", cell_size=cell, picks=picks, stations=stations)
 
 
 @pytest.mark.parametrize("name", LAYOUTS)
-def test_the_default_body_fits_every_layout(name: str) -> None:
+def test_default_footprint_fits_every_layout(name: str) -> None:
     grid = make_layout(name)
     assert fitted(grid, RobotSpec()) == (grid, ())
     half = GridMap(grid.occupied, cell_size=0.5, picks=grid.picks, stations=grid.stations)
     assert fitted(half, SMALL)[0] is half
 
 
-def test_a_wide_body_keeps_to_the_middle_by_hand() -> None:
-    """2 m in an aisle of 3 has the middle row; places beside the shelf move to where it can stand."""
+def test_wide_footprint_keeps_to_the_middle() -> None:
+    """A robot of 2 m uses the middle row of an aisle of 3 m; places beside the shelf move there."""
     floor, notes = fitted(drawn("............", "............", "p.........s.", "############"), LARGE)
     drawing = ["".join(".x"[int(one)] for one in row) for row in floor.closed]
     assert drawing == ["x" * 12, "x..........x", "x" * 12, "x" * 12]
@@ -53,8 +53,8 @@ def test_a_wide_body_keeps_to_the_middle_by_hand() -> None:
 
 
 @pytest.mark.parametrize(("width", "corners"), [(1.2, False), (1.4, True)])
-def test_a_body_keeps_off_a_shelf_by_half_its_width(width: float, corners: bool) -> None:
-    """The corner of a shelf is 0.71 m from the centre of the cell beyond; half the body and its margin 0.65 or 0.75."""
+def test_footprint_keeps_half_its_width_from_shelves(width: float, corners: bool) -> None:
+    """A shelf corner is 0.71 m from the next cell's centre; half the width plus the margin is 0.65 or 0.75 m."""
     grid = drawn(".......", ".p.....", ".......", "...#...", ".......", ".....s.", ".......")
     floor, _ = fitted(grid, RobotSpec(length=1.4, width=width))
     row, column = np.abs(np.indices(grid.shape) - 3)
@@ -62,19 +62,19 @@ def test_a_body_keeps_off_a_shelf_by_half_its_width(width: float, corners: bool)
     np.testing.assert_array_equal(floor.closed, near | (np.maximum(row, column) == 3))
 
 
-def test_what_does_not_fit_is_one_sentence() -> None:
+def test_unreachable_places_are_noted() -> None:
     grid = drawn("............", "p..........s", "............", "##.#########", "p...........", "..........s.")
     with pytest.warns(MapWarning) as found:
         floor = load_floor(EnvConfig(robot=LARGE, num_agents=1), grid)
-    said = [str(one.message) for one in found]
-    assert "aisles are too narrow for bodies of 3 x 2 m: " in said[0]
-    assert "cannot reach 1 of 2 picks and 1 of 2 stations" in said[1]
+    notes = [str(one.message) for one in found]
+    assert "aisles are too narrow for bodies of 3 x 2 m: " in notes[0]
+    assert "cannot reach 1 of 2 picks and 1 of 2 stations" in notes[1]
     assert (floor.picks.tolist(), floor.stations.tolist()) == ([[1, 1]], [[1, 10]])
     tiny = drawn("p.s", "...")
     assert fitted(tiny, LARGE)[0] is tiny
     assert "bodies of 3 x 2 m can reach no pick, so the floor stays as it is" in fitted(tiny, LARGE)[1][0]
     with pytest.warns(MapWarning, match="too narrow"):
-        # Two endpoints would be left for two robots.
+        # Only two endpoints would remain for two robots.
         assert load_floor(EnvConfig(robot=LARGE, num_agents=2), grid) is grid
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -82,7 +82,7 @@ def test_what_does_not_fit_is_one_sentence() -> None:
 
 
 @pytest.mark.parametrize(("length", "width", "gets_there"), [(0.9, 0.6, True), (1.4, 0.8, False)])
-def test_bodies_get_stuck_where_the_note_says(length: float, width: float, gets_there: bool) -> None:
+def test_footprints_get_stuck_only_where_notes_say_so(length: float, width: float, gets_there: bool) -> None:
     robot = RobotSpec(length=length, width=width)
     grid = drawn("############", "s..........s", "#####.######", "#####p######", "############")
     config = policy_config("greedy", EnvConfig(num_agents=1, planner="astar_turns", robot=robot, layout="pocket"))
@@ -94,8 +94,8 @@ def test_bodies_get_stuck_where_the_note_says(length: float, width: float, gets_
 
 
 @pytest.mark.parametrize("planner", ["astar", "astar_turns", "theta_star", "pf_aco:iterations=3"])
-def test_off_tight_floor_leads_the_shortest_way_and_none_leads_through_it(planner: str) -> None:
-    """From the mouth of a narrow aisle, where a body comes by, the way goes round, though it could go on through it."""
+def test_plans_leave_tight_floor_and_never_cross_it(planner: str) -> None:
+    """From a narrow aisle the route leaves by the nearest mouth and goes round, not on through the aisle."""
     ends, narrow = ["p..............", "...............", "..............."], "####.########..."[:12] + "..."
     grid = drawn(*ends, *[narrow] * 4, *(line.replace("p", "s") for line in ends))
     floor, _ = fitted(grid, RobotSpec(length=1.2, width=1.2))
@@ -109,7 +109,7 @@ def test_off_tight_floor_leads_the_shortest_way_and_none_leads_through_it(planne
 
 
 def apart(grid: GridMap, cells: np.ndarray) -> np.ndarray:
-    """Metres from cells' centres to the nearest shelf or the rim."""
+    """Return the distances [m] from cell centres to the nearest shelf or the rim."""
     walls = np.argwhere(np.pad(grid.occupied, 1, constant_values=True)) - 1
     off = np.maximum(np.abs(walls[None] - cells.reshape(-1, 1, 2)) - 0.5, 0.0)
     return np.asarray(np.hypot(off[..., 0], off[..., 1]).min(axis=1, initial=np.inf)) * grid.cell_size
@@ -117,8 +117,8 @@ def apart(grid: GridMap, cells: np.ndarray) -> np.ndarray:
 
 @settings(max_examples=15, deadline=None)
 @given(st.integers(0, 10**6), st.sampled_from([0.25, 0.5, 1.0]), st.sampled_from(["astar_turns", "theta_star"]))
-def test_planned_cells_leave_room_for_the_body(seed: int, cell: float, planner: str) -> None:
-    """From endpoint to endpoint no cell is nearer to a shelf than the body needs; from tight floor one gets off."""
+def test_planned_cells_leave_room_for_the_footprint(seed: int, cell: float, planner: str) -> None:
+    """Plans between endpoints keep the footprint's clearance; plans from tight floor leave it."""
     rng = np.random.default_rng(seed)
     occupied = rng.random((16, 16)) < 0.03
     body = RobotSpec(length=3.6 * cell, width=2.4 * cell, wheelbase=2.4 * cell, front_overhang=0.6 * cell)
@@ -130,7 +130,7 @@ def test_planned_cells_leave_room_for_the_body(seed: int, cell: float, planner: 
     tight = np.argwhere(np.zeros_like(occupied) if floor.tight is None else floor.tight)
     roomy = occupied.copy()
     roomy[tuple(tight.T)] = apart(floor, tight) < need
-    assert not largest_region(~roomy)[tuple(tight.T)].any()  # they are too near, or only such lead there
+    assert not largest_region(~roomy)[tuple(tight.T)].any()  # too near, or reached only through such cells
     assert (apart(floor, np.argwhere(~floor.closed)) >= need).all()
     ends = floor.endpoints[2]
     start, goal = ends[0], ends[-1]
@@ -140,19 +140,19 @@ def test_planned_cells_leave_room_for_the_body(seed: int, cell: float, planner: 
     if len(tight):
         off = tuple(tight[int(rng.integers(len(tight)))].tolist())
         way = floor.closed[tuple(make_planner(planner).plan(floor, off, goal, rng).cells.T)].tolist()
-        assert way == sorted(way, reverse=True)  # off the tight floor, and never onto it
+        assert way == sorted(way, reverse=True)  # leaves the tight floor and never enters it
 
 
-def test_a_given_goal_on_tight_floor_is_planned_to() -> None:
-    """Beside a shelf, off the middle of its cell, the body may fit: the way there is opened."""
+def test_route_reaches_a_given_goal_on_tight_floor() -> None:
+    """A footprint may fit beside a shelf off the cell's centre, so a given goal there is opened."""
     floor, _ = fitted(drawn("............", "............", "p.........s.", "############"), LARGE)
     cells = RouteBook(floor, make_planner("astar_turns")).cells((1, 2), (2, 8)).tolist()
     assert (cells[0], cells[-1]) == ([1, 2], [2, 8])
     assert all(row == 1 for row, _ in cells[:-1])
 
 
-def test_cells_too_near_to_a_disc_are_tight() -> None:
-    """Of the cells around a pillar of 0.2 m those nearer than half a width and some room."""
+def test_cells_near_a_disc_are_tight() -> None:
+    """Cells around a pillar of 0.2 m are tight if they are nearer than half a width plus a margin."""
     ends = {"picks": [[1, 1]], "stations": [[7, 7]]}
     floor, _ = fitted(GridMap(np.zeros((9, 9)), cell_size=0.5, discs=[[2.5, 2.5, 0.2]], **ends), RobotSpec())
     centres = floor.centre(np.stack(np.mgrid[1:8, 1:8], axis=-1))
@@ -160,17 +160,17 @@ def test_cells_too_near_to_a_disc_are_tight() -> None:
     assert (floor.closed[1:-1, 1:-1] == (apart < 0.35)).all()
 
 
-def test_junctions_too_tight_to_turn_in_are_said() -> None:
-    """1.4 x 0.8 m turn in aisles of 1.39 m, by the circles of their corners about the turn's centre."""
+def test_tight_junctions_are_noted() -> None:
+    """A footprint of 1.4 x 0.8 m needs 1.39 m to turn, by the circles of its corners about the turn's centre."""
     lines = ["............", "..........s.", "#.#########.", "#.#########.", "p.........p.", "###.#######."]
     (note,) = fitted(drawn(*lines), LONG)[1]
     assert "need aisles of 1.4 m to turn from one into another, and some of 1 m meet, as near (1.5, 1.5) m" in note
 
 
-def test_faces_of_large_bodies_are_free() -> None:
-    """Beside a shelf in parallel, its middle in the cell's; 1.5 m before a wall only with the axle there."""
+def test_faces_of_large_footprints_are_free() -> None:
+    """Beside a shelf the robot is parallel and centred in the cell; 1.5 m before a wall only its axle is centred."""
     floor, _ = fitted(drawn("............", "............", "p.........s.", "############"), LARGE)
     along = face(floor, (1, 4), LARGE).poses
-    assert [round(x, 6) for x, _, _ in along] == [5.5, 3.5]  # 1 m ahead of the middle, either way round
+    assert [round(x, 6) for x, _, _ in along] == [5.5, 3.5]  # 1 m ahead of the centre, in both headings
     assert face(floor, (1, 1), LARGE).poses == ((1.5, 2.5, math.pi),)
     assert headings_on(floor, (1, 1), LARGE) == [math.pi]

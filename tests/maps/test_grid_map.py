@@ -1,4 +1,4 @@
-"""GridMap: eq. 26's moves, exact distances, gaps, frames, endpoints, and what it refuses."""
+"""Test GridMap: moves of eq. 26, exact distances, gaps, frames, endpoints and errors."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from warehouse_env.maps.moves import label_regions
 
 
 def floor(*rows: str) -> GridMap:
-    """A map drawn with # and ."""
+    """Return a map drawn with # and ."""
     return GridMap(np.array([[letter == "#" for letter in row] for row in rows]))
 
 
 @st.composite
 def floors(draw: st.DrawFn) -> GridMap:
-    """A small map with at least one free cell."""
+    """Draw a small map with at least one free cell."""
     shape = (draw(st.integers(1, 7)), draw(st.integers(1, 7)))
     occupied = draw(hnp.arrays(np.bool_, shape))
     occupied[draw(st.integers(0, shape[0] - 1)), draw(st.integers(0, shape[1] - 1))] = False
@@ -36,7 +36,7 @@ def floors(draw: st.DrawFn) -> GridMap:
 
 
 def may_move(grid: GridMap, row: int, column: int, d_row: int, d_column: int) -> bool:
-    """Eq. 26 read from the paper, cell by cell: nothing taken from the code under test."""
+    """Return whether eq. 26 of the paper allows a move, independently of the code under test."""
     rows, columns = grid.shape
 
     def free(r: int, c: int) -> bool:
@@ -47,7 +47,7 @@ def may_move(grid: GridMap, row: int, column: int, d_row: int, d_column: int) ->
 
 
 def relaxed_distances(grid: GridMap, goal: tuple[int, int]) -> np.ndarray:
-    """Bellman and Ford's relaxation, slow and simple."""
+    """Return distances by the slow relaxation of Bellman and Ford."""
     steps = [step for step in itertools.product((-1, 0, 1), repeat=2) if step != (0, 0)]
     result = np.full(grid.shape, np.inf)
     result[goal] = 0.0
@@ -65,7 +65,7 @@ def relaxed_distances(grid: GridMap, goal: tuple[int, int]) -> np.ndarray:
 
 
 @given(floors())
-def test_legal_moves_are_those_of_eq_26(grid: GridMap) -> None:
+def test_legal_moves_equal_eq_26(grid: GridMap) -> None:
     expected = [
         [[may_move(grid, row, column, *move) for move in MOVES.tolist()] for column in range(grid.shape[1])]
         for row in range(grid.shape[0])
@@ -80,7 +80,7 @@ def test_distances_equal_slow_relaxation(grid: GridMap, data: st.DataObject) -> 
 
 
 @given(floors())
-def test_free_cells_can_all_reach_each_other_and_nothing_else(grid: GridMap) -> None:
+def test_free_cells_are_one_connected_region(grid: GridMap) -> None:
     reached = np.isfinite(grid.distance_to(tuple(grid.free_cells[0])))
     assert np.array_equal(np.argwhere(reached), grid.free_cells)
     assert all(
@@ -93,7 +93,7 @@ def test_frame_is_x_east_y_north_in_metres() -> None:
     assert grid.centre((2, 0)).tolist() == [1.0, 1.0]  # the south-west cell
     assert grid.centre([(0, 4), (1, 1)]).tolist() == [[9.0, 5.0], [3.0, 3.0]]
     assert grid.cell([(0.0, 5.99), (9.99, 0.0)]).tolist() == [[0, 0], [2, 4]]
-    assert grid.cell((-0.1, 6.1)).tolist() == [-1, -1]  # off the floor: outside, not clipped
+    assert grid.cell((-0.1, 6.1)).tolist() == [-1, -1]  # off the floor, not clipped
 
 
 def test_key_follows_the_content() -> None:
@@ -107,7 +107,7 @@ def test_key_follows_the_content() -> None:
     assert len({base.key, *(other.key for other in others)}) == 5
 
 
-def test_pickle_keeps_the_content_and_the_locks() -> None:
+def test_pickle_keeps_content_and_read_only_arrays() -> None:
     grid = GridMap(np.zeros((4, 4)), height=np.ones((4, 4)), picks=[(1, 1)], stations=[(0, 0)], name="small")
     grid.distance_to((0, 0))
     copy = pickle.loads(pickle.dumps(grid))
@@ -116,7 +116,7 @@ def test_pickle_keeps_the_content_and_the_locks() -> None:
     assert not copy.occupied.flags.writeable
 
 
-def test_drawing() -> None:
+def test_text_shows_cells_and_places() -> None:
     height = np.zeros((2, 4))
     height[1] = 0.1
     grid = GridMap([[0, 1, 0, 0], [0, 0, 0, 0]], height, picks=[(0, 2)], stations=[(1, 0), (1, 3)])
@@ -139,7 +139,7 @@ def test_default_endpoints_are_usable_on_any_map(grid: GridMap) -> None:
         assert len(stations) >= 2
 
 
-def test_default_picks_are_beside_shelves_but_not_beside_the_outer_wall() -> None:
+def test_default_picks_are_beside_shelves_not_the_outer_wall() -> None:
     grid = floor("########", "#......#", "#......#", "#..##..#", "#......#", "#......#", "########")
     assert grid.picks.tolist() == [[2, 3], [2, 4], [3, 2], [3, 5], [4, 3], [4, 4]]
 
@@ -149,7 +149,7 @@ NAN_HEIGHT[1, 2] = np.nan
 
 
 @pytest.mark.parametrize(
-    ("fields", "words"),
+    ("fields", "message"),
     [
         ({"occupied": np.zeros(3)}, "2 dimensions"),
         ({"occupied": np.zeros((0, 4))}, "empty"),
@@ -188,34 +188,34 @@ NAN_HEIGHT[1, 2] = np.nan
         ({"name": 3}, "name=3 must be a text"),
     ],
 )
-def test_what_is_wrong_is_named(fields: dict[str, Any], words: str) -> None:
-    with pytest.raises(MapError, match=words) as raised:
+def test_wrong_fields_are_named(fields: dict[str, Any], message: str) -> None:
+    with pytest.raises(MapError, match=message) as raised:
         GridMap(**{"occupied": [[0, 0, 0], [0, 1, 0], [0, 0, 0]], **fields})
     assert isinstance(raised.value, WarehouseError)
     assert "\n" not in str(raised.value)
 
 
 @pytest.mark.parametrize(
-    ("cell", "words"), [((0, 9), r"goal \(0, 9\) is outside"), ((-1, 0), "outside"), ((1, 1), "on a shelf"),
+    ("cell", "message"), [((0, 9), r"goal \(0, 9\) is outside"), ((-1, 0), "outside"), ((1, 1), "on a shelf"),
                         ((0.5, 1), "whole numbers"), ((0, 1, 2), "whole numbers")],
 )  # fmt: skip
-def test_cells_are_checked(cell: Any, words: str) -> None:
-    with pytest.raises(MapError, match=words):
+def test_cells_are_checked(cell: Any, message: str) -> None:
+    with pytest.raises(MapError, match=message):
         floor("....", ".#..", "....").check_cell(cell, "goal")
 
 
-def test_the_origin_is_where_the_floor_is_in_its_files_frame() -> None:
+def test_origin_places_the_floor_in_the_files_frame() -> None:
     grid = GridMap(np.zeros((2, 3)), cell_size=0.5, origin=[-15.1, 2])
     assert grid.world(grid.centre((1, 0))).tolist() == pytest.approx([-14.85, 2.25])
     assert pickle.loads(pickle.dumps(grid)).origin == grid.origin == (-15.1, 2.0)
-    assert grid.key == GridMap(np.zeros((2, 3)), cell_size=0.5).key  # what is driven is the same
+    assert grid.key == GridMap(np.zeros((2, 3)), cell_size=0.5).key  # the origin does not change routes
     for origin in (3, (1, 2, 3), (np.nan, 0), ("x", 0), None, (10**400, 0)):
         with pytest.raises(MapError, match="origin"):
             GridMap(np.zeros((2, 3)), origin=origin)  # type: ignore[arg-type]
 
 
 @given(floors())
-def test_cut_cells_are_those_without_which_a_region_falls_apart(grid: GridMap) -> None:
+def test_cut_cells_are_those_that_split_a_region(grid: GridMap) -> None:
     free = ~grid.occupied
     regions, expected = label_regions(free).max(), np.zeros_like(free)
     for row, column in np.argwhere(free):
@@ -227,7 +227,7 @@ def test_cut_cells_are_those_without_which_a_region_falls_apart(grid: GridMap) -
 
 @settings(max_examples=150, deadline=None)
 @given(st.integers(0, 10_000))
-def test_gap_of_a_segment_against_many_points_of_it(seed: int) -> None:
+def test_segment_gap_equals_the_gap_of_its_points(seed: int) -> None:
     rng = np.random.default_rng(seed)
     occupied = rng.random((5, 6)) < 0.3
     solid = np.pad(occupied, 1, constant_values=True).astype(np.uint8)

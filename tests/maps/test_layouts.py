@@ -1,4 +1,4 @@
-"""Floors by name and file: promises of the catalogue, the lengths of paper 000, MovingAI files and their errors."""
+"""Test layouts and MovingAI files: the catalogue's contract, path lengths of paper 000, file errors."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def layout(request: pytest.FixtureRequest) -> GridMap:
 
 
 def near(cells: np.ndarray, others: np.ndarray, distance: int) -> bool:
-    """Is any cell closer than `distance` (king's moves) to any of the others, itself left out?"""
+    """Return whether any cell is closer than `distance` king's moves to another cell of `others`."""
     apart = np.abs(cells[:, None] - others[None]).max(axis=2)
     return bool(((apart < distance) & (apart > 0)).any())
 
@@ -34,7 +34,7 @@ def near(cells: np.ndarray, others: np.ndarray, distance: int) -> bool:
 # ---- the contract of every layout
 
 
-def test_the_floor_is_connected_and_its_endpoints_are_distinct_and_enough_for_64_robots(layout: GridMap) -> None:
+def test_layout_is_connected_with_endpoints_for_64_robots(layout: GridMap) -> None:
     assert len(layout.free_cells) == (~layout.occupied).sum()
     endpoints = np.concatenate([layout.picks, layout.stations])
     assert len(np.unique(endpoints, axis=0)) == len(endpoints)
@@ -46,7 +46,7 @@ def test_the_floor_is_connected_and_its_endpoints_are_distinct_and_enough_for_64
 
 
 @pytest.mark.parametrize("name", sorted(LAYOUTS))
-def test_names_agree_and_floors_are_reproducible(name: str) -> None:
+def test_layouts_keep_their_name_and_are_reproducible(name: str) -> None:
     first, second = make_layout(name), make_layout(name)
     assert first.name == name
     assert (first.key, first.endpoints) == (second.key, second.endpoints)
@@ -56,14 +56,14 @@ def test_names_agree_and_floors_are_reproducible(name: str) -> None:
 
 
 @pytest.mark.parametrize(("name", "task"), [(n, t) for n, tasks in NAMED_TASKS.items() for t in tasks])
-def test_named_tasks_have_their_length(name: str, task: str) -> None:
+def test_named_tasks_have_the_stated_length(name: str, task: str) -> None:
     start, goal, length = NAMED_TASKS[name][task]
     grid = make_layout(name)
     assert grid.distance_to(goal)[start] == pytest.approx(length, abs=1e-12)
     assert grid.distance_to(start)[goal] == pytest.approx(length, abs=1e-12)
 
 
-# ---- what each layout is
+# ---- single layouts
 
 
 def test_paper46_has_four_zones_wide_corridors_and_aisles_of_at_least_two() -> None:
@@ -78,7 +78,7 @@ def test_paper46_has_four_zones_wide_corridors_and_aisles_of_at_least_two() -> N
 
 
 def free_gaps(occupied: np.ndarray) -> list[int]:
-    """The lengths of all runs of free cells along the rows."""
+    """Return the lengths of all runs of free cells in the rows."""
     return [len(run) for row in occupied for run in "".join("#" if o else "." for o in row).split("#") if run]
 
 
@@ -86,7 +86,7 @@ def free_gaps(occupied: np.ndarray) -> list[int]:
 
 
 @pytest.mark.parametrize(
-    ("name", "parameters", "words"),
+    ("name", "parameters", "message"),
     [
         ("papr46", {}, "unknown layout 'papr46'; did you mean paper46"),
         ("", {}, "known: aisles, blocks"),
@@ -98,8 +98,8 @@ def free_gaps(occupied: np.ndarray) -> list[int]:
         ("random", {"seed": -1}, "seed=-1"),
     ],
 )
-def test_bad_parameters_are_named(name: str, parameters: dict[str, Any], words: str) -> None:
-    with pytest.raises(ConfigError, match=words):
+def test_wrong_parameters_are_named(name: str, parameters: dict[str, Any], message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
         make_layout(name, **parameters)
 
 
@@ -114,7 +114,7 @@ def longest_error(grid: GridMap, scenarios: list[movingai.Scenario]) -> float:
 # ---- maps
 
 
-def test_reading_a_map(tmp_path: Path) -> None:
+def test_movingai_map_is_read(tmp_path: Path) -> None:
     path = tmp_path / "tiny.map"
     path.write_text("type octile\nheight 2\nwidth 8\nmap\n.GSE@OTW\n........\n")
     grid = movingai.read_map(path)
@@ -138,7 +138,7 @@ LINE = "3\tm.map\t32\t31\t11\t6\t7\t18\t13.65"
 
 
 @pytest.mark.parametrize(
-    ("text", "line", "words"),
+    ("text", "line", "message"),
     [
         (GOOD.replace("...\n", "....\n"), 6, "4 cells.*width of 3"),
         (GOOD.replace(".@.", ".x."), 5, "unknown cell 'x' in column 2"),
@@ -155,10 +155,10 @@ LINE = "3\tm.map\t32\t31\t11\t6\t7\t18\t13.65"
         ("version 1\n" + LINE.replace("3\tm", "x\tm"), 2, "bucket 'x'"),
     ],
 )
-def test_broken_files_name_file_and_line(tmp_path: Path, text: str, line: int, words: str) -> None:
+def test_errors_name_file_and_line(tmp_path: Path, text: str, line: int, message: str) -> None:
     path = tmp_path / "broken"
     path.write_text(text)
-    with pytest.raises(MapError, match=words) as raised:
+    with pytest.raises(MapError, match=message) as raised:
         (movingai.read_scen if "m.map" in text else movingai.read_map)(path)
     assert str(raised.value).startswith(f"{path}, line {line}: ")
     assert "\n" not in str(raised.value)
@@ -167,7 +167,7 @@ def test_broken_files_name_file_and_line(tmp_path: Path, text: str, line: int, w
 # ---- scenarios
 
 
-def test_reading_scenarios_turns_x_and_y_into_row_and_column(tmp_path: Path) -> None:
+def test_scenario_x_and_y_become_column_and_row(tmp_path: Path) -> None:
     path = tmp_path / "s.scen"
     path.write_text("version 1\n3\tmy map.map\t32\t31\t11\t6\t7\t18\t13.65685425\n\n")
     read = [movingai.Scenario(3, "my map.map", 32, 31, (6, 11), (18, 7), 13.65685425)]
@@ -179,7 +179,7 @@ def test_reading_scenarios_turns_x_and_y_into_row_and_column(tmp_path: Path) -> 
 # ---- our shortest path against printed lengths
 
 
-def test_the_shipped_example_is_a_warehouse_with_true_lengths() -> None:
+def test_shipped_example_has_exact_lengths() -> None:
     grid, listed = movingai.read_map(movingai.EXAMPLE_MAP), movingai.read_scen(movingai.EXAMPLE_SCEN)
     assert grid.shape == (40, 64)
     assert len(grid.free_cells) == (~grid.occupied).sum()
@@ -187,11 +187,11 @@ def test_the_shipped_example_is_a_warehouse_with_true_lengths() -> None:
     assert len(grid.stations) >= 16
     assert len(listed) == 200
     assert {(s.map_name, s.height, s.width) for s in listed} == {(movingai.EXAMPLE_MAP.name, *grid.shape)}
-    assert longest_error(grid, listed) < 1e-7  # 8 decimals are printed
+    assert longest_error(grid, listed) < 1e-7  # files have 8 decimals
 
 
 @pytest.mark.skipif(not (BENCHMARKS / "random-32-32-10-random-1.scen").exists(), reason="the benchmark is not here")
-def test_every_length_of_a_public_benchmark_is_reproduced() -> None:
+def test_lengths_of_the_public_benchmark_are_reproduced() -> None:
     listed = movingai.read_scen(BENCHMARKS / "random-32-32-10-random-1.scen")
     assert len(listed) == 461
     assert longest_error(movingai.read_map(BENCHMARKS / "random-32-32-10.map"), listed) < 1e-7

@@ -1,4 +1,4 @@
-"""Exact searches and costs to go: against hand-counted maps, plain searches and relaxation."""
+"""Test exact searches and cost-to-go fields against hand-counted maps, plain searches and relaxation."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ RNG = np.random.default_rng(0)
 
 
 def fewest_turns(grid: GridMap, cell: Cell, goal: Cell, heading: int, left: float) -> float:
-    """Walk every shortest path; `left` is what may still be driven."""
+    """Return the fewest turns of all shortest paths; `left` is the remaining length."""
     if cell == goal:
         return 0
     best = math.inf
@@ -49,7 +49,7 @@ def test_min_turns_equals_an_exhaustive_search() -> None:
 
 
 def cheapest(grid: GridMap, cost: NDArray[np.float64], start: Cell, goal: Cell) -> float:
-    """A plain Dijkstra in floats; cost float64[H, W, 8]."""
+    """Return the least cost by a plain Dijkstra in floats; cost float64[H, W, 8]."""
     best, heap = {start: 0.0}, [(0.0, start)]
     while heap:
         total, cell = heapq.heappop(heap)
@@ -68,7 +68,7 @@ def priced(cells: NDArray[np.int64], cost: NDArray[np.float64]) -> float:
     return path_length(cells) + sum(float(cost[(*cell, m)]) for cell, m in zip(cells[:-1].tolist(), moves, strict=True))
 
 
-def test_random_maps_with_and_without_costs_are_searched_exactly() -> None:
+def test_searches_are_exact_on_random_maps_and_costs() -> None:
     rng = np.random.default_rng(3)
     for number in range(60):
         occupied = rng.random((8, 9)) < 0.25
@@ -85,9 +85,9 @@ def test_random_maps_with_and_without_costs_are_searched_exactly() -> None:
             assert priced(plan.cells, cost) == pytest.approx(expected, abs=1e-4)  # tolls are whole millionths
 
 
-def test_equal_costs_tie_whatever_the_order_of_their_tolls() -> None:
-    # Where the diagonal is driven does not matter for the cost, but sums of these floats differ in the last bit with
-    # the order of adding, so a search that adds floats may pay a second turn for nothing.
+def test_equal_costs_tie_in_any_order_of_tolls() -> None:
+    # The place of the diagonal does not change the cost, but float sums differ in the last bit with their order. A
+    # search that adds floats may therefore take a needless second turn.
     grid, tolls = GridMap(np.zeros((2, 6))), (0.07, 0.07, 0.03, 0.06)
     cost = np.zeros((2, 6, 8))
     cost[0, 0:4, 0] = cost[1, 1:5, 0] = tolls
@@ -96,7 +96,7 @@ def test_equal_costs_tie_whatever_the_order_of_their_tolls() -> None:
     assert turns(cells) == 1
 
 
-def test_a_detour_that_saves_enough_climbing_by_hand() -> None:
+def test_detour_must_save_enough_climbing() -> None:
     # Over the hill: 4 cells and 2 m up and down. Around it: two diagonals more, 2 * (sqrt(2) - 1) longer.
     height = np.zeros((3, 5), np.float32)
     height[0, 2] = 1.0
@@ -109,7 +109,7 @@ def test_a_detour_that_saves_enough_climbing_by_hand() -> None:
 
 
 def relaxed(steps: np.ndarray, goal: tuple[int, int]) -> np.ndarray:
-    """The same costs by relaxing all moves of all cells until nothing changes (Bellman and Ford)."""
+    """Return costs by relaxing all moves until nothing changes (Bellman and Ford)."""
     rows, columns, _ = steps.shape
     cost = np.full((rows + 2, columns + 2), np.inf)
     cost[goal[0] + 1, goal[1] + 1] = 0
@@ -129,7 +129,7 @@ def as_costs(field: np.ndarray) -> np.ndarray:
 
 @settings(max_examples=60, deadline=None)
 @given(st.integers(0, 10**6), st.integers(2, 14), st.integers(2, 14), st.sampled_from([0.0, 0.2, 0.5]))
-def test_fields_are_exact_whatever_moves_are_legal_and_cost(seed: int, rows: int, columns: int, share: float) -> None:
+def test_fields_are_exact_for_any_moves_and_costs(seed: int, rows: int, columns: int, share: float) -> None:
     rng = np.random.default_rng(seed)
     open_floor = GridMap(np.zeros((rows, columns), bool), picks=[(0, 0)], stations=[(0, 1)])
     legal = open_floor.legal_moves & (rng.random((rows, columns, 8)) >= share)
@@ -139,7 +139,7 @@ def test_fields_are_exact_whatever_moves_are_legal_and_cost(seed: int, rows: int
     np.testing.assert_array_equal(as_costs(field), relaxed(steps, goal))
 
 
-def test_a_box_knows_only_what_is_in_it_and_is_never_cheaper_than_the_floor() -> None:
+def test_box_costs_are_never_below_those_of_the_whole_floor() -> None:
     floor = CostToGo(make_layout("aisles:seed=3"))
     goal = tuple(floor.grid.stations[0].tolist())
     whole, box = floor.field(goal, floor.whole()), Box(0, 0, 24, 30)
@@ -150,7 +150,7 @@ def test_a_box_knows_only_what_is_in_it_and_is_never_cheaper_than_the_floor() ->
     np.testing.assert_array_less(whole[box.top : box.bottom, box.left : box.right], part.astype(np.int64) + 1)
 
 
-def test_around_a_cell_is_the_whole_floor_where_its_way_leads_out_of_the_box() -> None:
+def test_field_falls_back_to_the_whole_floor() -> None:
     occupied = np.zeros((300, 200), bool)
     occupied[:250, 105] = True
     floor = CostToGo(GridMap(occupied, picks=[(0, 0)], stations=[(0, 1)], one_way=np.eye(300, 200, -250, np.uint8)))

@@ -1,4 +1,4 @@
-"""Plans, their measures and lines off the grid: a validator by hand, Theta* by exact geometry, smoothing by eq. 13."""
+"""Test plans, measures and off-grid lines: validation by hand, Theta* by exact geometry, smoothing by eq. 13."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def shelf_map() -> GridMap:
     return GridMap(occupied, height)
 
 
-def test_measures_of_a_path() -> None:
+def test_path_measures_by_hand() -> None:
     assert path_length(ROUND) == 4 + math.sqrt(2)
     assert turns(ROUND) == 2
     assert climb(shelf_map(), ROUND) == 0.5
@@ -44,7 +44,7 @@ def test_measures_of_a_path() -> None:
 
 
 @pytest.mark.parametrize(
-    ("cells", "says"),
+    ("cells", "message"),
     [
         (np.empty((0, 2), int), "empty"),
         ([(1, 0), (0, 0)], r"starts at \(1, 0\)"),
@@ -58,13 +58,13 @@ def test_measures_of_a_path() -> None:
         ([0, 0, 1, 3], "shape"),
     ],
 )
-def test_validate_names_the_fault(cells: object, says: str) -> None:
-    with pytest.raises(PlanError, match=says):
+def test_validate_names_the_fault(cells: object, message: str) -> None:
+    with pytest.raises(PlanError, match=message):
         validate(shelf_map(), cells, (0, 0), (1, 3))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
-    ("line", "clearance", "says"),
+    ("line", "clearance", "message"),
     [
         ([(0, 0), (2, 0), (2, 2), (1, 3)], 0.5, None),
         ([(0, 0), (2, 0), (2, 2), (1, 3)], 0.51, "edge"),
@@ -80,16 +80,16 @@ def test_validate_names_the_fault(cells: object, says: str) -> None:
         ([(0, 0), (-0.6, 1), (1, 3)], 0.0, "edge"),
     ],
 )
-def test_validate_line_measures_whole_segments(line: list[tuple[float, float]], clearance: float, says: str) -> None:
+def test_validate_line_measures_whole_segments(line: list[tuple[float, float]], clearance: float, message: str) -> None:
     points = np.array(line, dtype=np.float64)
-    if says is None:
+    if message is None:
         validate_line(shelf_map(), points, (0, 0), (1, 3), clearance)
         return
-    with pytest.raises(PlanError, match=says):
+    with pytest.raises(PlanError, match=message):
         validate_line(shelf_map(), points, (0, 0), (1, 3), clearance)
 
 
-def test_a_cost_map_by_cell_counts_on_entering() -> None:
+def test_cell_costs_are_paid_on_entering() -> None:
     cost = np.zeros((3, 4))
     cost[0, 1] = 2.5
     edges = edge_cost(shelf_map(), cost)
@@ -97,22 +97,22 @@ def test_a_cost_map_by_cell_counts_on_entering() -> None:
     assert edges[1, 0, 1] == 2.5  # north-east, from (1, 0)
     assert edges.sum() == 5 * 2.5  # five cells lie around (0, 1)
     assert (edge_cost(shelf_map(), edges) == edges).all()
-    for bad, says in ((cost[:2], "shape"), (-cost, "at least 0"), (cost + math.inf, "finite")):
-        with pytest.raises(ConfigError, match=says):
+    for bad, message in ((cost[:2], "shape"), (-cost, "at least 0"), (cost + math.inf, "finite")):
+        with pytest.raises(ConfigError, match=message):
             edge_cost(shelf_map(), bad)
 
 
-def test_a_name_may_carry_parameters() -> None:
+def test_planner_name_carries_parameters() -> None:
     carried = make_planner("pf_aco:ants=20, local_search=false,dead_end=die,patience=null")
     same = make_planner("pf_aco", ants=20, local_search=False, dead_end="die", patience=None)
     assert carried.key == same.key
     assert make_planner("pf_aco:ants=20", ants=30).key == make_planner("pf_aco", ants=30).key
-    for text, says in (("pf_aco:ants=", "PARAMETER=VALUE"), ("pf_aco:ants=many", "must be a whole number")):
-        with pytest.raises(ConfigError, match=says):
+    for text, message in (("pf_aco:ants=", "PARAMETER=VALUE"), ("pf_aco:ants=many", "must be a whole number")):
+        with pytest.raises(ConfigError, match=message):
             make_planner(text)
 
 
-def test_unknown_names_are_refused_with_near_matches() -> None:
+def test_unknown_names_suggest_near_matches() -> None:
     with pytest.raises(ConfigError, match="pf_aco"):
         make_planner("pf-aco")
     with pytest.raises(ConfigError, match="evaporation"):
@@ -141,7 +141,7 @@ def plan(grid: GridMap, start: Cell, goal: Cell) -> Plan:
 
 
 def touches(a: Cell, b: Cell, square: Cell) -> bool:
-    """Does the segment between two cell centres meet the closed unit square of a cell? Exact, by separating axes."""
+    """Return whether a segment between cell centres meets a closed cell, exactly, by separating axes."""
     (r, c), (r2, c2) = ((2 * (p[0] - square[0]), 2 * (p[1] - square[1])) for p in (a, b))  # the square is [-1, 1]^2
     if min(r, r2) > 1 or max(r, r2) < -1 or min(c, c2) > 1 or max(c, c2) < -1:
         return False
@@ -150,7 +150,7 @@ def touches(a: Cell, b: Cell, square: Cell) -> bool:
 
 
 @given(st.data())
-def test_sight_equals_exact_geometry(data: st.DataObject) -> None:
+def test_line_of_sight_equals_exact_geometry(data: st.DataObject) -> None:
     rows, cols = data.draw(st.integers(1, 7)), data.draw(st.integers(1, 7))
     shelves = data.draw(st.sets(st.tuples(st.integers(0, rows - 1), st.integers(0, cols - 1)), max_size=6))
     occupied = np.zeros((rows, cols), dtype=bool)
@@ -166,7 +166,7 @@ def test_sight_equals_exact_geometry(data: st.DataObject) -> None:
 
 
 def visibility_length(grid: GridMap, start: Cell, goal: Cell) -> float:
-    """The shortest any-angle line between cell centres, by Dijkstra on all pairs that see each other."""
+    """Return the shortest any-angle length between cell centres, by Dijkstra on all visible pairs."""
     cells = [tuple(cell) for cell in np.argwhere(~grid.occupied).tolist()]
     length = dict.fromkeys(cells, math.inf)
     length[start] = 0.0
@@ -179,7 +179,7 @@ def visibility_length(grid: GridMap, start: Cell, goal: Cell) -> float:
     return length[goal]
 
 
-def test_lines_on_random_maps_lie_between_the_shortest_line_and_the_lattice() -> None:
+def test_theta_star_lies_between_shortest_line_and_lattice() -> None:
     rng = np.random.default_rng(5)
     excess, saved = [], []
     for _ in range(60):
@@ -203,14 +203,14 @@ def test_lines_on_random_maps_lie_between_the_shortest_line_and_the_lattice() ->
         excess.append(found.line_length / shortest - 1)
         saved.append(lattice / shortest - 1)
     assert len(excess) > 30
-    assert np.mean(excess) < 0.5 * np.mean(saved)  # most of what a line at any angle can save
+    assert np.mean(excess) < 0.5 * np.mean(saved)  # at least half of the possible saving
 
 
 OPEN = np.zeros((8, 8), dtype=bool)
 
 
 def objective(line: NDArray[np.float64], cells: NDArray[np.int64], power: int, share: float = 0.5) -> float:
-    """Eq. 13 with lambda = mu = share."""
+    """Return the objective of eq. 13 with lambda = mu = share."""
     return share * float(
         (np.hypot(*(line - cells).T) ** power).sum() + (np.hypot(*np.diff(line, axis=0).T) ** power).sum()
     )
@@ -233,7 +233,7 @@ def test_printed_norms_move_a_right_angle_to_its_fermat_point() -> None:
     np.testing.assert_allclose(smooth(cells, OPEN, power=1)[1], [off, 1 - off], atol=1e-4)
 
 
-def test_whole_segments_keep_off_a_shelf_where_nodes_alone_would_cut_it() -> None:
+def test_smoothing_keeps_whole_segments_off_shelves() -> None:
     occupied = OPEN.copy()
     occupied[2, 2] = True
     cells = np.array([(3, 2), (3, 1), (2, 1), (1, 1), (1, 2)])
@@ -242,14 +242,14 @@ def test_whole_segments_keep_off_a_shelf_where_nodes_alone_would_cut_it() -> Non
     grid = GridMap(occupied)
     validate_line(grid, line, (3, 2), (1, 2), 0.35 - 1e-6)
     assert length(free) < length(line) < length(cells)
-    # it is taut round the shelf: it touches the clearance
+    # the line is taut: it touches the clearance
     solid = np.pad(occupied, 1, constant_values=True).astype(np.uint8)
     gaps = [segment_gap(solid, *(a[::-1] + 0.5), *(b[::-1] + 0.5), 1.0, 2.0) for a, b in pairwise(line)]
     assert min(gaps) == pytest.approx(0.35, abs=2e-3)
 
 
 def some_path(seed: int, share: float, rows: int = 9, columns: int = 12) -> tuple[GridMap, NDArray[np.int64]]:
-    """A random map and a winding path on it: the shortest one under random costs."""
+    """Return a random map and a winding path, the cheapest one under random costs."""
     rng = np.random.default_rng(seed)
     occupied = rng.random((rows, columns)) < share
     occupied[0, 0] = False
@@ -266,7 +266,9 @@ def some_path(seed: int, share: float, rows: int = 9, columns: int = 12) -> tupl
     clearance=st.floats(0, 0.8),
     power=st.sampled_from([1, 2]),
 )
-def test_lines_are_valid_shorter_and_lower_the_objective(seed: int, share: float, clearance: float, power: int) -> None:
+def test_smoothing_keeps_lines_valid_and_never_raises_the_objective(
+    seed: int, share: float, clearance: float, power: int
+) -> None:
     grid, cells = some_path(seed, share)
     line = smooth(cells, grid.occupied, clearance=clearance, power=power)
     assert line.shape == cells.shape

@@ -1,4 +1,4 @@
-"""What every planner of PLANNERS must keep: valid or honestly empty, never too short, repeatable, along arrows."""
+"""Test the contract of every planner: valid or empty paths, never too short, repeatable, along arrows."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from warehouse_env.maps.one_way import parse
 from warehouse_env.planning import PLANNERS, Plan, Planner, make_planner
 from warehouse_env.planning.plan import path_length, validate, validate_line
 
-# Every planner as it is by default, and the modes of the papers.
+# Every planner with its defaults, and the modes of the papers.
 MODES = (
     *PLANNERS,
     "aco:heuristic=next_cell,dead_end=die",
@@ -27,13 +27,13 @@ MODES = (
     "iaco:smoothing=false",
     "apf_improved:intermediate_point=false",
 )
-SMALL = {"ants": 8, "particles": 8, "fish": 6, "iterations": 6}  # for speed; what a planner has of these
-MAY_FAIL = ("apf", "die")  # walkers see only what is near them, and dying ants may all die
+SMALL = {"ants": 8, "particles": 8, "fish": 6, "iterations": 6}  # for speed; each planner takes the keys it knows
+MAY_FAIL = ("apf", "die")  # local walkers and dying ants may find no path
 LAYOUTS_TRIED = ("paper46_rough", "single_lane", "random", "pillars")
 
 
 def small(mode: str) -> Planner:
-    """A planner with a small colony or swarm, if it is one."""
+    """Return a planner, with a small colony or swarm if it has one."""
     fields = inspect.signature(PLANNERS[mode.partition(":")[0]]).parameters
     return make_planner(mode, **{key: value for key, value in SMALL.items() if key in fields})
 
@@ -80,7 +80,7 @@ def test_paths_are_valid_and_never_shorter_than_the_optimum(mode: str, where: st
         ("afsa", 1.03),
     ],
 )
-def test_searches_come_close_to_the_optimum_of_the_paper(mode: str, share: float, task: str) -> None:
+def test_searches_come_close_to_the_optimum(mode: str, share: float, task: str) -> None:
     grid, (start, goal, optimum) = layout("paper46"), NAMED_TASKS["paper46"][task]
     plans = [make_planner(mode).plan(grid, start, goal, np.random.default_rng(seed)) for seed in range(2)]
     assert np.mean([path_length(plan.cells) for plan in plans]) <= share * optimum
@@ -99,7 +99,7 @@ def test_the_same_seed_gives_the_same_bits(mode: str) -> None:
 
 
 @pytest.mark.parametrize("mode", MODES)
-def test_a_corridor_one_cell_wide(mode: str) -> None:
+def test_planners_pass_a_corridor_of_one_cell(mode: str) -> None:
     for shape in ((1, 9), (9, 1)):
         grid = GridMap(np.zeros(shape, dtype=bool))
         goal = (shape[0] - 1, shape[1] - 1)
@@ -119,7 +119,7 @@ def test_tight_floor_is_not_entered(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", PLANNERS)
-def test_slow_floor_is_avoided_or_a_warning_says_that_it_is_not(name: str) -> None:
+def test_slow_floor_is_avoided_or_warned_about(name: str) -> None:
     slow = np.full((5, 9), np.inf)
     slow[2, 1:8] = 0.5
     planner, grid, rng = make_planner(name), GridMap(np.zeros((5, 9)), speed=slow), np.random.default_rng(0)
@@ -132,9 +132,9 @@ def test_slow_floor_is_avoided_or_a_warning_says_that_it_is_not(name: str) -> No
 
 
 @pytest.mark.parametrize("mode", MODES)
-def test_a_walled_in_goal_gives_an_empty_plan(mode: str) -> None:
+def test_walled_in_goal_gives_an_empty_plan(mode: str) -> None:
     occupied = np.zeros((6, 6), dtype=bool)
-    occupied[3, 3:] = occupied[3:, 3] = True  # (4, 4) is cut off; (2, 2) and it only touch by corners
+    occupied[3, 3:] = occupied[3:, 3] = True  # (4, 4) is cut off: it touches (2, 2) only by corners
     plan = search(mode, GridMap(occupied), (0, 0), (4, 4))
     assert not plan.found
     assert plan.cells.shape == (0, 2)
@@ -144,24 +144,24 @@ def test_a_walled_in_goal_gives_an_empty_plan(mode: str) -> None:
 
 @pytest.mark.parametrize("mode", ["astar", "pf_aco"])
 @pytest.mark.parametrize(
-    ("start", "goal", "says"),
+    ("start", "goal", "message"),
     [
         ((1, 1), (0, 0), r"start \(1, 1\) is on a shelf"),
         ((0, 0), (3, 0), r"goal \(3, 0\) is outside"),
     ],
 )
-def test_unusable_cells_are_named(mode: str, start: Cell, goal: Cell, says: str) -> None:
+def test_unusable_cells_are_named(mode: str, start: Cell, goal: Cell, message: str) -> None:
     occupied = np.zeros((3, 3), dtype=bool)
     occupied[1, 1] = True
-    with pytest.raises(PlanError, match=says):
+    with pytest.raises(PlanError, match=message):
         search(mode, GridMap(occupied), start, goal)
 
 
 @pytest.mark.parametrize("mode", MODES)
-def test_a_cost_map_is_heeded_or_refused(mode: str) -> None:
+def test_cost_map_is_used_or_refused(mode: str) -> None:
     grid = GridMap(np.zeros((7, 9), dtype=bool))
     dear = np.zeros((7, 9))
-    dear[1:6, 3] = 50.0  # a belt across the straight way; round it costs two cells more
+    dear[1:6, 3] = 50.0  # a belt across the straight way; a detour costs two cells
     if not small(mode).takes_cost:
         with pytest.raises(ConfigError, match="takes no cost map"):
             search(mode, grid, (3, 0), (3, 8), cost=dear)
@@ -195,7 +195,7 @@ def test_compiled_and_plain_python_agree_to_the_bit() -> None:
     assert plain_python(f"{program}print(t.digest())") == digest().split()
 
 
-# Two aisles between three rows of shelves, the upper one to the east, the lower one to the west; rims all round.
+# Two one-way aisles between three rows of shelves, the upper one eastwards, the lower one westwards.
 SHELVES = [
     ".........",
     ".#######.",
@@ -222,7 +222,7 @@ def floor(arrows: list[str] = ARROWS) -> GridMap:
 
 
 def against(grid: GridMap, row: int, column: int, move: int) -> bool:
-    """Whether a move is against one of its two cells' arrows, from their definition."""
+    """Return whether a move is against an arrow of its two cells, by definition."""
     d_row, d_column = MOVES[move]
     for cell in ((row, column), (row + d_row, column + d_column)):
         arrow = int(grid.one_way[cell])
@@ -231,7 +231,7 @@ def against(grid: GridMap, row: int, column: int, move: int) -> bool:
     return False
 
 
-def test_legal_moves_are_those_of_the_shelves_but_for_moves_against_an_arrow() -> None:
+def test_arrows_remove_only_moves_against_them() -> None:
     grid, plain = floor(), floor(["." * 9] * 7)
     for row, column, move in np.argwhere(plain.legal_moves).tolist():
         assert grid.legal_moves[row, column, move] == (not against(grid, row, column, move))
@@ -240,7 +240,7 @@ def test_legal_moves_are_those_of_the_shelves_but_for_moves_against_an_arrow() -
     np.testing.assert_array_equal(plain.entries, plain.legal_moves)
 
 
-def test_the_distance_is_that_of_the_way_there_not_of_the_way_back() -> None:
+def test_distance_is_measured_towards_the_goal() -> None:
     grid = floor()
     assert grid.distance_to((2, 8))[2, 0] == 8  # along the arrows
     assert grid.distance_to((2, 0))[2, 8] == 12  # round by the aisle below, or by the rim above
@@ -273,12 +273,12 @@ def test_every_planner_keeps_one_way_cells(mode: str) -> None:
     assert found or any(word in mode for word in MAY_FAIL)
 
 
-def test_the_validator_refuses_what_drives_against_an_arrow() -> None:
+def test_validator_refuses_moves_against_an_arrow() -> None:
     grid = floor()
     with pytest.raises(PlanError, match="against"):
         validate(grid, [(2, 3), (2, 2)], (2, 3), (2, 2))
     with pytest.raises(PlanError, match="against"):
-        validate(grid, [(2, 1), (2, 0)], (2, 1), (2, 0))  # leaving counts as well
+        validate(grid, [(2, 1), (2, 0)], (2, 1), (2, 0))  # leaving a one-way cell counts, too
     with pytest.raises(PlanError, match="against"):
         validate_line(grid, np.array([(2.0, 8.0), (2.0, 0.0)]), (2, 8), (2, 0))
     validate(grid, [(2, 0), (2, 1)], (2, 0), (2, 1))

@@ -1,4 +1,4 @@
-"""Forces on hand-drawn maps, and the walkers that they drive. Vectors are (d_row, d_col)."""
+"""Test forces on hand-drawn maps and the walkers that follow them. Vectors are (d_row, d_col)."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def one_shelf() -> np.ndarray:
     return occupied
 
 
-def test_repulsion_points_away_with_the_strength_of_the_formula() -> None:
+def test_repulsion_points_away_with_the_formulas_strength() -> None:
     push, _ = potential_field.repulsion(one_shelf(), GAIN, REACH)
     beside = GAIN * (1 - 1 / 1.5)  # d = 1
     assert push[2, 3] == pytest.approx((0, beside))
@@ -57,10 +57,10 @@ def test_repulsive_potential_by_hand() -> None:
     st.floats(0.0, 2.0),
     st.floats(0.1, 5.0),
 )
-def test_the_improved_force_is_the_gradient_of_its_potential(
+def test_improved_force_is_the_gradient_of_its_potential(
     row: float, col: float, exponent: float, gain: float, strength: float
 ) -> None:
-    """One shelf at the origin, the goal at (-1, 2), any point of the plane; central differences."""
+    """Check by central differences at any point: one shelf at the origin, the goal at (-1, 2)."""
     goal, reach = (-1.0, 2.0), 10.0
 
     def potential(r: float, c: float) -> float:
@@ -76,7 +76,7 @@ def test_the_improved_force_is_the_gradient_of_its_potential(
     assert force[1] == pytest.approx((potential(row, col - h) - potential(row, col + h)) / (2 * h), abs=1e-5, rel=1e-5)
 
 
-def test_descent_into_a_local_minimum_pays_the_penalty() -> None:
+def test_descent_length_penalises_a_local_minimum() -> None:
     occupied = np.zeros((3, 6), dtype=bool)
     occupied[:, 3] = True  # a wall; from the west all ways down end before it
     grid = GridMap(occupied)
@@ -115,7 +115,7 @@ def walk(planner: Apf | ApfImproved, grid: GridMap, start: Cell, goal: Cell) -> 
 WALL = drawn([".......", ".......", ".#####.", ".......", "......."])
 
 
-def test_on_an_empty_floor_the_walk_follows_the_nearest_of_eight_directions() -> None:
+def test_walk_on_empty_floor_follows_the_nearest_direction() -> None:
     grid = GridMap(np.zeros((6, 9), dtype=bool))
     # From (0, 0) to (2, 5) the force points 22 degrees below east: just nearer to east (0) than to 45.
     plan = walk(Apf(), grid, (0, 0), (2, 5))
@@ -124,12 +124,12 @@ def test_on_an_empty_floor_the_walk_follows_the_nearest_of_eight_directions() ->
     assert walk(Apf(), grid, (3, 3), (3, 3)).cells.tolist() == [[3, 3]]
 
 
-def test_a_shelf_in_front_stops_the_classical_walker_and_no_relative_distance_helps() -> None:
+def test_shelf_in_front_stops_walkers_without_intermediate_point() -> None:
     assert not walk(Apf(), WALL, (4, 3), (0, 3)).found
     assert not walk(ApfImproved(intermediate_point=False), WALL, (4, 3), (0, 3)).found
 
 
-def test_the_intermediate_point_leads_round_the_shelf() -> None:
+def test_intermediate_point_leads_round_the_shelf() -> None:
     for exponent in (0.5, 0.0):
         plan = walk(ApfImproved(exponent=exponent), WALL, (4, 3), (0, 3))
         assert plan.found
@@ -142,9 +142,7 @@ def test_the_intermediate_point_leads_round_the_shelf() -> None:
     st.sampled_from([0.0, 0.1, 1.0, 50.0]),
     st.sampled_from([0.0, 1.5, 4.0]),
 )
-def test_every_walk_ends_on_a_valid_path_or_with_none(
-    seed: int, shape: tuple[int, int], gain: float, reach: float
-) -> None:
+def test_every_walk_gives_a_valid_path_or_none(seed: int, shape: tuple[int, int], gain: float, reach: float) -> None:
     rng = np.random.default_rng(seed)
     occupied = rng.random(shape) < 0.3
     start = (int(rng.integers(shape[0])), int(rng.integers(shape[1])))

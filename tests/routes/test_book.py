@@ -1,4 +1,4 @@
-"""Routes: smooth, off the shelves, each to its own side; planned once; a damaged plan table is not used."""
+"""Test routes: smooth, clear of shelves, keeping right, planned once; a damaged plan table is ignored."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ EAST, NORTH, WEST, SOUTH = 0.0, math.pi / 2, math.pi, -math.pi / 2
 
 @pytest.fixture(autouse=True)
 def own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A plan cache for each test."""
+    """Give each test its own plan cache."""
     monkeypatch.setenv("WAREHOUSE_CACHE_DIR", str(tmp_path / "cache"))
     return tmp_path / "cache"
 
@@ -38,8 +38,8 @@ def book(grid: GridMap, planner: str = "astar", **settings: float) -> RouteBook:
     return RouteBook(grid, make_planner(planner), **settings)  # type: ignore[arg-type]
 
 
-def to_shelves(grid: GridMap, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Distance [m] of each point [K, 2] to the nearest shelf or rim, cell by cell."""
+def shelf_distance(grid: GridMap, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the distance [m] of each point [K, 2] to the nearest shelf or rim, cell by cell."""
     solid = np.pad(grid.occupied[::-1], 1, constant_values=True)
     rows, columns = np.nonzero(solid)
     low = np.stack([columns - 1.0, rows - 1.0], -1)
@@ -55,12 +55,12 @@ def some_tasks(grid: GridMap, count: int) -> list[tuple[Cell, Cell]]:
 
 
 @pytest.mark.parametrize("name", LAYOUTS)
-def test_routes_join_the_cells_centres_evenly_and_off_the_shelves(name: str) -> None:
+def test_routes_are_even_and_clear_of_shelves(name: str) -> None:
     grid = make_layout(name)
     known = book(grid)
-    # half the robot's width is 0.3 m; scattered shelves and single lanes leave no more room than this
+    # half the robot's width is 0.3 m; scattered shelves and single lanes leave little more room
     nearest = {"single_lane": (0.42, 0.38), "random": (0.35, 0.33), "pillars": (0.35, 0.33)}.get(name, (0.43, 0.398))
-    shortest = {"aisles": 0.37}.get(name, 0.40)  # chords of bends where a lane enters an aisle of one cell
+    shortest = {"aisles": 0.37}.get(name, 0.40)  # bends into one-cell aisles have short chords
     for start, goal in some_tasks(grid, 12):
         route = known.route(start, goal).line
         assert route.dtype == np.float32
@@ -69,9 +69,9 @@ def test_routes_join_the_cells_centres_evenly_and_off_the_shelves(name: str) -> 
         assert steps.max() < 0.56
         assert steps.min() > shortest
         points = route.astype(np.float64)
-        assert to_shelves(grid, points).min() > nearest[0]
-        assert to_shelves(grid, resample(points, 0.05)).min() > nearest[1]
-        # about as long as the plan: the smoothing cuts corners, the lanes cost a little
+        assert shelf_distance(grid, points).min() > nearest[0]
+        assert shelf_distance(grid, resample(points, 0.05)).min() > nearest[1]
+        # about as long as the plan: smoothing shortens it, lanes lengthen it
         planned = np.hypot(*np.diff(grid.centre(known.cells(start, goal)), axis=0).T).sum()
         assert 0.85 * planned - 0.5 < steps.sum() < 1.1 * planned + 2.0
 
@@ -82,8 +82,8 @@ def aisle(width: int, length: int = 30) -> GridMap:
 
 @pytest.mark.parametrize(("width", "from_wall"), [(2, 0.55), (3, 0.75)])
 @pytest.mark.parametrize("upright", [False, True])
-def test_opposite_routes_keep_to_their_own_right(width: int, from_wall: float, upright: bool) -> None:
-    # A quarter of the aisle's width from the right-hand wall, but at least 0.55 m: two bodies of 0.6 m pass.
+def test_opposite_routes_keep_right(width: int, from_wall: float, upright: bool) -> None:
+    # The line is a quarter of the aisle's width from the right-hand wall, at least 0.55 m: robots of 0.6 m can pass.
     grid = aisle(width)
     near, far = (1 + width // 2, 1), (1 + width // 2, 28)
     if upright:
@@ -100,7 +100,7 @@ def test_opposite_routes_keep_to_their_own_right(width: int, from_wall: float, u
     np.testing.assert_allclose(second, high - from_wall, atol=0.06)
 
 
-def test_no_way_is_a_plan_error_that_names_it_when_it_is_asked_for() -> None:
+def test_missing_path_is_a_plan_error_on_request() -> None:
     known = book(GridMap(np.array([[False, False, False, True, False]] * 3), name="drawn"))
     known.prepare([((0, 0), (0, 4), ()), ((0, 0), (0, 1), ()), ((0, 1), (0, 4), ())])
     assert known.route((0, 0), (0, 1)).cells.tolist() == [[0, 0], [0, 1]]
@@ -110,12 +110,12 @@ def test_no_way_is_a_plan_error_that_names_it_when_it_is_asked_for() -> None:
         known.route((0, 0), (0, 4), EAST)
 
 
-# A single lane with a way round through the wide part, and a dead end.
+# A single lane with a detour through the wide part, and a dead end.
 LOOP = drawn(["............", ".##########.", "............", "............"])
 DEAD_END = drawn(["############", "........####", "############"])
 
 
-def test_a_robot_in_a_single_lane_goes_on_where_it_can() -> None:
+def test_robot_in_a_single_lane_continues_ahead() -> None:
     known = book(LOOP)
     start, goal = (0, 6), (0, 2)
     ahead, there = known.route(start, goal, EAST).line, known.route(start, goal, WEST).line
@@ -127,7 +127,7 @@ def test_a_robot_in_a_single_lane_goes_on_where_it_can() -> None:
     np.testing.assert_array_equal(known.route(start, goal, 0.3).line, ahead)  # nearly east
 
 
-def test_in_a_dead_end_it_backs_out() -> None:
+def test_robot_backs_out_of_a_dead_end() -> None:
     known = book(DEAD_END)
     route = known.route((1, 5), (1, 1), EAST).line
     np.testing.assert_array_equal(route, known.route((1, 5), (1, 1)).line)
@@ -137,10 +137,10 @@ def test_in_a_dead_end_it_backs_out() -> None:
     ("lines", "start", "goal"),
     [
         (("......", ".####.", "......"), (0, 1), (2, 2)),  # the first free cell is behind the robot
-        (("...#####", "..##....", ".......#"), (2, 3), (1, 6)),  # and here it is cut off by taking (2, 2) away
+        (("...#####", "..##....", ".......#"), (2, 3), (1, 6)),  # without (2, 2) it is cut off
     ],
 )
-def test_the_first_free_cell_is_a_cell_like_any_other(lines: tuple[str, ...], start: Cell, goal: Cell) -> None:
+def test_first_free_cell_is_no_special_case(lines: tuple[str, ...], start: Cell, goal: Cell) -> None:
     grid = drawn(lines)
     route = book(grid).route(start, goal, EAST).line
     np.testing.assert_allclose(route[[0, -1]], grid.centre([start, goal]), atol=1e-5)
@@ -159,7 +159,7 @@ class Counting:
         return make_planner("astar").plan(grid, start, goal, rng)
 
 
-def test_a_book_plans_each_route_once() -> None:
+def test_each_route_is_planned_once() -> None:
     planner, expected = Counting(), book(LOOP)
     known = RouteBook(LOOP, planner)
     tasks = [((0, 0), (3, 11)), ((2, 3), (0, 6)), ((3, 0), (0, 11))]
@@ -168,8 +168,8 @@ def test_a_book_plans_each_route_once() -> None:
     assert planner.plans == len(tasks)
 
 
-def test_threads_may_share_a_book(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(route_book, "MEMORY", 1)  # so that each route drops another
+def test_threads_share_a_route_book(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(route_book, "MEMORY", 1)  # so that each new route evicts another
     grid = make_layout("open")
     cells = [(int(r), int(c)) for r, c in grid.picks[:12]]
     pairs = [(start, goal) for start in cells for goal in cells if start != goal]
@@ -186,7 +186,7 @@ def test_threads_may_share_a_book(monkeypatch: pytest.MonkeyPatch) -> None:
     assert len(shared._routes) == 1
 
 
-def test_plans_prepared_side_by_side_are_those_made_one_by_one() -> None:
+def test_parallel_plans_equal_sequential_ones() -> None:
     grid = make_layout("paper46")
     rng = np.random.default_rng(8)
     ends = grid.free_cells[rng.integers(0, len(grid.free_cells), (12, 2))].tolist()
@@ -210,7 +210,7 @@ PLACES = ROOM.endpoints[2]
 
 
 @pytest.mark.parametrize("damage", [None, b"", b"no archive", "truncated"])
-def test_a_table_spares_all_plans_between_endpoints_unless_it_is_damaged(own_cache: Path, damage: object) -> None:
+def test_plan_table_replaces_planning_unless_damaged(own_cache: Path, damage: object) -> None:
     planner = Counting()
     RouteBook(ROOM, planner).plan_all()
     assert planner.plans == len(PLACES) ** 2
@@ -226,15 +226,15 @@ def test_a_table_spares_all_plans_between_endpoints_unless_it_is_damaged(own_cac
     assert planner.plans == (0 if damage is None else len(tasks))
 
 
-def test_a_table_is_of_one_planner_and_one_floor_with_its_endpoints() -> None:
+def test_plan_table_belongs_to_one_planner_and_floor() -> None:
     RouteBook(ROOM, Counting()).plan_all()
     other = GridMap(ROOM.occupied, picks=ROOM.picks[1:], stations=ROOM.stations)
     assert not RouteBook(ROOM, Counting(key="counting(2)")).has_table
     assert not RouteBook(other, Counting()).has_table
 
 
-def test_a_way_without_a_plan_is_not_in_the_table() -> None:
-    """A planner may find none, or jump."""
+def test_plan_table_handles_missing_paths_and_jumps() -> None:
+    """A planner may find no path, or jump."""
 
     class Odd(Counting):
         def plan(self, grid: GridMap, start: Cell, goal: Cell, rng: np.random.Generator) -> Plan:
@@ -250,8 +250,8 @@ def test_a_way_without_a_plan_is_not_in_the_table() -> None:
     assert known.cells(PLACES[1], PLACES[-1]).tolist() == [list(PLACES[1]), list(PLACES[-1])]
 
 
-def test_the_shipped_table_holds_what_the_planner_plans() -> None:
-    """A change of the planner needs another table: `RouteBook.plan_all` makes it."""
+def test_shipped_plan_table_equals_the_planner() -> None:
+    """A changed planner needs a new table from `RouteBook.plan_all`."""
     grid = make_layout("paper46")
     known = RouteBook(grid, make_planner(EnvConfig.planner))
     assert known.has_table
@@ -265,6 +265,6 @@ def test_the_shipped_table_holds_what_the_planner_plans() -> None:
 
 
 @pytest.mark.parametrize(("x", "y"), [(1.3, 1.0), (-1.9, 1.55), (0.8, -2.45), (0.0, 0.0), (0.0, -0.1)])
-def test_distances_of_way_points_are_the_nearest_numbers(x: float, y: float) -> None:
+def test_way_point_distances_are_correctly_rounded(x: float, y: float) -> None:
     exact = (Decimal(x) ** 2 + Decimal(y) ** 2).sqrt(Context(prec=60))
     assert distance(x, y) == float(exact)

@@ -1,4 +1,4 @@
-"""Goals as poses and routes to them; Reeds-Shepp curves by known lengths; the table of routes, however it grows."""
+"""Test goal poses and routes to them, Reeds-Shepp curves of known lengths, and the growing route table."""
 
 from __future__ import annotations
 
@@ -33,30 +33,30 @@ ROBOT = RobotSpec()
 FLOOR = drawn(["......", ".###..", "......", "......", "......"])
 
 
-def test_beside_a_shelf_robots_stand_in_parallel_either_way_round() -> None:
+def test_robots_stand_parallel_to_a_shelf_in_both_headings() -> None:
     goal = face(FLOOR, (2, 2), ROBOT)  # south of the shelf, whose row is y = 3 to 4
-    # the axle is 0.3 m ahead of the body's middle, which is the cell's: (2.5, 2.5)
+    # the axle is 0.3 m ahead of the footprint's centre, which is the cell's: (2.5, 2.5)
     assert goal.poses == (pytest.approx((2.8, 2.5, 0.0)), pytest.approx((2.2, 2.5, -math.pi)))
     goal = face(FLOOR, (1, 4), ROBOT)  # east of it
     assert goal.poses == (pytest.approx((4.5, 3.8, math.pi / 2)), pytest.approx((4.5, 3.2, -math.pi / 2)))
 
 
-def test_on_open_floor_and_in_dead_ends_they_face_where_they_can() -> None:
+def test_open_floor_has_no_pose_and_dead_ends_have_two() -> None:
     assert face(FLOOR, (3, 3), ROBOT) == Goal((3, 3))
-    # in a dead end they stand along it, though its end is beside them, too
+    # in a dead end, robots stand along it although the end wall is beside them, too
     heads = [heading for _, _, heading in face(drawn(["####", "#...", "####"]), (1, 1), ROBOT).poses]
     assert heads == pytest.approx([0.0, -math.pi])
 
 
-def test_a_robot_that_arrives_along_a_lane_faces_on() -> None:
+def test_goal_pose_continues_the_approach_direction() -> None:
     poses = face(FLOOR, (2, 2), ROBOT).poses
     assert facing(poses, np.array([(2, 5), (2, 4), (2, 3), (2, 2)]))[2] == pytest.approx(-math.pi)
     assert facing(poses, np.array([(2, 0), (2, 1), (2, 2)]))[2] == 0.0
-    assert facing(poses, np.array([(4, 2), (3, 2), (2, 2)]))[2] == 0.0  # across: the first
+    assert facing(poses, np.array([(4, 2), (3, 2), (2, 2)]))[2] == 0.0  # from the side: the first pose
     assert facing(poses, np.array([(2, 2)]))[2] == 0.0
 
 
-def test_a_route_ends_at_the_pose_that_it_leads_to() -> None:
+def test_route_ends_at_its_goal_pose() -> None:
     book = RouteBook(FLOOR, make_planner("astar"))
     poses = face(FLOOR, (2, 2), ROBOT).poses
     there = book.route((2, 5), (2, 2), ends=poses)
@@ -69,7 +69,7 @@ def test_a_route_ends_at_the_pose_that_it_leads_to() -> None:
 
 
 @pytest.mark.parametrize("name", LAYOUTS)
-def test_bodies_at_all_endpoints_are_off_the_shelves(name: str) -> None:
+def test_footprints_at_endpoints_clear_the_shelves(name: str) -> None:
     grid, config = make_layout(name), EnvConfig()
     p, floor = parameters_of(config, grid.cell_size)[0], floor_of(grid, 1.0)
     many = 0
@@ -84,7 +84,7 @@ def test_bodies_at_all_endpoints_are_off_the_shelves(name: str) -> None:
 
 @kernel
 def entry(start, goal, behind, cells, lines):  # type: ignore[no-untyped-def]
-    """Return the key of a route, and where its way-points begin and how many there are; 0 if it is not known."""
+    """Return a route's key and the start and count of its way-points; a count of 0 means unknown."""
     key = key_of(start, goal, behind, cells)
     slot = slot_of(key, lines.keys)
     return key, lines.begins[slot], lines.counts[slot] if lines.keys[slot] == key else 0
@@ -95,12 +95,12 @@ def keys_between(cells: int, lines: route_table.Lines) -> list[int]:
 
 
 @pytest.mark.parametrize("robot", [None, RobotSpec()])
-def test_it_holds_the_routes_of_the_cache_while_it_grows(robot: RobotSpec | None) -> None:
+def test_growing_table_holds_the_cached_routes(robot: RobotSpec | None) -> None:
     grid = GridMap(np.zeros((6, 9), dtype=bool), name="empty")
     book = RouteBook(grid, make_planner("astar"), keep_right=EnvConfig.keep_right)
     table, cells = book.table(robot), grid.occupied.size
     keys = np.array(keys_between(cells, table.lines))
-    for part in (keys[:1], keys[:700], keys):  # so that the arrays are replaced in between
+    for part in (keys[:1], keys[:700], keys):  # replaces the arrays in between
         table.fill(part)
     assert table.count == len(keys) > route_table._SLOTS // 2
     for start, goal in np.random.default_rng(0).integers(0, cells, (40, 2)).tolist():
@@ -112,20 +112,18 @@ def test_it_holds_the_routes_of_the_cache_while_it_grows(robot: RobotSpec | None
 
 
 @pytest.mark.parametrize("planner", ["astar_turns", "astar"])
-def test_many_routes_are_made_at_a_time_as_each_alone(
-    planner: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    """From the plan table, off its endpoints, and in single lanes, one of them with a dead end."""
+def test_bulk_routes_equal_single_routes(planner: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Cover routes from the plan table, off its endpoints, and in single lanes, one with a dead end."""
     monkeypatch.setenv("WAREHOUSE_CACHE_DIR", str(tmp_path))
     monkeypatch.setattr(route_table, "PART", 7)
     grid = drawn(["........", ".######.", ".#......", ".#.####.", "...#....", ".#.####.", "........"])
     book = RouteBook(grid, make_planner(planner))
     book.plan_all()
-    table, told, (rows, columns) = book.table(None), list[int](), grid.shape
+    table, tracked, (rows, columns) = book.table(None), list[int](), grid.shape
 
     def track(keys: Sequence[int]) -> Iterator[int]:
         for key in keys:
-            told.append(key)
+            tracked.append(key)
             yield key
 
     free = [tuple(cell) for cell in grid.free_cells.tolist()]
@@ -141,17 +139,17 @@ def test_many_routes_are_made_at_a_time_as_each_alone(
         monkeypatch.setattr(route_table, "BULK", many)
         monkeypatch.setattr(table, "_make_many", make_many)
         table._clear()
-        table.fill(keys[:1])  # so that the arrays are replaced
+        table.fill(keys[:1])  # replaces the arrays
         table.fill(keys, track)
-        found.append(laid(table))
+        found.append(way_points_of(table))
     assert sorted(found[0]) == keys.tolist()
     assert found[0] == found[1] == found[2]
-    assert sorted(told) == sorted(keys[1:].tolist() * 3)
+    assert sorted(tracked) == sorted(keys[1:].tolist() * 3)
     assert table.longest == max(table.lines.counts)
 
 
-def laid(table: route_table.RouteTable) -> dict[int, bytes]:
-    """The way-points of each route, by its key."""
+def way_points_of(table: route_table.RouteTable) -> dict[int, bytes]:
+    """Return the way-points of each route by its key."""
     lines = table.lines
     return {
         int(lines.keys[slot]): lines.points[lines.begins[slot] : lines.begins[slot] + lines.counts[slot]].tobytes()
@@ -159,29 +157,27 @@ def laid(table: route_table.RouteTable) -> dict[int, bytes]:
     }
 
 
-def test_all_routes_between_endpoints_are_made_from_a_plan_table(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_plan_table_gives_all_routes_between_endpoints(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("WAREHOUSE_CACHE_DIR", str(tmp_path))
     book = RouteBook(FLOOR, make_planner("astar"))
     book.make_all()
-    assert book.table(None).count == 0  # there is no table
+    assert book.table(None).count == 0  # no plan table yet
     book.plan_all()
     book.make_all()
     places = [row * 6 + column for row, column in FLOOR.endpoints[2]]
     keys = [entry(*pair, 0, 30, book.table(None).lines)[0] for pair in itertools.permutations(places, 2)]
     table = book.table(None)
-    assert sorted(laid(table)) == sorted(keys)
+    assert sorted(way_points_of(table)) == sorted(keys)
     monkeypatch.setattr(route_table, "BULK", 1)
     size = len(table.lines.keys), len(table.lines.points)
     off = [entry(start, goal, 0, 30, table.lines)[0] for start in (20, 21) for goal in places]
-    for key in off:  # few at a time
+    for key in off:  # small fills
         table.fill(np.array([key]))
-    assert {*off} <= {*laid(table)}
+    assert {*off} <= {*way_points_of(table)}
     assert (len(table.lines.keys), len(table.lines.points)) == size
 
 
-def test_one_that_is_too_full_begins_anew_but_only_when_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_trim_empties_an_overfull_table(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(route_table, "MOST", 20)
     grid = GridMap(np.zeros((3, 3), dtype=bool), name="empty")
     book = RouteBook(grid, make_planner("astar"))
@@ -192,11 +188,11 @@ def test_one_that_is_too_full_begins_anew_but_only_when_told(monkeypatch: pytest
     table.trim()
     assert table.count == 0
     assert entry(0, 8, 0, 9, table.lines)[2] == 0
-    table.fill(np.array([0, -keys[8]]))  # no route, and one that a robot wants on its way
+    table.fill(np.array([0, -keys[8]]))  # 0 is no key; negative keys come from driving robots
     assert (table.count, entry(0, 8, 0, 9, table.lines)[2]) == (1, table.longest)
 
 
-def test_a_goal_without_a_path_is_named() -> None:
+def test_goal_without_a_path_is_named() -> None:
     grid = GridMap(np.array([[False, False, False, True, False]] * 3), name="split")
     book = RouteBook(grid, make_planner("astar"))
     table = book.table(None)
@@ -225,18 +221,18 @@ def end_of(lengths: tuple[float, ...], n: int, radius: float) -> tuple[float, fl
         ((1.0, 1.0, math.pi / 2), math.pi / 2),  # a quarter of a circle to the left
         ((-1.0, 1.0, -math.pi / 2), math.pi / 2),  # the same in reverse
         ((0.0, 2.0, math.pi), math.pi),
-        ((0.0, 0.0, math.pi), math.pi),  # three arcs of a third of pi each: a turn on the spot
+        ((0.0, 0.0, math.pi), math.pi),  # a turn on the spot by three arcs of pi / 3
         ((0.0, 0.0, 0.0), 0.0),
         ((11.0, 1.0, math.pi / 2), 10.0 + math.pi / 2),
     ],
 )
-def test_known_lengths(goal: tuple[float, float, float], length: float) -> None:
+def test_curves_have_known_lengths(goal: tuple[float, float, float], length: float) -> None:
     assert distance(*goal, 1.0) == pytest.approx(length, abs=1e-9)
     assert distance(3.0 * goal[0], 3.0 * goal[1], goal[2], 3.0) == pytest.approx(3.0 * length, abs=1e-8)
 
 
 @given(PLACE, PLACE, HEADING, RADIUS)
-def test_every_word_leads_to_its_goal(ahead: float, left: float, turn: float, radius: float) -> None:
+def test_every_reeds_shepp_word_reaches_its_goal(ahead: float, left: float, turn: float, radius: float) -> None:
     lengths = []
     for n in range(WORDS):
         length, *parts = word(n, ahead, left, turn, radius)
@@ -250,7 +246,7 @@ def test_every_word_leads_to_its_goal(ahead: float, left: float, turn: float, ra
 
 
 @given(POSE, POSE, RADIUS)
-def test_it_is_a_metric_that_no_mirror_and_no_reversal_changes(
+def test_curve_length_is_invariant_under_mirror_and_reversal(
     a: tuple[float, float, float], b: tuple[float, float, float], radius: float
 ) -> None:
     there = distance(*seen_from(*a, *b), radius)

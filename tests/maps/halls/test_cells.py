@@ -1,4 +1,4 @@
-"""Cells of a hall and places proposed on them: by hand, however a picture begins, and on real halls."""
+"""Test cells of halls and proposed places: by hand, for any picture origin, and on real halls."""
 
 from __future__ import annotations
 
@@ -29,28 +29,28 @@ RACKS = np.array([list(row) for row in (
 
 
 def shifted(folder: Path, occupied: np.ndarray, above: int = 0, left: int = 0) -> str:
-    """Write cells of 1 m as pixels of .25 m, with more of them above and to the left; the walls stay where they are."""
+    """Write cells of 1 m as pixels of .25 m with extra pixels above and to the left; return the hall's name."""
     pixels = np.pad(occupied.repeat(4, axis=0).repeat(4, axis=1), ((above, 0), (left, 0)), constant_values=True)
     origin = (-0.25 * left, 0.0)
     write_occupancy(Occupancy(np.where(pixels, 100, 0).astype(np.int8), 0.25, origin), folder / "hall.yaml")
     return str(folder / "hall.yaml")
 
 
-def driven(found: Hall) -> set[tuple[float, ...]]:
-    """Return the middles of the cells that robots drive on, in the map's frame [m]."""
+def free_centres(found: Hall) -> set[tuple[float, ...]]:
+    """Return the centres of all free cells in the map's frame [m]."""
     return set(map(tuple, found.grid.world(found.grid.centre(found.grid.free_cells)).round(6).tolist()))
 
 
-def test_an_aisle_that_lies_badly_stays_open(tmp_path: Path) -> None:
-    """Aisles of 1 m, half a cell off the corner: from there they close, and the two outer rows as well."""
+def test_aisle_off_the_grid_stays_open(tmp_path: Path) -> None:
+    """Aisles of 1 m lie half a cell off the corner. Cells from the corner would close them and two outer rows."""
     found = read_hall(shifted(tmp_path, RACKS, above=2, left=2))
     assert len(found.grid.free_cells) == (~RACKS).sum() == 26
     assert found.grid.origin == (0.0, 0.0)
     assert (cell_kinds(found)[tuple(found.grid.free_cells.T)] == 0).all()
 
 
-def test_an_aisle_is_worth_more_than_a_strip_of_floor(tmp_path: Path) -> None:
-    """Cells from the corner keep 52, without the aisle; those half a cell to the right keep 50, with it."""
+def test_open_aisle_outweighs_a_strip_of_floor(tmp_path: Path) -> None:
+    """Cells from the corner keep 52 without the aisle; cells half a cell to the right keep 50 with it."""
     grey = room(20, 20)
     grey[4:, 8:13], grey[4:, 15:] = 0, 0
     found = read_hall(hall(tmp_path, grey))
@@ -65,14 +65,14 @@ walled = hnp.arrays(np.bool_, st.tuples(st.integers(1, 6), st.integers(1, 6))).m
 
 @given(walled, st.integers(0, 9), st.integers(0, 9), st.sampled_from([0.0, 0.05, 0.2]))
 @settings(max_examples=60, deadline=None)
-def test_a_hall_is_the_same_wherever_its_picture_begins(tmp_path_factory, occupied, above, left, share) -> None:  # type: ignore[no-untyped-def]
+def test_hall_does_not_depend_on_the_pictures_origin(tmp_path_factory, occupied, above, left, share) -> None:  # type: ignore[no-untyped-def]
     occupied[1, 1] = False
     folder = tmp_path_factory.mktemp("h")
-    plain = driven(read_hall(f"{shifted(folder, occupied)}:share={share}"))
-    assert driven(read_hall(f"{shifted(folder, occupied, above, left)}:share={share}")) == plain
+    plain = free_centres(read_hall(f"{shifted(folder, occupied)}:share={share}"))
+    assert free_centres(read_hall(f"{shifted(folder, occupied, above, left)}:share={share}")) == plain
 
 
-def test_arrows_count_cells_from_the_corner(tmp_path: Path) -> None:
+def test_one_way_file_fixes_cells_at_the_corner(tmp_path: Path) -> None:
     occupied = np.zeros((4, 5), np.bool_)
     name = shifted(tmp_path, occupied, above=3, left=3)
     assert read_hall(name).grid.shape == (4, 5)
@@ -86,8 +86,10 @@ def test_arrows_count_cells_from_the_corner(tmp_path: Path) -> None:
     st.tuples(st.integers(-12, 12), st.integers(-12, 12)),
 )
 @settings(deadline=None)
-def test_sums_are_those_of_the_pixels(weights: np.ndarray, sizes: tuple[float, float], shift: tuple[int, int]) -> None:
-    """Against pixels one by one: each counts for the cell that its middle is in, wide ones in parts."""
+def test_cell_values_equal_the_means_of_their_pixels(
+    weights: np.ndarray, sizes: tuple[float, float], shift: tuple[int, int]
+) -> None:
+    """Compare with single pixels: each counts for the cell of its centre; wide pixels are split."""
     cell, resolution = sizes
     raster = Raster(4, 3, cell, (shift[0] * 0.07 + 0.001, shift[1] * 0.07 + 0.001))
     parts = max(1, round(resolution / cell))
@@ -111,8 +113,8 @@ def test_sums_are_those_of_the_pixels(weights: np.ndarray, sizes: tuple[float, f
         ("warehouse", (30951, 1422292, 230801), (1039, 1086, 2000, 2063)),
     ],
 )
-def test_real_halls(name: str, counts: tuple[int, ...], floor: tuple[int, ...]) -> None:
-    """No aisle closes but one."""
+def test_real_halls_keep_their_counts_and_aisles(name: str, counts: tuple[int, ...], floor: tuple[int, ...]) -> None:
+    """Aisles close only in the depot, with cells of 1 m and share 0."""
     path = REAL / f"{name}.yaml"
     assert read_occupancy(path).counts == counts
     found = [read_hall(f"{path}:cell={cell},share={share}") for cell in (1, 0.75) for share in (0, 0.05)]
@@ -124,7 +126,7 @@ def test_real_halls(name: str, counts: tuple[int, ...], floor: tuple[int, ...]) 
 
 def drawn(folder: Path, *blocks: tuple[float, float, float, float]) -> Hall:
     """Read a hall of 9 x 12 m with pixels of 0.1 m: walls of 0.3 m, and blocks (top, left, down, right)."""
-    (folder / "hall.oneway").write_text(("." * 12 + "\n") * 9)  # with it cells begin at the corner
+    (folder / "hall.oneway").write_text(("." * 12 + "\n") * 9)  # makes cells start at the corner
     values = np.zeros((90, 120), np.int8)
     for top, left, down, right in ((0, 0, 9, 0.3), (0, 0, 0.3, 12), (8.7, 0, 9, 12), (0, 11.7, 9, 12), *blocks):
         values[round(10 * top) : round(10 * down), round(10 * left) : round(10 * right)] = 100
@@ -136,28 +138,28 @@ def picks(found: Hall) -> list[tuple[int, ...]]:
     return sorted(map(tuple, found.grid.picks.tolist()))
 
 
-def test_places_are_beside_straight_obstacles() -> None:
+def test_proposed_places_are_beside_straight_obstacles() -> None:
     occupied = np.zeros((9, 11), np.bool_)
-    occupied[4, 3:8] = True  # a rack; the pillar is none
+    occupied[4, 3:8] = True  # a rack, unlike the pillar below
     occupied[1, 5] = True
     found, stations = propose(occupied, np.zeros_like(occupied), occupied, 1.0)
     assert sorted(map(tuple, found.tolist())) == [(row, column) for row in (3, 5) for column in range(3, 8)]
     assert {column for _, column in stations.tolist()} == {1, 9}
 
 
-def test_racks_that_touch_a_wall_as_cells_only_have_faces(tmp_path: Path) -> None:
-    """A gap of 0.4 m to the wall is floor in no cell: as cells the rack is a piece of the wall, as pixels it is not."""
+def test_racks_that_touch_a_wall_only_as_cells_have_faces(tmp_path: Path) -> None:
+    """A gap of 0.4 m joins the rack to the wall in cells but not in pixels."""
     found = drawn(tmp_path, (1.3, 4, 2, 8), (6, 5, 6.9, 9))
     assert not found.grid.occupied[2, 4:8].any()
     assert found.grid.occupied[1, 4:8].all()
     above = [(2, column) for column in range(4, 8)]
     assert picks(found) == above + [(row, column) for row in (5, 7) for column in range(5, 9)]
-    joined = drawn(tmp_path, (0, 4, 2, 8), (6, 5, 6.9, 9))  # its pixels touch the wall's: it is one
+    joined = drawn(tmp_path, (0, 4, 2, 8), (6, 5, 6.9, 9))  # its pixels touch the wall, so it is a wall
     assert picks(joined) == picks(found)[4:]
 
 
-def test_no_pick_face_is_in_the_only_way_to_a_room() -> None:
-    """Whoever stood in the gap below the rack would shut the room behind it; where that is all, it is taken."""
+def test_no_pick_face_blocks_the_only_way_to_a_room() -> None:
+    """A robot in the gap below the rack would block the room behind it. Such a face is used only if no other exists."""
     occupied = np.array([list(row) for row in ("#....##....#", "#....##....#", "#..........#", "############")]) == "#"
     rack = np.zeros_like(occupied)
     rack[:2, 5:7] = True

@@ -1,4 +1,4 @@
-"""Lanes and places: arrows by hand, floors written and read back, LIF's own examples, one sentence for damage."""
+"""Test lanes and places: arrows by hand, round trips, LIF's own examples, one sentence for damage."""
 
 from __future__ import annotations
 
@@ -40,13 +40,13 @@ def drawn(lanes: list[Lane]) -> list[str]:
     return ["".join(ARROWS[k] for k in row) for row in found.one_way.tolist()]
 
 
-def test_arrows_by_hand() -> None:
+def test_arrows_follow_hand_made_lanes() -> None:
     east, west = lane((0.5, 1.5), (4.5, 1.5)), lane((4.5, 1.5), (0.5, 1.5))
     north = lane((2.5, 0.5), (2.5, 2.5))
     assert drawn([east]) == [".....", ".>>>.", "....."]
     assert drawn([east, west]) == ["....."] * 3
     assert drawn([east, west, north]) == [".....", "..^..", "....."]
-    assert drawn([east, north]) == [".....", ".>^>.", "....."]  # across a direction robots may drive
+    assert drawn([east, north]) == [".....", ".>^>.", "....."]  # robots may cross a one-way cell
     back = lane((1.5, 1.5), (0.5, 1.5)), lane((4.5, 1.5), (3.5, 1.5))
     assert drawn([east, *back]) == [".....", "..>..", "....."]
     assert drawn([lane((0.5, 0.5), (1.5, 0.5))]) == [".....", ".....", ">...."]
@@ -54,7 +54,7 @@ def test_arrows_by_hand() -> None:
 
 @given(hnp.arrays(np.bool_, (5, 6, 4)))
 def test_arrows_keep_single_steps_and_bar_no_other(steps: np.ndarray) -> None:
-    """What is not kept is counted; a step that lanes take back is never barred."""
+    """Lost steps are counted; a step that lanes take in both directions is never barred."""
     grid_steps = steps.copy()
     grid_steps[:, -1, 0] = grid_steps[0, :, 1] = grid_steps[:, 0, 2] = grid_steps[-1, :, 3] = False
     one_way, lost = arrows(grid_steps)
@@ -69,7 +69,7 @@ def test_arrows_keep_single_steps_and_bar_no_other(steps: np.ndarray) -> None:
     assert kept == single - lost
 
 
-def test_prices_by_hand() -> None:
+def test_prices_follow_hand_made_lanes() -> None:
     east = lane((0.5, 1.5), (4.5, 1.5))
     open_floor = np.ones((3, 5), np.bool_)
     found = prices(lay(Lanes(lanes=[east]), open_floor, RASTER), 1.5)
@@ -83,7 +83,7 @@ def test_prices_by_hand() -> None:
 
 
 def test_time_and_prices_multiply() -> None:
-    """A step that takes twice as long on average, at a price of 1.5, costs 2 cells on top; robots may be slower."""
+    """A step that takes twice as long on average costs 2 extra cells at a price of 1.5; slow robots lose less."""
     slow, price = np.array([[np.inf, 0.5]]), np.full((1, 2, 8), 1.5)
     assert GridMap(np.zeros((1, 2)), speed=slow, price=price).surplus[0, 0, 0] == 2.0
     assert GridMap(np.zeros((1, 2)), speed=slow, price=price).at_pace(0.5).surplus[0, 0, 0] == 0.5
@@ -102,13 +102,13 @@ def streets() -> GridMap:
 @pytest.mark.parametrize(("write", "read", "name"), [
     (write_lif, read_lif, "f.lif.json"), (write_route_graph, read_route_graph, "f.geojson"),
 ])  # fmt: skip
-def test_a_floor_is_read_back_to_the_same(tmp_path: Path, write: Any, read: Any, name: str) -> None:
+def test_lane_files_round_trip(tmp_path: Path, write: Any, read: Any, name: str) -> None:
     grid = streets()
     speed = np.where(np.arange(10) < 3, 0.7, np.inf) + np.zeros(grid.shape)
     grid = dataclasses.replace(grid, speed=speed)
     write(grid, tmp_path / name)
     kinds = set(re.findall(r'"type": "(\w*(?:Point|String))"', (tmp_path / name).read_text()))
-    assert kinds == ({"Point", "MultiLineString"} if read is read_route_graph else set())  # as all of Nav2 reads them
+    assert kinds == ({"Point", "MultiLineString"} if read is read_route_graph else set())  # types that Nav2 reads
     lanes, raster = read(tmp_path / name), Raster(*grid.shape, grid.cell_size, grid.origin)
     found = lay(lanes, ~grid.occupied, raster)
     assert not lanes.notes
@@ -124,15 +124,15 @@ def test_a_floor_is_read_back_to_the_same(tmp_path: Path, write: Any, read: Any,
 
 
 @pytest.mark.skipif(not REAL.exists(), reason="the schema is not here")
-def test_what_is_written_is_valid_lif(tmp_path: Path) -> None:
+def test_written_lif_is_valid(tmp_path: Path) -> None:
     validate = pytest.importorskip("jsonschema").validate
     write_lif(streets(), tmp_path / "f.json")
     validate(json.loads((tmp_path / "f.json").read_text()), json.loads((REAL / "LIF-1.0.0.schema.json").read_text()))
 
 
 @pytest.mark.skipif(not REAL.exists(), reason="the examples are not here")
-def test_lifs_own_examples() -> None:
-    """All but the first are read, which holds words where numbers stand."""
+def test_lif_examples_are_read() -> None:
+    """All files are read except the first, which has words in place of numbers."""
     files = sorted((REAL / "lif").iterdir())
     for file in files[1:]:
         assert read_lif(file).nodes
@@ -141,8 +141,8 @@ def test_lifs_own_examples() -> None:
 
 
 @pytest.mark.parametrize(("write", "name"), [(write_lif, "f.lif.json"), (write_route_graph, "f.geojson")])
-def test_a_hall_keeps_to_the_lanes_of_a_file(tmp_path: Path, write: Any, name: str) -> None:
-    """Directions and limits are the file's; floor without lanes is closed, and arrows beside the map are not used."""
+def test_hall_uses_the_lanes_of_a_file(tmp_path: Path, write: Any, name: str) -> None:
+    """The file sets directions and limits. Floor without lanes is closed; the map's own arrows are ignored."""
     occupied = np.zeros((4, 6), np.bool_)
     occupied[3] = True
     arrows, speed = np.zeros((4, 6), np.uint8), np.full((4, 6), 0.75)
@@ -179,7 +179,7 @@ def test_dead_ends_of_a_route_graph_without_places_are_stations(tmp_path: Path) 
     assert [(place.x, place.y) for place in read_route_graph(file).places["stations"]] == [(0.5, 0.5), (2.5, 0.5)]
 
 
-def test_costs_of_lanes_are_kept_or_said(tmp_path: Path) -> None:
+def test_lane_costs_are_kept_or_noted(tmp_path: Path) -> None:
     file = tmp_path / "f.geojson"
     write_route_graph(GridMap(np.zeros((1, 3)), cell_size=2.0), file)
     data = json.loads(file.read_text())
@@ -220,7 +220,7 @@ FIRST = ["layouts", 0]
         ([*FIRST, "stations", 0, "interactionNodeIds"], ["nowhere"], "which does not exist"),
     ],
 )
-def test_a_wrong_lif_is_one_sentence(tmp_path: Path, path: list[Any], value: Any, sentence: str) -> None:
+def test_wrong_lif_is_one_sentence(tmp_path: Path, path: list[Any], value: Any, sentence: str) -> None:
     with pytest.raises(MapError, match=sentence):
         read_lif(lif(tmp_path, lambda data: change(data, path, value)))
 
@@ -241,7 +241,7 @@ def test_other_levels_and_closed_edges_of_a_lif_are_noted(tmp_path: Path) -> Non
 
 
 def lif(folder: Path, edit: Callable[[Any], object], grid: GridMap | None = None) -> Path:
-    """Write a floor's lanes, as something else changes them; return the file."""
+    """Write a floor's lanes as LIF, apply `edit` to the data, and return the file."""
     file = folder / "f.json"
     write_lif(grid or GridMap(np.zeros((1, 3))), file)
     data = json.loads(file.read_text())
@@ -251,7 +251,7 @@ def lif(folder: Path, edit: Callable[[Any], object], grid: GridMap | None = None
 
 
 @pytest.mark.parametrize(
-    ("change", "says"),
+    ("change", "expected"),
     [
         ({}, None), ({"degree": None, "knotVector": [0, 0, 0.5, 1, 1]}, None), ({"weight": None}, None),
         ({"shift": 0.5}, None), ({"shift": 20.0}, "no NURBS"), ({"degree": 7}, "no NURBS"),
@@ -260,7 +260,7 @@ def lif(folder: Path, edit: Callable[[Any], object], grid: GridMap | None = None
         ({"controlPoints": []}, "no NURBS"),
     ],
 )  # fmt: skip
-def test_a_curve_is_followed_or_noted(tmp_path: Path, change: dict[str, Any], says: str | None) -> None:
+def test_trajectory_is_followed_or_noted(tmp_path: Path, change: dict[str, Any], expected: str | None) -> None:
     def bend(data: Any) -> None:
         by, scale = change.get("shift", 0.0), change.get("x", 1.0)
         points = [{"x": x * scale + by, "y": y + by, "weight": change.get("weight", 1.0)}
@@ -269,9 +269,9 @@ def test_a_curve_is_followed_or_noted(tmp_path: Path, change: dict[str, Any], sa
         data["layouts"][0]["edges"][0]["vehicleTypeEdgeProperties"][0]["trajectory"] = curve
 
     found = read_lif(lif(tmp_path, bend))
-    assert (len(found.lanes[0].line) == 2) == (says is not None)
+    assert (len(found.lanes[0].line) == 2) == (expected is not None)
     assert np.isfinite(found.lanes[0].line).all()
-    assert any(says in note and "straight" in note for note in found.noted()) if says else not found.notes
+    assert any(expected in note and "straight" in note for note in found.noted()) if expected else not found.notes
     beside = [note for note in found.noted() if "its trajectory ends 0.71 m from its node" in note]
     assert len(beside) == (change.get("shift") == 0.5)
 
@@ -289,7 +289,7 @@ def test_a_curve_is_followed_or_noted(tmp_path: Path, change: dict[str, Any], sa
         (["features", -1, "properties", "cost"], -1, "cost -1 must be a number"),
     ],
 )
-def test_a_wrong_route_graph_is_one_sentence(tmp_path: Path, path: list[Any], value: Any, sentence: str) -> None:
+def test_wrong_route_graph_is_one_sentence(tmp_path: Path, path: list[Any], value: Any, sentence: str) -> None:
     file = tmp_path / "f.geojson"
     write_route_graph(GridMap(np.zeros((1, 3))), file)
     data = json.loads(file.read_text())
@@ -299,7 +299,7 @@ def test_a_wrong_route_graph_is_one_sentence(tmp_path: Path, path: list[Any], va
         read_route_graph(file)
 
 
-def test_places_of_a_hand_are_read(tmp_path: Path) -> None:
+def test_hand_written_places_are_read(tmp_path: Path) -> None:
     name = hall(tmp_path, room())
     file = tmp_path / "hall.places.json"
     file.write_text(
@@ -320,8 +320,8 @@ def test_places_of_a_hand_are_read(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("yaw", [0.0, 2.5])
-def test_a_building_of_open_rmf_holds_the_floor(tmp_path: Path, yaw: float) -> None:
-    """Read as Open-RMF's own tools do: y up, metres by the measurement, lanes of two directions split."""
+def test_open_rmf_building_describes_the_floor(tmp_path: Path, yaw: float) -> None:
+    """Read the file as Open-RMF's tools do: y up, metres by the measurement, two-way lanes split."""
     grid, path = dataclasses.replace(streets(), yaw=yaw), tmp_path / "h.building.yaml"
     grid = dataclasses.replace(grid, speed=np.where(np.arange(10) < 3, 0.7, np.inf) + np.zeros(grid.shape))
     corners = yaml.safe_load(write_building(grid, path, 0.25))["streets"]
@@ -354,8 +354,8 @@ def test_a_building_of_open_rmf_holds_the_floor(tmp_path: Path, yaw: float) -> N
     assert pick[3:] == ["pick 2", {"pickup_dispenser": [1, "pick 2"]}]
 
 
-def test_what_a_lif_contradicts_is_noted_with_its_numbers(tmp_path: Path) -> None:
-    """Edges of 1 m whose length is 1.05, 1.5 or a text of .2 m; headings of one type, and of another."""
+def test_contradictions_in_lif_are_noted_with_numbers(tmp_path: Path) -> None:
+    """Edges of 1 m state lengths of 1.05, 1.5 and "0.2" m; nodes state headings of two vehicle types."""
 
     def edit(data: Any) -> None:
         layout = data["layouts"][0]
@@ -375,9 +375,9 @@ def test_what_a_lif_contradicts_is_noted_with_its_numbers(tmp_path: Path) -> Non
     assert read_lif(wrong).noted()[5:] == [f"{len(read_lif(wrong).lanes) - 5} more edges with a wrong length"]
 
 
-@pytest.mark.parametrize(("length", "says"), [(2.236, []), (1.0, ["its length is 1 m, but its course is 2.24 m"])])
-def test_a_length_is_that_of_the_trajectory(tmp_path: Path, length: float, says: list[str]) -> None:
-    """A detour over (1, 1.5): two sides of 1.118 m each, where the nodes are 1 m apart."""
+@pytest.mark.parametrize(("length", "expected"), [(2.236, []), (1.0, ["its length is 1 m, but its course is 2.24 m"])])
+def test_stated_length_is_compared_with_the_trajectory(tmp_path: Path, length: float, expected: list[str]) -> None:
+    """The trajectory detours over (1, 1.5): two sides of 1.118 m; its nodes are 1 m apart."""
 
     def edit(data: Any) -> None:
         edge = data["layouts"][0]["edges"][0]
@@ -385,12 +385,12 @@ def test_a_length_is_that_of_the_trajectory(tmp_path: Path, length: float, says:
         curve = {"degree": 1, "knotVector": [0, 0, 0.5, 1, 1], "controlPoints": corners}
         edge["vehicleTypeEdgeProperties"][0]["trajectory"], edge["length"] = curve, length
 
-    assert [note.split(": ")[1] for note in read_lif(lif(tmp_path, edit)).noted()] == says
+    assert [note.split(": ")[1] for note in read_lif(lif(tmp_path, edit)).noted()] == expected
 
 
 @pytest.mark.parametrize("yaw", [0.0, 1.0])
-def test_an_edge_where_a_robot_does_not_fit_is_noted(tmp_path: Path, yaw: float) -> None:
-    """Pixels of 5 cm: walls leave .5 m around the upper lane, too little for .6 m, and .7 m around the lower one."""
+def test_lane_too_narrow_for_the_robot_is_noted(tmp_path: Path, yaw: float) -> None:
+    """Walls leave .5 m around the upper lane, too little for a robot of .6 m, and .7 m around the lower one."""
     grey = room(80, 80)
     grey[15, 40], grey[26, 40] = 0, 0  # the lane lies between rows 20 and 21, five pixels from both
     grey[55, 40], grey[70, 40] = 0, 0

@@ -1,4 +1,4 @@
-"""Maps of map_server: pixels as Nav2 reads them, cells by hand, real halls' counts, one sentence for damage."""
+"""Test map_server maps: pixels as Nav2 reads them, cells by hand, masks, yaw, one sentence for damage."""
 
 from __future__ import annotations
 
@@ -51,18 +51,18 @@ def room(rows: int = 8, columns: int = 12) -> np.ndarray:
         ("raw", 0.1, 0, [0, map_server.UNKNOWN, map_server.UNKNOWN, map_server.UNKNOWN, map_server.UNKNOWN]),
     ],
 )
-def test_levels_are_read_as_nav2_does(tmp_path: Path, mode: str, free: float, negate: int, expected: list[int]) -> None:
+def test_pixels_are_read_as_in_nav2(tmp_path: Path, mode: str, free: float, negate: int, expected: list[int]) -> None:
     text = YAML.replace("0.25", str(free)).replace("negate: 0", f"negate: {negate}") + f"mode: {mode}\n"
     name = hall(tmp_path, np.array([[0, 205, 254, 127, 102]]), text)
     assert map_server.read_occupancy(Path(name)).values.tolist() == [expected]
 
 
-def test_cells_by_hand(tmp_path: Path) -> None:
-    """Cells of 1 m are 2 x 2 pixels from the upper left on; half a cell at the bottom and the right is left over."""
+def test_cells_of_a_hand_made_map(tmp_path: Path) -> None:
+    """Cells of 1 m are 2 x 2 pixels from the upper left; half a cell remains at the bottom and right."""
     grey = room(7, 9)
     grey[0, 2] = 0  # a quarter of cell (0, 1)
     grey[5, 0:2] = 205  # unknown is free at .25
-    (tmp_path / "hall.oneway").write_text("....\n" * 3)  # with it cells begin at the corner
+    (tmp_path / "hall.oneway").write_text("....\n" * 3)  # makes cells start at the corner
     grid = read_hall(hall(tmp_path, grey)).grid
     assert grid.occupied.astype(int).tolist() == [[0, 1, 0, 0], [0, 0, 0, 0], [0, 0, 0, 0]]
     assert grid.origin == (-3.0, 2.5)  # the lower half row is no cell
@@ -72,20 +72,20 @@ def test_cells_by_hand(tmp_path: Path) -> None:
     assert load_floor(EnvConfig(layout=name)).key == make_layout(name).key
 
 
-def test_what_is_lost_is_told(tmp_path: Path) -> None:
-    """An aisle of 1 m between racks, half a cell off the grid: a robot of .6 m fits, yet no cell does."""
+def test_closed_aisles_are_reported(tmp_path: Path) -> None:
+    """An aisle of 1 m lies half a cell off the grid: a robot of .6 m fits, but no cell does."""
     grey = room(20, 16)
     grey[4:16, 2:7], grey[4:16, 9:14] = 0, 0
     grey[0:2, 15] = 205
     found = read_hall(hall(tmp_path, grey, YAML.replace("0.25", "0.19")))
-    told = "\n".join(found.report)
-    assert "aisles close: 1 place where a robot has room, 4 cells long" in told
-    assert "wall by unknown pixels alone: 1 cell" in told
+    report = "\n".join(found.report)
+    assert "aisles close: 1 place where a robot has room, 4 cells long" in report
+    assert "wall by unknown pixels alone: 1 cell" in report
     assert not read_hall(str(tmp_path / "hall.yaml:cell=0.5")).grid.occupied[4:16, 7:9].any()
     assert read_hall(str(tmp_path / "hall.yaml:unknown=floor")).grid.occupied.sum() == found.grid.occupied.sum() - 1
 
 
-def test_masks_bar_and_slow(tmp_path: Path) -> None:
+def test_masks_bar_cells_and_limit_speed(tmp_path: Path) -> None:
     name = hall(tmp_path, room())
     mask = map_server.Occupancy(np.zeros((4, 4), np.int8), 1.0, (-3.0, 2.0))
     mask.values[0, 1], mask.values[2, 2:] = 100, 50
@@ -97,8 +97,8 @@ def test_masks_bar_and_slow(tmp_path: Path) -> None:
     assert not np.isfinite(found.grid.speed[[0, 1, 3]]).any()
 
 
-def marked(*rows: slice) -> np.ndarray:
-    """Return pixels of 0.25 m, marked in these rows and at the wall of a hall of 4 x 6 cells."""
+def mask_of(*rows: slice) -> np.ndarray:
+    """Return a mask of 0.25 m pixels, marked in these rows and at the wall of a hall of 4 x 6 cells."""
     values = np.zeros((16, 24), np.int8)
     values[14:, 22:] = 100 * (len(rows) > 0)
     for row in rows:
@@ -108,26 +108,26 @@ def marked(*rows: slice) -> np.ndarray:
 
 @pytest.mark.parametrize("kind", ["keepout", "speed"])
 @pytest.mark.parametrize(
-    ("values", "resolution", "origin", "says"),
+    ("values", "resolution", "origin", "message"),
     [
-        (marked(slice(4, 8)), 0.25, (-3.0, 2.0), None),
-        (marked(slice(4, 9)), 0.25, (-3.0, 2.0), None),  # a row of pixels spills over into the next cell
-        (marked(slice(4, 8)), 0.25, (-3.0, 6.0), "marks nothing of the map"),
-        (marked(), 0.25, (-3.0, 2.0), "marks nothing of the map"),
-        (marked(slice(4, 8)), 0.25, (-3.0, 3.0), "leaves 6 of 24 cells of floor out, which count as unmarked"),
-        (np.pad(marked(), ((0, 12), (0, 0)), constant_values=100), 0.25, (-3.0, -1.0), "marks nothing of the map"),
-        (marked(slice(4, 8), slice(15, 16)), 0.25, (-3.0, 2.0),
+        (mask_of(slice(4, 8)), 0.25, (-3.0, 2.0), None),
+        (mask_of(slice(4, 9)), 0.25, (-3.0, 2.0), None),  # a row of pixels spills over into the next cell
+        (mask_of(slice(4, 8)), 0.25, (-3.0, 6.0), "marks nothing of the map"),
+        (mask_of(), 0.25, (-3.0, 2.0), "marks nothing of the map"),
+        (mask_of(slice(4, 8)), 0.25, (-3.0, 3.0), "leaves 6 of 24 cells of floor out, which count as unmarked"),
+        (np.pad(mask_of(), ((0, 12), (0, 0)), constant_values=100), 0.25, (-3.0, -1.0), "marks nothing of the map"),
+        (mask_of(slice(4, 8), slice(15, 16)), 0.25, (-3.0, 2.0),
          "too little of 1 cell of 1 m is marked, as near (-1.5, 2.5) m; try a smaller cell="),
     ],
 )  # fmt: skip
-def test_a_mask_that_marks_less_than_it_seems_is_noted(
-    tmp_path: Path, kind: str, values: np.ndarray, resolution: float, origin: tuple[float, float], says: str | None
+def test_ineffective_mask_is_noted(
+    tmp_path: Path, kind: str, values: np.ndarray, resolution: float, origin: tuple[float, float], message: str | None
 ) -> None:
     map_server.write_occupancy(map_server.Occupancy(values, resolution, origin), tmp_path / "m.yaml")
     grey = room()
     grey[7, 11] = 0
     notes = read_hall(f"{hall(tmp_path, grey)}:share=0.3,{kind}=m.yaml").notes
-    assert [note for note in notes if "m.yaml" in note and says and says in note] if says else not notes, notes
+    assert [note for note in notes if "m.yaml" in note and message and message in note] if message else not notes, notes
 
 
 @given(
@@ -138,7 +138,7 @@ def test_a_mask_that_marks_less_than_it_seems_is_noted(
     st.randoms(),
 )
 @settings(max_examples=25, deadline=None)
-def test_a_floor_is_read_back_as_it_was_written(tmp_path_factory, occupied, sizes, origin, yaw, rng) -> None:  # type: ignore[no-untyped-def]
+def test_hall_round_trips(tmp_path_factory, occupied, sizes, origin, yaw, rng) -> None:  # type: ignore[no-untyped-def]
     occupied[0, 0] = False
     cell, resolution = sizes
     arrows = np.array([[rng.randrange(5) for _ in row] for row in occupied]) * ~occupied
@@ -159,8 +159,8 @@ def test_a_floor_is_read_back_as_it_was_written(tmp_path_factory, occupied, size
     assert np.allclose(found.grid.world([(0, 0), (7, 1)]), grid.world([(0, 0), (7, 1)]))
 
 
-def test_a_turned_map_by_hand(tmp_path: Path) -> None:
-    """A quarter turn: the picture's rows point north in the map's frame, its columns west."""
+def test_map_with_a_quarter_turn(tmp_path: Path) -> None:
+    """After a quarter turn, the picture's rows run north in the map's frame and its columns west."""
     grey = room(2, 4)
     found = read_hall(hall(tmp_path, grey, YAML.replace("[-3.0, 2.0, 0.0]", "[-3.0, 2.0, 1.5707963267948966]")))
     assert found.grid.shape == (1, 2)
@@ -172,13 +172,13 @@ def test_a_turned_map_by_hand(tmp_path: Path) -> None:
 
 
 def moved(points: np.ndarray, yaw: float) -> np.ndarray:
-    """Return points (x, y), turned about (0, 0) and moved by (40, -7) m: a rigid motion by complex numbers."""
+    """Turn points (x, y) about (0, 0) and move them by (40, -7) m, by complex numbers."""
     there = (points @ (1, 1j)) * np.exp(1j * yaw) + (40 - 7j)
     return np.stack([there.real, there.imag], axis=-1)
 
 
 def route_graph(*lines: list[list[float]]) -> str:
-    """Return a route graph of lines, each with nodes of its own."""
+    """Return a route graph of lines, each with its own nodes."""
 
     def feature(kind: str, where: object, **about: object) -> dict[str, object]:
         return {"type": "Feature", "properties": about, "geometry": {"type": kind, "coordinates": where}}
@@ -190,7 +190,7 @@ def route_graph(*lines: list[list[float]]) -> str:
 
 
 def moved_files(folder: Path, yaw: float) -> str:
-    """Write a hall with all files beside it, moved; return its name."""
+    """Write a moved hall with all its files; return its name."""
     (folder / "t").mkdir()
 
     def at(*point: float) -> list[float]:
@@ -216,8 +216,8 @@ def moved_files(folder: Path, yaw: float) -> str:
 
 @given(st.floats(-4, 4) | st.sampled_from([np.pi / 6, np.pi / 2, np.pi, -np.pi / 2]))
 @settings(max_examples=20, deadline=None)
-def test_a_hall_is_the_same_whatever_its_yaw(tmp_path_factory, yaw) -> None:  # type: ignore[no-untyped-def]
-    """Map, masks, places, discs and lanes turned and moved together give the same floor, moved."""
+def test_hall_does_not_depend_on_yaw(tmp_path_factory, yaw) -> None:  # type: ignore[no-untyped-def]
+    """Turn and move map, masks, places, discs and lanes together: the floor is the same, moved."""
     still, turned = (read_hall(moved_files(tmp_path_factory.mktemp("h"), angle)) for angle in (0.0, yaw))
     for name in ("occupied", "walls", "one_way", "picks", "stations", "speed"):
         assert np.array_equal(getattr(still.grid, name), getattr(turned.grid, name)), name
@@ -235,7 +235,7 @@ def test_a_hall_is_the_same_whatever_its_yaw(tmp_path_factory, yaw) -> None:  # 
     assert np.array_equal(cell_kinds(still), cell_kinds(turned))
 
 
-def test_a_mask_with_another_yaw_is_refused(tmp_path: Path) -> None:
+def test_mask_with_another_yaw_is_refused(tmp_path: Path) -> None:
     name = moved_files(tmp_path, 0.5)
     mask = tmp_path / "t" / "keepout.yaml"
     mask.write_text(mask.read_text().replace("0.5]", "0.6]"))
@@ -245,7 +245,7 @@ def test_a_mask_with_another_yaw_is_refused(tmp_path: Path) -> None:
         read_hall(name)
 
 
-def test_pictures_of_other_kinds(tmp_path: Path) -> None:
+def test_other_picture_formats_are_read(tmp_path: Path) -> None:
     grey = room()
     grey[2:4, 2:4] = 0
     for name in ("hall.png", "hall.bmp"):
@@ -280,7 +280,7 @@ def test_pictures_of_other_kinds(tmp_path: Path) -> None:
         (YAML, "- 1\n", "no entries"),
     ],
 )
-def test_a_wrong_yaml_is_one_sentence(tmp_path: Path, old: str, new: str, sentence: str) -> None:
+def test_wrong_yaml_is_one_sentence(tmp_path: Path, old: str, new: str, sentence: str) -> None:
     name = hall(tmp_path, room(), YAML.replace(old, new))
     with pytest.raises(MapError, match=sentence) as raised:
         read_hall(name)
@@ -296,7 +296,7 @@ def test_a_wrong_yaml_is_one_sentence(tmp_path: Path, old: str, new: str, senten
         (b"P5 0 2 255\n", "not a readable picture"),
     ],
 )
-def test_a_wrong_picture_is_one_sentence(tmp_path: Path, content: bytes, sentence: str) -> None:
+def test_wrong_picture_is_one_sentence(tmp_path: Path, content: bytes, sentence: str) -> None:
     name = hall(tmp_path, room())
     (tmp_path / "hall.pgm").write_bytes(content)
     with pytest.raises(MapError, match=sentence):
@@ -304,15 +304,15 @@ def test_a_wrong_picture_is_one_sentence(tmp_path: Path, content: bytes, sentenc
 
 
 @pytest.mark.parametrize(
-    "how", ["cell=0", "share=2", "unknown=lava", "zz=1", "keepout=../x.yaml", "lanes=a.txt", "lanes_only=true",
+    "parameter", ["cell=0", "share=2", "unknown=lava", "zz=1", "keepout=../x.yaml", "lanes=a.txt", "lanes_only=true",
             "cell=50", "resolution=1", "cell=x"],
 )  # fmt: skip
-def test_a_wrong_way_of_reading_is_one_sentence(tmp_path: Path, how: str) -> None:
+def test_wrong_map_parameter_is_refused(tmp_path: Path, parameter: str) -> None:
     with pytest.raises(WarehouseError):
-        read_hall(f"{hall(tmp_path, room())}:{how}")
+        read_hall(f"{hall(tmp_path, room())}:{parameter}")
 
 
-def test_it_travels_with_jobs(tmp_path: Path) -> None:
+def test_map_files_travel_with_jobs(tmp_path: Path) -> None:
     name = hall(tmp_path, room()) + ":keepout=m.yaml"
     map_server.write_occupancy(
         map_server.Occupancy(np.full((1, 1), 100, np.int8), 1.0, (-3.0, 2.0)), tmp_path / "m.yaml"

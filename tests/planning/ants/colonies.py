@@ -1,4 +1,4 @@
-"""What tests of ant systems share: walks laid by hand, and a checked search."""
+"""Provide hand-made walks and a checked search for tests of ant systems."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ EAST, SOUTH_EAST, SOUTH, WEST = 0, 7, 6, 4
 
 
 def walked(floor: AntFloor, *paths: list[int], start: int = 0) -> Walks:
-    """Measured walks from a flat cell along the given moves."""
+    """Return measured walks from a flat cell along the given moves."""
     walks = empty_walks(start, len(paths), len(floor.height))
     walks.steps[:] = [len(path) for path in paths]
     for ant, path in enumerate(paths):
@@ -22,7 +22,7 @@ def walked(floor: AntFloor, *paths: list[int], start: int = 0) -> Walks:
 
 
 def search(name: str, grid: GridMap, start: Cell, goal: Cell, seed: int = 0, **parameters: object) -> Plan:
-    """A plan by a planner of PLANNERS, valid where one is found."""
+    """Plan with a planner of PLANNERS and validate a found path."""
     plan = make_planner(name, **parameters).plan(grid, start, goal, np.random.default_rng(seed))
     if plan.found:
         validate(grid, plan.cells, start, goal)

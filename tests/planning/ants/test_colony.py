@@ -1,4 +1,4 @@
-"""The ant loop on maps small enough to count, local search on its paths, and the equations of PF-ACO."""
+"""Test the ant loop on tiny maps, local search on its paths, and the equations of PF-ACO."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def send(floor: AntFloor, turning: Table, straight: Table, ants: int, q0: float 
     return walks
 
 
-def test_first_steps_are_drawn_in_proportion() -> None:
+def test_first_steps_are_drawn_in_proportion_to_weights() -> None:
     floor = open_floor(2, 2)
     table = np.ones((4, 8))
     table[0, EAST], table[0, SOUTH_EAST], table[0, SOUTH] = 1.0, 5.0, 2.0
@@ -52,7 +52,7 @@ def test_greedy_ants_take_the_best_edge() -> None:
 
 
 def dead_end_map() -> AntFloor:
-    """The east arm ends blind, the south arm leads to the goal; ants are drawn east."""
+    """Return a floor whose east arm is a dead end and whose south arm leads to the goal."""
     drawing = (
         "....",
         ".###",
@@ -67,7 +67,7 @@ def test_ants_step_back_from_a_dead_end_or_die() -> None:
     table = np.ones((12, 8))
     table[1, EAST] = 1e12
     back = send(floor, table, table, 20, start=1)
-    assert (back.steps == 6).all()  # west, south, south, east, east, east: the arm is not in the path
+    assert (back.steps == 6).all()  # west, south, south, east, east, east, without the dead end
     assert back.moves[0, :6].tolist() == [4, 6, 6, 0, 0, 0]
     dead = send(floor, table, table, 20, start=1, backtrack=False)
     assert (dead.steps == -1).all()
@@ -85,7 +85,7 @@ def test_no_ant_visits_a_cell_twice() -> None:
         assert cell == floor.goal
 
 
-def test_local_update_draws_used_edges_to_its_level() -> None:
+def test_local_update_pulls_used_edges_to_its_level() -> None:
     floor = open_floor(1, 3)
     trail = np.full((3, 8), 2.0)
     send(floor, np.ones((3, 8)), np.ones((3, 8)), 2, trail=trail, local=(0.1, 1.0))
@@ -94,7 +94,7 @@ def test_local_update_draws_used_edges_to_its_level() -> None:
     assert trail[2, 4] == 2.0
 
 
-def test_measures_of_walks_by_hand() -> None:
+def test_walk_measures_by_hand() -> None:
     height = np.zeros((2, 3))
     height[0, 1] = 0.3
     floor = open_floor(2, 3, height)
@@ -111,7 +111,7 @@ def test_measures_of_walks_by_hand() -> None:
     assert math.isinf(walks.length[2])
 
 
-def test_an_improved_path_counts() -> None:
+def test_improved_path_counts_as_best() -> None:
     floor = open_floor(3, 3)
     table, start = np.ones((9, 8)), np.ones((9, 8))
 
@@ -131,10 +131,10 @@ def test_an_improved_path_counts() -> None:
 
 
 def nothing(iteration: int, pheromone: Table, walks: Walks, best: Walks) -> None:
-    """An update that marks nothing."""
+    """Mark nothing."""
 
 
-def test_a_start_that_is_cut_off_ends_the_search() -> None:
+def test_search_finds_no_path_to_an_unreachable_goal() -> None:
     grid = GridMap(np.array([[False, True, False, False]]), picks=np.array([[0, 2]]), stations=np.array([[0, 3]]))
     floor, table = make_floor(grid, (0, 3)), np.ones((4, 8))
     colony = Colony(table, lambda iteration: (table, table), nothing)
@@ -143,12 +143,12 @@ def test_a_start_that_is_cut_off_ends_the_search() -> None:
     assert search.best_by_iteration.tolist() == [math.inf] * 3
 
 
-def test_patience_ends_the_search_after_iterations_without_a_better_path() -> None:
+def test_patience_ends_the_search_without_improvement() -> None:
     floor = open_floor(1, 4)
     table = np.ones((4, 8))
     colony = Colony(table, lambda iteration: (table, table), nothing)
     search = run(floor, colony, 0, 2, 50, np.random.default_rng(0), patience=5)
-    assert search.best_by_iteration.tolist() == [3] * 6  # found in the first, then five more
+    assert search.best_by_iteration.tolist() == [3] * 6  # found in the first iteration, then five more
 
 
 def moves_of(cells: list[Cell]) -> NDArray[np.int8]:
@@ -163,14 +163,14 @@ def improved(grid: GridMap, cells: list[Cell], gentleness: float = 0.0) -> NDArr
     return np.concatenate([[cells[0]], cells[0] + np.cumsum(MOVES[moves], axis=0)])
 
 
-def test_a_zigzag_on_open_floor_becomes_one_turn() -> None:
+def test_local_search_straightens_a_zigzag() -> None:
     zigzag = [(0, 0), (1, 0), (1, 1), (2, 1), (2, 2), (2, 3), (1, 4), (2, 5)]
     cells = improved(GridMap(np.zeros((4, 6), dtype=bool)), zigzag)
     assert path_length(cells) == 3 + 2 * math.sqrt(2)
     assert turns(cells) == 1
 
 
-def test_a_detour_round_a_bump_stays_if_it_is_worth_it() -> None:
+def test_local_search_keeps_a_worthwhile_detour() -> None:
     height = np.zeros((3, 5))
     height[0, 2] = 0.1  # straight over it: 4 cells and 0.2 m; round it: 2 + 2 sqrt 2 cells
     grid = GridMap(np.zeros((3, 5), dtype=bool), height)
@@ -182,7 +182,7 @@ def test_a_detour_round_a_bump_stays_if_it_is_worth_it() -> None:
     assert path_length(kept) == 2 + 2 * math.sqrt(2)
 
 
-def test_never_worse_and_always_valid_on_the_paths_of_ants() -> None:
+def test_local_search_is_valid_and_never_worse() -> None:
     rng = np.random.default_rng(6)
     ants = make_planner("aco", ants=1, iterations=1, heuristic="next_cell")
     for _ in range(30):
@@ -265,7 +265,7 @@ TURNS_OF_THE_PAPER = {"in_zone": 8, "cross_zone": 18}  # tables 1 and 2 of paper
 
 
 @pytest.mark.parametrize("task", NAMED_TASKS["paper46"])
-def test_pf_aco_reaches_the_optimum_with_few_turns_before_the_traditional_colony(task: str) -> None:
+def test_pf_aco_reaches_the_optimum_before_the_traditional_colony(task: str) -> None:
     grid = make_layout("paper46")
     start, goal, optimum = NAMED_TASKS["paper46"][task]
     plans = [search("pf_aco", grid, start, goal, seed) for seed in range(4)]
@@ -277,7 +277,7 @@ def test_pf_aco_reaches_the_optimum_with_few_turns_before_the_traditional_colony
 
 @pytest.mark.parametrize("local_search", [True, False])
 @pytest.mark.parametrize("task", NAMED_TASKS["paper46_rough"])
-def test_gentle_ground_is_chosen_at_a_small_cost(task: str, local_search: bool) -> None:
+def test_pf_aco_takes_gentle_ground_at_a_small_cost(task: str, local_search: bool) -> None:
     grid = make_layout("paper46_rough")
     start, goal, optimum = NAMED_TASKS["paper46_rough"][task]
     shortest = search("astar_turns", grid, start, goal)

@@ -1,4 +1,4 @@
-"""The ant systems of the papers: each equation against numbers worked out by hand, and what they reach."""
+"""Test the ant systems of the papers: equations against hand-computed numbers, and optimal paths."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def test_distance_heuristic_of_the_traditional_colony() -> None:
     assert straight is to_goal
     assert to_goal[0, SOUTH_EAST] == pytest.approx(1 / math.sqrt(13))  # from (1, 1) to (3, 4)
     assert to_goal[0, EAST] == pytest.approx(1 / math.sqrt(18))
-    assert to_goal[13, SOUTH_EAST] == pytest.approx(10)  # into the goal, whose distance counts as 0.1
+    assert to_goal[13, SOUTH_EAST] == pytest.approx(10)  # into the goal, at a distance of 0.1 by definition
     next_cell, _ = Aco(heuristic="next_cell").colony(grid, floor, start).attraction(7)
     assert next_cell[0, [EAST, SOUTH_EAST]] == pytest.approx([1, 1 / 2])  # (1/d)^2
 
@@ -35,7 +35,7 @@ def test_distance_heuristic_of_the_traditional_colony() -> None:
     ("system", "kept", "strength"),
     [(Aco(), 0.9, 1.0), (FusionAco(), 0.5, 1.0), (Iaco(), 1 - 0.5 * math.exp(-3 / 400), 100.0)],
 )
-def test_trails_evaporate_and_all_ants_deposit(system: AntSystem, kept: float, strength: float) -> None:
+def test_pheromone_evaporates_and_all_ants_deposit(system: AntSystem, kept: float, strength: float) -> None:
     """Eq. 3 of paper 004, eqs. 7 to 9 of paper 002."""
     grid = GridMap(np.zeros((2, 3), dtype=bool))
     floor = make_floor(grid, (1, 2))
@@ -50,8 +50,8 @@ def test_trails_evaporate_and_all_ants_deposit(system: AntSystem, kept: float, s
     assert pheromone[4, WEST] == pytest.approx(kept)
 
 
-def test_ants_that_die_may_find_nothing_and_say_so() -> None:
-    # A comb of blind alleys: with one ant and one iteration, some seed dies in one.
+def test_dying_ants_may_find_no_path() -> None:
+    # A comb of dead ends: with one ant and one iteration, some seeds die in one.
     drawing = ("." * 9, "#.#.#.#.#", "#.#.#.#.#", "#.#.#.#..")
     grid = GridMap(np.array([[c == "#" for c in row] for row in drawing]))
     ants = {"ants": 1, "iterations": 1}
@@ -74,7 +74,7 @@ def test_heuristic_eq_16_on_an_open_floor() -> None:
     assert turning[2 * 5 + 3, SOUTH_EAST] == pytest.approx(0.1**-7)
 
 
-def test_heuristic_at_a_local_minimum_pays_the_penalty() -> None:
+def test_heuristic_penalises_a_local_minimum() -> None:
     occupied = np.zeros((3, 7), dtype=bool)
     occupied[0:2, 4] = True
     grid = GridMap(occupied)
@@ -127,7 +127,7 @@ def wall() -> GridMap:
     return GridMap(occupied)
 
 
-def test_the_intermediate_point_turns_the_force_round_the_wall() -> None:
+def test_intermediate_point_turns_the_force_round_a_wall() -> None:
     grid, goal = wall(), (0, 4)
     bare = FusionAco(repulsion_gain=0.0).force(grid, goal)
     led = FusionAco(repulsion_gain=0.0, intermediate_point=True).force(grid, goal)
@@ -165,7 +165,7 @@ def test_evaporation_of_equation_9() -> None:
 
 @pytest.mark.parametrize("norms", ["squared", "printed"])
 @pytest.mark.parametrize("where", ["paper46", "random", "single_lane"])
-def test_the_line_is_the_smoothed_path(where: str, norms: str) -> None:
+def test_iaco_line_is_the_smoothed_path(where: str, norms: str) -> None:
     grid = make_layout(where)
     start, goal = (tuple(grid.free_cells[k].tolist()) for k in (10, -30))
     plan = search("iaco", grid, start, goal, norms=norms)
@@ -206,7 +206,7 @@ def states(grid: GridMap, goal: tuple[int, int], planner: ShaaAcs) -> np.ndarray
 
 @pytest.mark.parametrize("weights", ["length", "inverse"])
 @pytest.mark.parametrize("excitation", ["strongest", "sum"])
-def test_the_network_rests(weights: str, excitation: str) -> None:
+def test_network_settles_at_its_fixed_point(weights: str, excitation: str) -> None:
     # Every state against its own equation, x = S / (A + S), by plain loops over the neighbours.
     grid = random_floor(9, 9, 0.2, 3)
     goal = tuple(grid.free_cells[0].tolist())
@@ -228,7 +228,7 @@ def test_the_network_rests(weights: str, excitation: str) -> None:
         assert x[row, column] == pytest.approx(excited / (10 + excited), rel=2e-3)
 
 
-def test_activity_reaches_beyond_the_range_of_floats() -> None:
+def test_activity_exceeds_the_range_of_floats() -> None:
     floor = make_floor(open_floor(1, 2000), (0, 0))
     for planner in (ShaaAcs(), ShaaAcs(excitation="sum")):
         activity = settle(floor, planner.network_weights(floor), 10.0, 100.0, planner.excitation == "strongest")
@@ -240,7 +240,7 @@ def test_activity_reaches_beyond_the_range_of_floats() -> None:
 
 
 @pytest.mark.parametrize("local_search", [True, False])
-def test_it_is_optimal_on_cluttered_floors(local_search: bool) -> None:
+def test_shaa_acs_is_optimal_on_cluttered_floors(local_search: bool) -> None:
     for seed in range(6):
         grid = random_floor(40, 40, 0.3, seed)
         start, goal = (tuple(grid.free_cells[k].tolist()) for k in (0, -1))

@@ -1,4 +1,4 @@
-"""The swarms: way-points as paths, equations and behaviours by hand, against a stand-in for the decoding of codes."""
+"""Test the swarms: way-points as paths, and equations and behaviours by hand on a stand-in cost."""
 
 from __future__ import annotations
 
@@ -34,19 +34,19 @@ OPEN = drawn(["....."] * 4)
 WALL = drawn([".....", ".###.", "...#.", "....."])
 
 
-def test_the_walk_goes_by_its_points_and_diagonally_while_it_can() -> None:
+def test_walk_visits_its_points_diagonals_first() -> None:
     assert decoded(OPEN, (0, 0), (0, 4), (2.4, 1.6)) == [(0, 0), (1, 1), (2, 2), (1, 3), (0, 4)]
     assert decoded(OPEN, (0, 0), (3, 1), (0.0, 0.0)) == [(0, 0), (1, 1), (2, 1), (3, 1)]
 
 
-def test_a_point_on_a_shelf_or_outside_counts_as_the_nearest_cell_that_can_be_reached() -> None:
+def test_unreachable_point_counts_as_the_nearest_reachable_cell() -> None:
     assert decoded(WALL, (0, 0), (0, 4), (1.0, 2.0)) == decoded(WALL, (0, 0), (0, 4), (0.0, 2.0))
     assert decoded(OPEN, (0, 0), (0, 4), (99.0, -7.0)) == decoded(OPEN, (0, 0), (0, 4), (3.0, 0.0))
     island = GridMap(np.array([list("..#."), list("..##"), list("....")]) == "#")
     assert (0, 3) not in decoded(island, (0, 0), (2, 3), (0.0, 3.0))
 
 
-def test_cost_is_length_and_tolls_of_each_code_and_the_best_is_kept() -> None:
+def test_cost_is_length_plus_tolls_and_the_best_path_is_kept() -> None:
     toll = np.zeros((4, 5))
     toll[0, 2] = 5.0
     paths = paths_of(OPEN, (0, 0), (0, 4), toll)
@@ -59,9 +59,7 @@ def test_cost_is_length_and_tolls_of_each_code_and_the_best_is_kept() -> None:
 
 
 @given(seed=st.integers(0, 10_000), share=st.floats(0.0, 0.5), rows=st.integers(1, 9), columns=st.integers(2, 9))
-def test_every_code_of_every_map_is_a_valid_path_without_loops(
-    seed: int, share: float, rows: int, columns: int
-) -> None:
+def test_every_code_decodes_to_a_valid_path_without_loops(seed: int, share: float, rows: int, columns: int) -> None:
     rng = np.random.default_rng(seed)
     occupied = rng.random((rows, columns)) < share
     start, goal = (0, 0), (rows - 1, columns - 1)
@@ -87,7 +85,7 @@ TARGET = (2.0, 3.0)
 
 
 class Recorder(Paths):
-    """Notes the codes that are tried on a map of 11 x 11 cells; a code's cost is its distance from TARGET."""
+    """Paths on a map of 11 x 11 cells that record tried codes; a code's cost is its distance from TARGET."""
 
     def __init__(self) -> None:
         grid = GridMap(np.zeros((11, 11), dtype=bool))
@@ -95,23 +93,23 @@ class Recorder(Paths):
         self.tried: list[Code] = []
 
     def cost(self, code: Code) -> NDArray[np.float64]:
-        """Sum of the coordinates' distances from TARGET, over all points."""
+        """Return the sum over all points of the coordinates' distances from TARGET."""
         self.tried.append(code.copy())
         distance: NDArray[np.float64] = np.abs(code - TARGET).sum(axis=(1, 2))
         return distance
 
 
-def test_velocity_and_place_by_hand() -> None:
+def test_particle_velocity_and_place_by_hand() -> None:
     swarm = ParticleSwarm(iterations=3, particles=2, waypoints=1, speed_limit=0.5, own_pull=1.0, swarm_pull=2.0)
     paths = Recorder()
     swarm.search(paths, np.array([[[2.0, 4.0]], [[6.0, 3.0]]]), np.random.default_rng(1))
     rng = np.random.default_rng(1)
     first, second, third = paths.tried
-    # No particle moves of its own at first, and each is at its own best; the first one leads, 1 off against 4.
+    # Particles start at rest, each at its own best; the first leads at a distance of 1 against 4.
     pulls = rng.random((2, 2, 1, 2))
     assert (second[0] == first[0]).all()
     assert second[1] == pytest.approx(first[1] + np.clip(2.0 * pulls[1, 1] * (first[0] - first[1]), -5.5, 5.5))
-    # Then, with the middle one of three inertias.
+    # The second of three inertias follows.
     off = [np.abs(code[1] - TARGET).sum() for code in (first, second)]
     own, leads = second[1] if off[1] < off[0] else first[1], second[1] if off[1] < 1.0 else first[0]
     pulls = rng.random((2, 2, 1, 2))
@@ -119,27 +117,27 @@ def test_velocity_and_place_by_hand() -> None:
     assert third[1] == pytest.approx(np.clip(second[1] + np.clip(velocity, -5.5, 5.5), 0, 10))
 
 
-def met(swarm: FishSwarm, places: list[tuple[float, float]], vision: float) -> tuple[np.ndarray, np.ndarray]:
-    """Where fish with one way-point each get to by following and swarming."""
+def after_meeting(swarm: FishSwarm, places: list[tuple[float, float]], vision: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the new places of fish with one way-point each after following and swarming, and their costs."""
     place, paths = np.array(places)[:, None], Recorder()
     new, cost = swarm._meet(paths, place, paths.cost(place), vision, np.random.default_rng(0))
     return new[:, 0], cost
 
 
-def test_a_fish_follows_the_best_in_sight() -> None:
-    # The third fish is out of sight of the others, and the middle of two is no better than the better one.
+def test_fish_follows_the_best_in_sight() -> None:
+    # The third fish sees no other; the centre of two fish is no better than the better one.
     swarm = FishSwarm(waypoints=1, crowding=1.0)
-    new, cost = met(swarm, [(2.0, 3.0), (2.0, 7.0), (9.0, 9.0)], 5.0)
+    new, cost = after_meeting(swarm, [(2.0, 3.0), (2.0, 7.0), (9.0, 9.0)], 5.0)
     assert cost[0] == cost[2] == np.inf
     assert new[1, 0] == 2.0
     assert 3.0 <= new[1, 1] < 7.0
     assert cost[1] == pytest.approx(new[1, 1] - 3.0)
 
 
-def test_a_fish_swarms_to_the_middle_where_that_is_better() -> None:
-    # Around the target, four corners: nobody is better than anybody, but the middle of the three others is.
+def test_fish_swarms_to_a_better_centre() -> None:
+    # At four corners around the target all fish are equal, but the centre of the three others is better.
     corners = [(0.0, 1.0), (0.0, 5.0), (4.0, 1.0), (4.0, 5.0)]
-    new, cost = met(FishSwarm(waypoints=1, crowding=1.0), corners, 6.0)
+    new, cost = after_meeting(FishSwarm(waypoints=1, crowding=1.0), corners, 6.0)
     for k, corner in enumerate(corners):
         middle = np.mean([c for c in corners if c != corner], axis=0)
         way, all_the_way = new[k] - corner, middle - corner
