@@ -1,4 +1,4 @@
-"""Real clients: which need packages of their own, and what each is given."""
+"""Select the client tests whose packages are installed, and give them small environments."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import pytest
 
 from tests.pages import CLIENTS
 
-# Left out where its package is not installed: `make clients` has an environment with all of them.
+# Tests whose package is missing are not collected; `make clients` installs all packages.
 NEEDS = {
-    "test_sweep.py": "ray",  # with its parts rllib and tune, which the extra `ray` has not
+    "test_sweep.py": "ray",  # needs rllib and tune, which the extra `ray` lacks
     "test_torchrl.py": "torchrl",
     "test_benchmarl.py": "benchmarl",
 }
@@ -23,5 +23,5 @@ collect_ignore = [file for file, package in NEEDS.items() if not INSTALLED[packa
 
 @pytest.fixture
 def small() -> dict[str, Any]:
-    """Options for any of the env factories: three robots on the open floor, plans in no time, forty steps."""
+    """Return options for every env factory: three robots on the open floor, forty steps, the fastest planner."""
     return {"layout": "open", "num_agents": 3, "max_steps": 40, "planner": "astar"}

@@ -1,4 +1,4 @@
-"""BenchMARL: its command line trains on our layouts, and a wrong option ends in a sentence."""
+"""Test that BenchMARL trains on our layouts and reports a wrong option in one sentence."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SHORT = (
 
 
 def command(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    """Run the command in a folder, where it also writes."""
+    """Run the command in a folder, into which it writes."""
     line = [sys.executable, "-m", "warehouse_env.benchmarl", *SHORT, *words]
     settings = os.environ | {"PYTHONPATH": str(ROOT)}
     return subprocess.run(line, cwd=folder, env=settings, capture_output=True, text=True, check=False, timeout=300)
@@ -28,7 +28,7 @@ def command(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
 
 @pytest.mark.parametrize("continuous", [False, True])
 @pytest.mark.parametrize("algorithm", ["mappo", "ippo"])
-def test_it_trains(tmp_path: Path, algorithm: str, continuous: bool) -> None:
+def test_benchmarl_trains(tmp_path: Path, algorithm: str, continuous: bool) -> None:
     ran = command(tmp_path, f"algorithm={algorithm}", f"experiment.prefer_continuous_actions={continuous}")
     assert ran.returncode == 0, ran.stderr
     for name in ("collection_robots_reward_episode_reward_mean", "eval_reward_episode_reward_mean"):
@@ -39,7 +39,7 @@ def test_it_trains(tmp_path: Path, algorithm: str, continuous: bool) -> None:
 
 
 @pytest.mark.parametrize(
-    ("word", "said"),
+    ("word", "message"),
     [
         ("task.num_agents=0", "num_agents=0 must be a whole number"),
         ("task.layout=nowhere", "nowhere"),
@@ -47,8 +47,8 @@ def test_it_trains(tmp_path: Path, algorithm: str, continuous: bool) -> None:
         ("task.num_agnts=3", "Could not override 'task.num_agnts'"),
     ],
 )
-def test_a_wrong_option_ends_in_a_sentence(tmp_path: Path, word: str, said: str) -> None:
+def test_wrong_option_is_one_sentence(tmp_path: Path, word: str, message: str) -> None:
     ran = command(tmp_path, "algorithm=ippo", word)
     assert ran.returncode == 1
-    assert said in ran.stderr
+    assert message in ran.stderr
     assert "Traceback" not in ran.stderr

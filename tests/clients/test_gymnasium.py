@@ -1,4 +1,4 @@
-"""Gymnasium and stable-baselines3: their vector envs and wrappers around our envs, here and in other processes."""
+"""Test vector envs and wrappers of Gymnasium and stable-baselines3 around our envs, also across processes."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from stable_baselines3.common.vec_env import SubprocVecEnv, VecFrameStack, VecMo
 
 from warehouse_env import vec_env
 
-ID = "warehouse_env:Warehouse-v0"  # the module before the name: so a process that has not imported it finds it
+ID = "warehouse_env:Warehouse-v0"  # with the module, so that a new process can find the env
 
 
 @pytest.mark.parametrize("start", ["fork", pytest.param("spawn", marks=pytest.mark.nightly)])
-def test_both_vector_envs_give_the_same(small: dict[str, Any], start: str) -> None:
-    """Through the end of an episode and into the next; the same as one env alone."""
+def test_sync_and_async_vector_envs_agree(small: dict[str, Any], start: str) -> None:
+    """Step past the end of an episode and compare with one env alone."""
     make = partial(gymnasium.make, ID, **small)
     sync, others, alone = SyncVectorEnv([make] * 2), AsyncVectorEnv([make] * 2, context=start), make()
     first, second = sync.reset(seed=[3, 4])[0], others.reset(seed=[3, 4])[0]
@@ -62,7 +62,7 @@ def test_ppo_learns_through_all_wrappers(small: dict[str, Any], tmp_path: Path) 
 
 
 @pytest.mark.nightly
-def test_ppo_learns_on_the_single_env_in_processes_of_their_own(small: dict[str, Any]) -> None:
+def test_ppo_learns_on_single_envs_in_processes(small: dict[str, Any]) -> None:
     make = partial(gymnasium.make, "warehouse_env:Warehouse-v0", **small)
     env = make_vec_env(make, n_envs=2, seed=3, vec_env_cls=SubprocVecEnv)
     assert len(short_ppo(env).ep_info_buffer) == 3 * 2

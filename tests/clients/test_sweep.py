@@ -1,4 +1,4 @@
-"""The sweep of docs/how_to/sweep.md, in small: killed in the middle and begun again, every trial comes to its end."""
+"""Test that a killed sweep of docs/how_to/sweep.md, made small, finishes every trial when restarted."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ SHORTER = {"STEPS = 10_000_000": "STEPS = 150_000", "num_samples=12": "num_sampl
 
 
 def script() -> str:
-    """Return the page's script, with trainings of some seconds."""
+    """Return the page's script with trainings of a few seconds."""
     source = next(block.source for block in python_blocks() if "tune.Tuner" in block.source)
     for long, short in SHORTER.items():
         assert long in source
@@ -37,7 +37,7 @@ def script() -> str:
 
 
 def begin(folder: Path) -> subprocess.Popen[str]:
-    """Run the script in a process group of its own."""
+    """Start the script in its own process group."""
     settings = {
         "PYTHONPATH": str(ROOT), "HOME": str(folder), "RAY_USAGE_STATS_ENABLED": "0", "RAY_AUTH_MODE": "disabled",
     }  # fmt: skip
@@ -47,11 +47,11 @@ def begin(folder: Path) -> subprocess.Popen[str]:
 
 
 def updates(policies: Path) -> list[int]:
-    """Return how far the trials' checkpoints are."""
+    """Return the number of updates in each trial's checkpoint."""
     return [checkpoint.read(path.parent).data["update"] for path in policies.glob("*/checkpoint/state.json")]
 
 
-def test_a_killed_sweep_goes_on_to_its_end(tmp_path: Path) -> None:
+def test_killed_sweep_resumes_to_its_end(tmp_path: Path) -> None:
     (tmp_path / "sweep.py").write_text(script())
     policies, deadline = tmp_path / "sweep" / "policies", time.monotonic() + 240.0
     killed = begin(tmp_path)
@@ -61,11 +61,11 @@ def test_a_killed_sweep_goes_on_to_its_end(tmp_path: Path) -> None:
     killed.communicate()
     assert killed.returncode == -signal.SIGKILL
     begun = {path.name for path in policies.iterdir()}
-    time.sleep(3.0)  # until its workers have noticed
+    time.sleep(3.0)  # its workers need time to notice
     again = begin(tmp_path)
-    said, _ = again.communicate(timeout=240.0)
-    assert again.returncode == 0, said
-    assert "goes on with" in said
+    printed, _ = again.communicate(timeout=240.0)
+    assert again.returncode == 0, printed
+    assert "goes on with" in printed
     trials = {path.name: read_record(path).training for path in policies.iterdir()}
     assert len(trials) == 2
     assert begun <= trials.keys()

@@ -1,4 +1,4 @@
-"""TorchRL: its own check of both ways to it, rollouts with the bits of the Simulator, and robots that leave early."""
+"""Test both TorchRL adapters: spec checks, rollouts with the Simulator's bits, robots that leave early."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ import torch
 
 from warehouse_env import EnvConfig, Simulator, parallel_env
 
-# TorchRL is imported in the tests, since it sets how this process starts others, and other clients' tests have theirs.
+# Tests import TorchRL themselves: importing it sets the start method of processes, which other clients' tests need.
 
 
 @pytest.mark.parametrize("tasks", ["lifelong", "one_shot"])
 @pytest.mark.parametrize("action_type", ["discrete", "continuous"])
-def test_specs_and_rollout(small: dict[str, Any], tasks: str, action_type: str) -> None:
+def test_pettingzoo_wrapper_passes_spec_check_and_rollout(small: dict[str, Any], tasks: str, action_type: str) -> None:
     from torchrl.envs.libs.pettingzoo import PettingZooWrapper
     from torchrl.envs.utils import check_env_specs
 
     one_shot = tasks == "one_shot"
     inner = parallel_env(**small | {"max_steps": 250}, tasks=tasks, action_type=action_type)
-    # Those that have left are masked; the episode ends with the last one.
+    # The mask hides robots that have left; the episode ends with the last robot.
     env = PettingZooWrapper(inner, use_mask=one_shot, done_on_any=not one_shot, categorical_actions=True)
     check_env_specs(env)
     env.set_seed(3)
@@ -32,13 +32,13 @@ def test_specs_and_rollout(small: dict[str, Any], tasks: str, action_type: str) 
     assert torch.isfinite(steps["next", "robot", "reward"]).all()
     assert steps["next", "done"].any()
     if one_shot:
-        assert 0 < robots["mask"].sum() < robots["mask"].numel()  # some left while others drove
+        assert 0 < robots["mask"].sum() < robots["mask"].numel()  # some robots left before others
 
 
 @pytest.mark.parametrize("tasks", ["lifelong", "one_shot"])
 @pytest.mark.parametrize("action_type", ["discrete", "continuous", "raw"])
-def test_batched_worlds_have_the_bits_of_the_simulator(small: dict[str, Any], tasks: str, action_type: str) -> None:
-    """Through partial resets: with one-shot tasks the worlds end one after another."""
+def test_batched_worlds_equal_the_simulator_to_the_bit(small: dict[str, Any], tasks: str, action_type: str) -> None:
+    """Cover partial resets: worlds of one-shot tasks end at different times."""
     from torchrl.envs.utils import check_env_specs
 
     from warehouse_env.torchrl import torchrl_env
@@ -54,30 +54,30 @@ def test_batched_worlds_have_the_bits_of_the_simulator(small: dict[str, Any], ta
     resets = []
     for k in range(300):
         now, following = steps[:, k], steps[:, k]["next"]
-        same(now["robots", "observation"], alone.observation)
-        same(now["robots", "mask"], ~alone.terminated)
-        same(now["state"], np.stack([alone.global_state(world) for world in range(3)]))
+        assert_same(now["robots", "observation"], alone.observation)
+        assert_same(now["robots", "mask"], ~alone.terminated)
+        assert_same(now["state"], np.stack([alone.global_state(world) for world in range(3)]))
         alone.step(action)
-        same(following["robots", "observation"], alone.observation)
-        same(following["robots", "reward"][..., 0], alone.reward)
-        same(following["robots", "terminated"][..., 0], alone.terminated)
-        same(following["robots", "done"][..., 0], alone.terminated | alone.truncated[:, None])
-        same(following["truncated"][:, 0], alone.truncated)
+        assert_same(following["robots", "observation"], alone.observation)
+        assert_same(following["robots", "reward"][..., 0], alone.reward)
+        assert_same(following["robots", "terminated"][..., 0], alone.terminated)
+        assert_same(following["robots", "done"][..., 0], alone.terminated | alone.truncated[:, None])
+        assert_same(following["truncated"][:, 0], alone.truncated)
         ended = alone.truncated | alone.terminated.all(axis=1)
-        same(following["done"][:, 0], ended)
+        assert_same(following["done"][:, 0], ended)
         if ended.any():
             alone.reset_worlds(np.flatnonzero(ended).tolist())
             resets.append(int(ended.sum()))
     assert resets
-    assert min(resets) < 3 or tasks == "lifelong" or action_type == "raw"  # some worlds are reset alone
+    assert min(resets) < 3 or tasks == "lifelong" or action_type == "raw"  # some worlds reset alone
 
 
-def same(tensor: torch.Tensor, array: Any) -> None:
+def assert_same(tensor: torch.Tensor, array: Any) -> None:
     np.testing.assert_array_equal(tensor.numpy(), array)
 
 
-def test_seeds_and_the_worlds_of_a_device(small: dict[str, Any]) -> None:
-    """A device's worlds, here on the CPU, have the bits of the Simulator's."""
+def test_device_worlds_equal_host_worlds_under_one_seed(small: dict[str, Any]) -> None:
+    """Compare device worlds on the CPU with the Simulator, to the bit."""
     from torchrl.envs.utils import check_env_specs
 
     from warehouse_env.simulation.device.simulator import DeviceSimulator
@@ -95,6 +95,6 @@ def test_seeds_and_the_worlds_of_a_device(small: dict[str, Any]) -> None:
 
     first, second = rollout(host), rollout(device)
     assert (first == second).all()
-    assert not (first == rollout(host)).all()  # generators go on
+    assert not (first == rollout(host)).all()  # the generators have advanced
     host.set_seed(3)
     assert (first == rollout(host)).all()

@@ -1,4 +1,4 @@
-"""The documentation as it is built: what it takes from the code, its pictures, its charts, and its pages in windows."""
+"""Test the built documentation: text taken from the code, pictures, charts, and pages at several window widths."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from warehouse_env.traffic_spec import ErrorBounds, TrafficSpec, UncertaintySpec
 
 @pytest.fixture(scope="session")
 def html(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return the folder of the pages; a warning fails."""
+    """Build the pages and return their folder; a warning fails."""
     for package in ("sphinx", "myst_parser", "furo", "sphinx_copybutton"):
         pytest.importorskip(package)
     folder = tmp_path_factory.mktemp("pages")
@@ -48,13 +48,13 @@ def extension(name: str, monkeypatch: pytest.MonkeyPatch) -> Any:
 
 
 @pytest.mark.parametrize("options", SHOWN)
-def test_every_option_says_what_it_is(options: type, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_option_has_a_note(options: type, monkeypatch: pytest.MonkeyPatch) -> None:
     notes = extension("generated", monkeypatch).field_notes(options)
     assert list(notes) == [field.name for field in dataclasses.fields(options)]
     assert [name for name, note in notes.items() if not note] == []
 
 
-def test_tables_have_defaults_as_one_would_write_them(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_option_tables_show_defaults_as_code(monkeypatch: pytest.MonkeyPatch) -> None:
     generated = extension("generated", monkeypatch)
     table = generated.options_table(EnvConfig).splitlines()
     assert "| `planner` | `str` | `'pf_aco'` | a name of PLANNERS |" in table
@@ -65,7 +65,7 @@ def test_tables_have_defaults_as_one_would_write_them(monkeypatch: pytest.Monkey
 
 
 @pytest.mark.nightly
-def test_it_builds_without_a_warning_and_fetches_nothing(html: Path) -> None:
+def test_pages_build_without_warning_and_fetch_nothing(html: Path) -> None:
     pages = {path.relative_to(html).as_posix(): path.read_text(encoding="utf-8") for path in html.rglob("*.html")}
     fetched = re.compile(r"<(script|link|img)[^>]*(src|href)=\"https?:")
     assert [name for name, text in pages.items() if fetched.search(text)] == []
@@ -82,13 +82,13 @@ SECTIONS = PAGES["docs/gallery.md"].split("\n## ")[1:]
 PICTURES = sorted((ROOT / "docs" / "gallery").iterdir())
 
 
-def test_the_gallery_is_under_three_megabytes() -> None:
+def test_gallery_is_under_three_megabytes() -> None:
     assert len(SECTIONS) == len(PICTURES)
     assert sum(path.stat().st_size for path in PICTURES) < 3_000_000
 
 
 @pytest.mark.parametrize("section", SECTIONS, ids=lambda section: section.splitlines()[0])
-def test_each_picture_stands_above_the_lines_that_make_it(section: str) -> None:
+def test_each_gallery_section_has_one_picture_and_its_short_code(section: str) -> None:
     (picture,) = re.findall(r"!\[[^\]]+\]\(gallery/(\w+)\.gif\)", section)
     assert ROOT / "docs" / "gallery" / f"{picture}.gif" in PICTURES
     (code,) = re.findall(r"^```(?:python|sh)\n(.*?)^```", section, re.MULTILINE | re.DOTALL)
@@ -97,7 +97,7 @@ def test_each_picture_stands_above_the_lines_that_make_it(section: str) -> None:
 
 
 @pytest.mark.parametrize("path", [*PICTURES, ROOT / "docs" / "warehouse.gif"], ids=lambda path: path.stem)
-def test_a_picture_moves_and_is_small(path: Path) -> None:
+def test_pictures_are_small_animations(path: Path) -> None:
     image = pytest.importorskip("PIL.Image")
     assert path.stat().st_size < (400_000 if path in PICTURES else 3_000_000)
     with image.open(path) as film:
@@ -110,7 +110,7 @@ def test_a_picture_moves_and_is_small(path: Path) -> None:
 JOB = yaml.safe_load((ROOT / "docs" / "how_to" / "rayjob.yaml").read_text(encoding="utf-8"))
 
 
-def test_the_rayjob_has_its_volumes() -> None:
+def test_rayjob_defines_its_volumes() -> None:
     assert (JOB["apiVersion"], JOB["kind"]) == ("ray.io/v1", "RayJob")
     cluster = JOB["spec"]["rayClusterSpec"]
     for group in (cluster["headGroupSpec"], *cluster["workerGroupSpecs"]):
@@ -120,7 +120,7 @@ def test_the_rayjob_has_its_volumes() -> None:
         assert mounts <= {volume["name"] for volume in pod.get("volumes", ())}
 
 
-def test_the_rayjobs_command_is_one_of_ours_and_its_version_the_pinned_one() -> None:
+def test_rayjob_uses_our_command_and_the_pinned_version() -> None:
     pytest.importorskip("ray")
     program, command, *options = JOB["spec"]["entrypoint"].split()
     assert program == "warehouse"
@@ -131,7 +131,7 @@ def test_the_rayjobs_command_is_one_of_ours_and_its_version_the_pinned_one() -> 
     assert f"ray=={JOB['spec']['rayClusterSpec']['rayVersion']}" in pins
 
 
-def test_the_chart_of_throughput_is_drawn_as_it_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_throughput_chart_has_the_texts_of_the_stored_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("matplotlib")
     chart = extension("throughput", monkeypatch)
     kept = re.findall(r">([^<>]*)</text>", chart.PICTURE.read_text(encoding="utf-8"))
@@ -141,10 +141,10 @@ def test_the_chart_of_throughput_is_drawn_as_it_is_kept(tmp_path: Path, monkeypa
 
 
 WIDTHS = (390, 768, 1024, 1200, 1280, 1440, 1600)  # [px]
-DESK = 1024  # [px] from which tables, code and formulas are seen as a whole
+DESK = 1024  # [px] at this width and above, tables, code and formulas must fit
 
-# How wide the page is; what sticks out of the window on the right, but for what lies in a box that scrolls and does not
-# stick out itself; and the boxes that hold more than they show.
+# Return the width of the page, the elements beyond the window's right edge (except inside a scrolling box that fits),
+# and the boxes that hide a part of their content.
 OUTSIDE = """() => {
   const wide = (one) => one.getBoundingClientRect().right > innerWidth + 0.5;
   const scrolls = (one) => ["auto", "scroll"].includes(getComputedStyle(one).overflowX);

@@ -1,4 +1,4 @@
-"""The notebooks run from top to bottom, cut short; they are kept with what they show, in small."""
+"""Test that the shortened notebooks run from top to bottom and are stored with small outputs."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ pytest.importorskip("pygame")
 
 ROOT = Path(__file__).parents[2]
 NOTEBOOKS = sorted((ROOT / "examples").glob("*.ipynb"))
-# What each must have shown in the end, beside having run: parts of its outputs as text.
+# Text that the outputs of each notebook must contain.
 SHOWN = {
     "day_of_orders": ("orders_done", "stranded", "image/png"),
     "compare_planners": ("| astar_turns | 4 of 4 | 0.00% |", "image/png"),
@@ -24,12 +24,12 @@ SHOWN = {
 }
 
 
-def test_there_are_four() -> None:
+def test_notebooks_are_the_expected_four() -> None:
     assert {path.stem for path in NOTEBOOKS} == set(SHOWN)
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-def test_it_is_kept_with_small_outputs_of_one_run_from_the_top(path: Path) -> None:
+def test_notebook_is_stored_with_small_outputs_of_one_run(path: Path) -> None:
     cells = [cell for cell in nbformat.read(path, as_version=4).cells if cell.cell_type == "code"]
     assert [cell.execution_count for cell in cells] == list(range(1, len(cells) + 1))
     shown = str([cell.outputs for cell in cells])
@@ -41,7 +41,7 @@ def test_it_is_kept_with_small_outputs_of_one_run_from_the_top(path: Path) -> No
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-def test_it_runs_from_top_to_bottom(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_notebook_runs_from_top_to_bottom(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("WAREHOUSE_QUICK", "1")
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")]))
     monkeypatch.setenv("MPLBACKEND", "module://matplotlib_inline.backend_inline")

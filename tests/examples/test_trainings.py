@@ -1,4 +1,4 @@
-"""The examples of trainings run for a few updates on the CPU, and every command drives what they save."""
+"""Test that the example trainings run for a few updates on the CPU and save policies that can be evaluated."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def loaded(name: str, monkeypatch: pytest.MonkeyPatch) -> Any:
 
 
 @pytest.mark.parametrize(
-    ("name", "options", "said"),
+    ("name", "options", "message"),
     [
         ("ppo_gpu", {"device": "cpu", "steps": 600}, "768 agent-steps"),
         ("cleanrl_ppo", {"steps": 1200}, "1,152 agent-steps"),
@@ -40,14 +40,14 @@ def loaded(name: str, monkeypatch: pytest.MonkeyPatch) -> Any:
         ("attention", {"steps": 1200}, "1,152 agent-steps"),
     ],
 )
-def test_it_trains_and_saves_a_policy(
-    name: str, options: dict[str, Any], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+def test_example_trains_and_saves_a_policy(
+    name: str, options: dict[str, Any], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch, registries: None,
 ) -> None:  # fmt: skip
     monkeypatch.chdir(tmp_path)
     example = loaded(name, monkeypatch)
     example.main(example.Options(worlds=2, robots=4, **options))
-    assert said in capsys.readouterr().out
+    assert message in capsys.readouterr().out
     assert len((EXAMPLES / f"{name}.py").read_text().splitlines()) < 150
     made = {"recurrent_ppo": "Remembering", "attention": "Attending"}.get(name)
     policy = f"{EXAMPLES / name}.py:{made}" if made else f"runs/{name}"
@@ -55,8 +55,8 @@ def test_it_trains_and_saves_a_policy(
     assert main(["evaluate", "--policy", policy, *short.split()]) == 0
 
 
-def test_attention_reads_a_set_of_any_size(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Weights for three neighbours read seven: whoever is not there, and their order, make no difference."""
+def test_attention_accepts_any_number_of_neighbours(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Use weights for three neighbours with seven: absent neighbours and their order do not matter."""
     example, learning = loaded("attention", monkeypatch), warehouse_env.LEARNING
     few, many = (learning.replace(sensor=replace(learning.sensor, neighbours=count)) for count in (3, 7))
     agent, other = example.Agent(few), example.Agent(many)
@@ -71,7 +71,7 @@ def test_attention_reads_a_set_of_any_size(monkeypatch: pytest.MonkeyPatch) -> N
         assert torch.allclose(ours, theirs, atol=1e-6)
     near[0, 0, 0] += 1.0
     assert not torch.allclose(agent(seen)[1], other(more)[1], atol=1e-6)
-    near[:, :, -1] = 0.0  # nobody is there
+    near[:, :, -1] = 0.0  # no neighbour is present
     assert agent(seen)[0].isfinite().all()
 
 
@@ -93,7 +93,7 @@ SCRIPTS = sorted(EXAMPLES.glob("*.py"))
     ("path", "wrong"),
     [(path, wrong) for path in SCRIPTS for wrong in WRONG if f"    {wrong.split()[0]}: " in path.read_text("utf-8")],
 )
-def test_a_wrong_option_is_one_sentence(
+def test_wrong_option_is_one_sentence(
     path: Path, wrong: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     name, value = wrong.split()

@@ -1,4 +1,4 @@
-"""A small floor, a scene on it and short episodes, for all picture tests; a browser, for those of pages."""
+"""Provide a small floor, a scene and short episodes for picture tests, and a browser for page tests."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason="no chromium on the PATH (Debian: apt install chromium)")
 
 Opener = Callable[..., Any]
-"""Opens a page: its address; or a path, and what stands behind it in the address."""
+"""Opens a page by its address, or by a path and the rest of the address."""
 
 
 def until(page: Any, expression: str, tries: int = 600) -> None:
-    """Wait until an expression is true in a page, half a minute at most; the page itself may not evaluate texts."""
+    """Poll an expression in a page until it is true, half a minute at most; the page's policy forbids eval."""
     for _ in range(tries):
         if page.evaluate(expression):
             return
@@ -35,7 +35,7 @@ def until(page: Any, expression: str, tries: int = 600) -> None:
 
 @pytest.fixture
 def grid() -> GridMap:
-    """10 x 14 cells with one block of shelves in the north-west, at rows 2..3, columns 3..6."""
+    """Return 10 x 14 cells with one block of shelves in the north-west, at rows 2..3, columns 3..6."""
     occupied = np.zeros((10, 14), dtype=np.bool_)
     occupied[2:4, 3:7] = True
     return GridMap(occupied=occupied, name="small")
@@ -43,7 +43,7 @@ def grid() -> GridMap:
 
 @pytest.fixture
 def make_scene(grid: GridMap) -> Callable[..., Scene]:
-    """Return a maker of scenes with one robot a pose, all alive, untouched and with their goal in the far corner."""
+    """Return a factory of scenes with one robot per pose, all alive, without contact, goals in the far corner."""
 
     def make(*poses: tuple[float, float, float], **changes: Any) -> Scene:
         count = len(poses)
@@ -65,7 +65,7 @@ def make_scene(grid: GridMap) -> Callable[..., Scene]:
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Any]:
-    """A running browser."""
+    """Yield a running browser."""
     api = pytest.importorskip("playwright.sync_api")
     with api.sync_playwright() as playwright:
         running = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
@@ -75,9 +75,9 @@ def browser() -> Iterator[Any]:
 
 @contextmanager
 def opening(browser: Any, own: str, ready: str, tries: int = 600, expected: str | None = None) -> Iterator[Opener]:
-    """Return an opener of pages, which waits until they are ready.
+    """Yield a function that opens a page and waits until it is ready.
 
-    What they complain of, but for texts with what is `expected`, or ask of anybody but their `own` address, fails.
+    Console messages without `expected`, page errors, and requests to other addresses than `own` fail the test.
     """
     faults: list[str] = []
     opened = []
@@ -104,7 +104,7 @@ def opening(browser: Any, own: str, ready: str, tries: int = 600, expected: str 
 
 @pytest.fixture
 def open_page(browser: Any) -> Iterator[Opener]:
-    """Return an opener of replay pages, which may ask the network for nothing."""
+    """Yield a function that opens replay pages, which may send no network request."""
     with opening(browser, "file:", "window.replay !== undefined") as open_at:
         yield lambda path, behind="": open_at(f"{path.as_uri()}{behind}")
 
@@ -114,7 +114,7 @@ CONFIG = EnvConfig(num_agents=7, planner="astar", action_repeat=2, people=4)
 
 
 def hall() -> GridMap:
-    """10 x 14 cells with two blocks of shelves, an aisle between them that is one-way, and a ramp."""
+    """Return 10 x 14 cells with two blocks of shelves, one-way aisles between them, and a ramp."""
     occupied = np.zeros((10, 14), dtype=np.bool_)
     occupied[3:7, 2:6] = occupied[3:7, 8:12] = True
     height = np.zeros((10, 14), dtype=np.float32)
@@ -127,7 +127,7 @@ def hall() -> GridMap:
 
 @lru_cache(maxsize=4)
 def driven(steps: int = 150, front_steered: bool = False) -> Episode:
-    """Two worlds of 7 robots that cruise along their routes whatever is in the way."""
+    """Record two worlds of 7 robots that cruise along their routes and ignore each other."""
     robot = RobotSpec(front_overhang=0.75) if front_steered else RobotSpec()
     simulator = Simulator(CONFIG.replace(robot=robot), 2, grid=hall())
     recorder = Recorder(simulator, (9, 4), "follow")

@@ -1,4 +1,4 @@
-"""Charts and drawings hold what they are given, whole and in their inks."""
+"""Test that charts and drawings show all their data in the right colours."""
 
 from __future__ import annotations
 
@@ -39,14 +39,14 @@ def test_floor_in_metres(grid: GridMap) -> None:
     assert ax.get_images()[0].origin == "upper"
 
 
-def test_plans_keep_their_planners_colours(tmp_path: Path, grid: GridMap) -> None:
+def test_plans_use_their_planners_colours(tmp_path: Path, grid: GridMap) -> None:
     way = np.array([(9, 0), (8, 1), (8, 2), (8, 3)])
     cells = {"aco": way, "pf_aco": way, "astar": np.zeros((0, 2), dtype=np.int64)}
     charts.paths(grid, cells, "paths", tmp_path / "p.png", {"aco": "3.41 cells"})
     assert set(name_colours(["aco", "pf_aco"]).values()) <= colours_of(tmp_path / "p.png")
     line = np.array([(0.0, 0.0), (4.0, 0.0), (4.0, 3.0)])
     assert np.allclose(charts._sideways(line, 0.5), [(0, 0.5), (3.5, 0.5), (3.5, 3.0)])
-    best = np.array([[np.inf, 30.0, 27.0], [np.inf, np.inf, 28.0]])  # runs without a path at first
+    best = np.array([[np.inf, 30.0, 27.0], [np.inf, np.inf, 28.0]])  # runs whose first iterations find no path
     charts.convergence({"aco": best, "none": np.full((2, 3), np.inf)}, 27.0, tmp_path / "c.png")
     assert name_colours(["aco"])["aco"] in colours_of(tmp_path / "c.png")
 
@@ -54,14 +54,14 @@ def test_plans_keep_their_planners_colours(tmp_path: Path, grid: GridMap) -> Non
 @pytest.mark.parametrize(
     "figures", [(183.0, 150.0, 220.0), (0.0, 0.0, 0.4), (math.nan,) * 3, (3.0, math.nan, math.nan)]
 )
-def test_measures_may_be_zero_or_missing(tmp_path: Path, figures: tuple[float, float, float]) -> None:
+def test_charts_accept_zero_and_missing_measures(tmp_path: Path, figures: tuple[float, float, float]) -> None:
     bars = [Bar("follow", 16, 2.0, 1.0, 3.0), Bar("ppo", 16, *figures)]
     draw_over_robots({"open": {COLLISIONS: bars, "goals": bars}}, tmp_path / "bars.png")
     assert set(name_colours(["follow"]).values()) <= colours_of(tmp_path / "bars.png")
 
 
-def test_rounding_errors_of_zero_are_no_collisions() -> None:
-    """An interval of zeros may end at 1e-17, which is no decade to begin an axis with."""
+def test_rounding_errors_do_not_set_the_axis() -> None:
+    """An interval of zeros may end at 1e-17, which must not set the first decade of the axis."""
     ax = chart_style.empty_figure(4.0, 3.0).subplots()
     chart_style.log_scale(ax, [0.0, 3e-17, math.nan])
     assert (ax.get_yscale(), ax.get_ylim()) == ("linear", (0, 1))
@@ -70,7 +70,7 @@ def test_rounding_errors_of_zero_are_no_collisions() -> None:
 
 
 def read(drawing: str) -> list[str]:
-    """Check a drawing, and return its texts."""
+    """Check a drawing and return its texts."""
     root = ElementTree.fromstring(drawing)
     assert root.tag.endswith("svg")
     assert root.get("role") == "img"
@@ -89,12 +89,12 @@ def test_over_robots_names_policies_floors_and_counts() -> None:
     assert {"ppo", "brake", "8", "16", "hall: collisions per robot-km", "yard: goals per robot-hour"} <= set(texts)
 
 
-def test_drawings_are_the_same_every_time() -> None:
+def test_drawings_are_reproducible() -> None:
     loads = [FloorLoad(8, 800.0, 700.0, 900.0, False)]
     assert len({throughput(loads, 100.0, loads[0], None, "label") for _ in range(2)}) == 1
 
 
-def test_throughput() -> None:
+def test_throughput_labels_peak_jam_and_knee() -> None:
     loads = [FloorLoad(8, 800.0, 700.0, 900.0, False), FloorLoad(16, 900.0, math.nan, math.nan, True)]
     drawn = read(throughput(loads, 100.0, loads[0], (6.0, 5.0, math.inf), "label"))
     assert {"drives", "jams", "most goals, 8 robots", "a further one adds half, from 6"} <= set(drawn)
@@ -113,5 +113,5 @@ def test_heat_maps_draw_every_panel(grid: GridMap) -> None:
     ]
     drawing = heat_maps(panels, "seconds", "label")
     assert {"waits", "opened", "ways", "cold", "1", "2", "seconds"} <= set(read(drawing))
-    assert drawing.count("<image") >= 6  # shelves of each, and two heats
+    assert drawing.count("<image") >= 6  # four floors and two heat maps
     assert read(heat_maps(panels[3:], "seconds", "label"))

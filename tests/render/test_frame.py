@@ -1,4 +1,4 @@
-"""Pixels stand where the numbers say: shelves, bodies, headings, goals, routes, contacts."""
+"""Test the pixels of shelves, footprints, headings, goals, routes and contacts."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ SCALE = 40
 
 
 def at(frame: NDArray[np.uint8], x: float, y: float, scale: float = SCALE, top: float = 10.0) -> NDArray[np.int64]:
-    """The pixel at a point [m]."""
+    """Return the pixel at a point [m]."""
     return frame[int((top - y) * scale), int(x * scale)].astype(np.int64)
 
 
 def changed(frame: NDArray[np.uint8], scene: Scene, scale: float = SCALE) -> NDArray[np.bool_]:
-    """Where a frame differs clearly from the empty floor."""
+    """Return where a frame differs clearly from the empty floor."""
     floor = floor_image(scene.grid, scale)
     difference = np.abs(frame[: len(floor)].astype(np.int64) - floor).sum(axis=-1)
     result: NDArray[np.bool_] = difference > 25
@@ -31,7 +31,7 @@ def changed(frame: NDArray[np.uint8], scene: Scene, scale: float = SCALE) -> NDA
 
 
 def without_goals(scene: Scene) -> Scene:
-    """Goals under the robots are hidden by them; here they lie in the corner, out of the way."""
+    """Move the goals into a far corner."""
     return scene._replace(goal=np.tile(np.array([[0, 13]]), (len(scene.pose), 1)))
 
 
@@ -46,7 +46,7 @@ def test_north_is_at_the_top(grid: GridMap) -> None:
 
 
 @pytest.mark.parametrize("heading", [0.0, math.pi / 2, 2.0, -2.6])
-def test_body_covers_its_rectangle(make_scene: Callable[..., Scene], heading: float) -> None:
+def test_footprint_covers_its_rectangle(make_scene: Callable[..., Scene], heading: float) -> None:
     x, y = 8.0, 4.0
     scene = without_goals(make_scene((x, y, heading)))
     mask = changed(draw(scene, SCALE), scene)
@@ -57,8 +57,8 @@ def test_body_covers_its_rectangle(make_scene: Callable[..., Scene], heading: fl
     # Signed distance to the rectangle's sides [m]: 0.15 ahead of the axle, 0.75 behind, 0.3 to either side.
     outside = np.maximum(np.maximum(ahead - 0.15, -0.75 - ahead), np.abs(left) - 0.3)
     near = np.hypot(east, north) < 1.5
-    assert mask[(outside < -0.06) & near].mean() > 0.99  # the white mark's soft edge may equal the floor
-    assert not mask[(outside > 0.12) & near].any()  # but for a soft shadow
+    assert mask[(outside < -0.06) & near].mean() > 0.99  # the white mark's soft edge may look like the floor
+    assert not mask[(outside > 0.12) & near].any()  # a soft shadow may remain
 
 
 def test_contact_is_red(make_scene: Callable[..., Scene]) -> None:
@@ -83,7 +83,7 @@ def test_waiting_robots_have_a_rim_and_an_arrow(make_scene: Callable[..., Scene]
     assert np.array_equal(waiting[:, int(8.6 * SCALE) :], free[:, int(8.6 * SCALE) :])
 
 
-def test_people_wear_a_vest_across_their_way(make_scene: Callable[..., Scene]) -> None:
+def test_people_wear_a_vest_across_their_heading(make_scene: Callable[..., Scene]) -> None:
     scene = without_goals(make_scene((8.0, 4.0, 0.0)))
     for heading in (0.0, math.pi / 2):
         frame = draw(scene._replace(people=np.array([[4.0, 4.0, heading]], dtype=np.float32)), SCALE)

@@ -1,4 +1,4 @@
-"""An episode as arrays, packed, thinned, and as a page in a real browser: what the simulator had, at every moment."""
+"""Test that replay arrays, packed and thinned ones, and pages in a browser equal the simulator at every moment."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from warehouse_env.simulation.senses import rewards
 
 
 def shares(observation: np.ndarray) -> np.ndarray:
-    """Shares of 20 actions that hang on what is seen."""
+    """Return shares of 20 actions that depend on the observation."""
     liked = np.abs(np.sin(observation[..., :1] * 50 + np.arange(20)))
     return liked / liked.sum(axis=-1, keepdims=True)
 
@@ -51,7 +51,7 @@ def unpacked(replay: Replay) -> dict[str, np.ndarray]:
     return found
 
 
-def test_a_replay_has_what_the_simulator_had() -> None:
+def test_replay_equals_the_simulator() -> None:
     episode = driven()
     replay = replay_of(episode, "follow", shares, world=1)
     np.testing.assert_array_equal(replay.pose, episode.pose[:, 1])
@@ -82,7 +82,7 @@ def test_a_replay_has_what_the_simulator_had() -> None:
     assert replay.totals[-1].tolist() == [metrics["goals"], collisions, metrics["near_misses"]]
 
 
-def test_an_episode_that_runs_another_way_is_refused() -> None:
+def test_episode_that_replays_differently_is_refused() -> None:
     episode = driven(20)
     other = dataclasses.replace(episode, actions=np.zeros_like(episode.actions))
     with pytest.raises(WarehouseError, match="cannot be run again to the bit"):
@@ -90,7 +90,7 @@ def test_an_episode_that_runs_another_way_is_refused() -> None:
 
 
 @given(st.integers(0, 2**32 - 1), st.floats(0.01, 2.0))
-def test_no_point_of_a_simplified_line_lies_farther_than_told(seed: int, within: float) -> None:
+def test_simplified_line_stays_within_its_tolerance(seed: int, within: float) -> None:
     line = np.random.default_rng(seed).normal(size=(30, 2)).cumsum(axis=0).astype(np.float32)
     left = simplified(line, within).astype(float)
     begin, step = left[:-1], np.diff(left, axis=0)
@@ -102,9 +102,9 @@ def test_no_point_of_a_simplified_line_lies_farther_than_told(seed: int, within:
     np.testing.assert_array_equal(left[[0, -1]], line[[0, -1]])
 
 
-def test_a_thinned_replay_tells_all_that_happened() -> None:
+def test_thinned_replay_keeps_all_events() -> None:
     whole = replay_of(driven(), "follow", shares, world=1)
-    thin = thinned(whole, 7 * 38)  # of 150 steps every fourth, the last two left out
+    thin = thinned(whole, 7 * 38)  # every fourth of 150 steps, without the last two
     assert thin.every == 4
     assert thin.seconds == pytest.approx(0.8)
     kept = np.arange(0, 149, 4)
@@ -123,7 +123,7 @@ def test_a_thinned_replay_tells_all_that_happened() -> None:
         assert len(line) <= len(planned)
 
 
-def test_what_is_packed_is_what_was_there() -> None:
+def test_packed_replay_round_trips() -> None:
     replay = replay_of(driven(), "follow", shares)
     found = unpacked(replay)
     unit = position_unit(replay.grid)
@@ -151,7 +151,7 @@ def test_what_is_packed_is_what_was_there() -> None:
     np.testing.assert_array_equal(found["one_way"].reshape(10, 14), replay.grid.one_way)
 
 
-def test_goals_that_are_poses_are_packed_as_such() -> None:
+def test_goal_poses_are_packed() -> None:
     replay = replay_of(driven(), "follow")
     assert replay.ends is None
     ends = np.zeros((*replay.pose.shape[:2], 3), np.float32)
@@ -170,7 +170,7 @@ def replay() -> Replay:
 
 @pytest.fixture(scope="module")
 def one(replay: Replay, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A page of one episode."""
+    """Write a page of one episode."""
     path = tmp_path_factory.mktemp("page") / "replay.html"
     write_replay_page(path, [replay], "A </script> & more")
     return path
@@ -178,7 +178,7 @@ def one(replay: Replay, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def two(replay: Replay, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A page of that episode beside a shorter one."""
+    """Write a page of that episode beside a shorter one."""
     path = tmp_path_factory.mktemp("page") / "two.html"
     write_replay_page(path, [replay, replay_of(driven(60, True), "front-steered")], "two")
     return path
@@ -196,14 +196,14 @@ def assert_at(page: Any, replay: Replay, frame: int, panel: int = 0) -> None:
         assert np.abs(apart).max() < 0.0012
 
 
-def test_every_script_is_in_a_page() -> None:
+def test_every_script_is_part_of_a_page() -> None:
     for folder, names in (
         ("", SHARED), (pages.REPLAY, pages.REPLAY_SCRIPTS), (pages.LIVE, pages.LIVE_SCRIPTS),
     ):  # fmt: skip
         assert {path.stem for path in (PAGE / folder).glob("*.js")} == set(names)
 
 
-def test_nothing_is_fetched(one: Path) -> None:
+def test_page_fetches_nothing(one: Path) -> None:
     text = one.read_text(encoding="utf-8")
     assert not re.findall(r"(?:src|href)=\"(?!data:)", text)
     assert "default-src 'none'" in text
@@ -211,7 +211,7 @@ def test_nothing_is_fetched(one: Path) -> None:
 
 
 @needs_chromium
-def test_it_shows_the_arrays(one: Path, replay: Replay, open_page: Opener) -> None:
+def test_page_shows_the_replay_arrays(one: Path, replay: Replay, open_page: Opener) -> None:
     page = open_page(one)
     for frame in (0, 1, 77, 150):
         page.evaluate(f"replay.seek({frame})")
@@ -224,10 +224,8 @@ def test_it_shows_the_arrays(one: Path, replay: Replay, open_page: Opener) -> No
 
 @pytest.mark.nightly
 @needs_chromium
-def test_between_moments_far_apart_robots_are_where_they_were(
-    replay: Replay, open_page: Opener, tmp_path: Path
-) -> None:
-    """A page of every fourth step leads robots through their bends nearer than the chords do."""
+def test_page_interpolates_thinned_poses(replay: Replay, open_page: Opener, tmp_path: Path) -> None:
+    """On a page of every fourth step, interpolated poses are closer to the true ones than chords."""
     write_replay_page(tmp_path / "thin.html", [thinned(replay, 7 * 38)], "thin")
     page = open_page(tmp_path / "thin.html")
     off, chord_off = [], []
@@ -242,8 +240,8 @@ def test_between_moments_far_apart_robots_are_where_they_were(
 
 @pytest.mark.nightly
 @needs_chromium
-def test_the_lidar_is_the_robots_own(one: Path, open_page: Opener) -> None:
-    """What the page works out from the poses is what the robots observed."""
+def test_page_lidar_equals_the_observed_lidar(one: Path, open_page: Opener) -> None:
+    """The lidar that the page computes from poses equals the observed one."""
     page = open_page(one)
     rays, most = CONFIG.sensor.rays, CONFIG.sensor.lidar_range
     apart = []
@@ -260,14 +258,14 @@ def test_the_lidar_is_the_robots_own(one: Path, open_page: Opener) -> None:
 
 
 @needs_chromium
-def test_two_episodes_are_in_step(two: Path, replay: Replay, open_page: Opener) -> None:
+def test_two_episodes_play_in_step(two: Path, replay: Replay, open_page: Opener) -> None:
     page = open_page(two, "#robot=2")
     other = replay_of(driven(60, True), "front-steered")
     assert page.evaluate("replay.app.robot") == 2
     page.evaluate("replay.seek(33)")
     assert_at(page, replay, 33, 0)
     assert_at(page, other, 33, 1)
-    page.evaluate("replay.seek(100)")  # the shorter one waits at its end
+    page.evaluate("replay.seek(100)")  # the shorter episode stays at its end
     assert_at(page, replay, 100, 0)
     assert_at(page, other, 60, 1)
     assert page.locator("#totals thead th").all_inner_texts()[1:] == ["follow <b>&", "front-steered"]

@@ -1,4 +1,4 @@
-"""Videos are readable and complete or absent; a window shows pictures."""
+"""Test that videos are complete or absent, and that the window shows pictures."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ pygame = pytest.importorskip("pygame")
 
 
 def frames(count: int = 12, height: int = 61, width: int = 83) -> Iterator[np.ndarray]:
-    """Odd-sized frames, the k-th in robot k's colour, with a white corner in the north-west."""
+    """Yield odd-sized frames, the k-th in robot k's colour, each with a white north-west corner."""
     for k in range(count):
         frame = np.full((height, width, 3), robot_colour(k), dtype=np.uint8)
         frame[:10, :10] = 255
@@ -26,7 +26,7 @@ def frames(count: int = 12, height: int = 61, width: int = 83) -> Iterator[np.nd
 
 
 @pytest.mark.parametrize("suffix", [".mp4", ".gif"])
-def test_video_shows_what_was_drawn(tmp_path: Path, suffix: str) -> None:
+def test_video_shows_its_frames(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"clip{suffix}"
     with VideoWriter(path, fps=10) as video:
         for frame in frames():
@@ -45,7 +45,7 @@ def test_video_shows_what_was_drawn(tmp_path: Path, suffix: str) -> None:
 
 
 @pytest.mark.parametrize("suffix", [".mp4", ".gif"])
-def test_a_video_cut_short_by_its_encoder_is_no_file(
+def test_video_cut_short_by_its_encoder_leaves_no_file(
     tmp_path: Path, suffix: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     video = VideoWriter(tmp_path / f"clip{suffix}")
@@ -66,7 +66,7 @@ def test_a_video_cut_short_by_its_encoder_is_no_file(
 
 
 def video_part(folder: Path) -> Path:
-    """The one file under way in a folder."""
+    """Return the only file in a folder, a video in progress."""
     (part,) = folder.iterdir()
     return part
 
@@ -89,7 +89,7 @@ def test_bad_input_is_named(tmp_path: Path) -> None:
         video.add(np.zeros((8, 8, 3), dtype=np.uint8))
 
 
-def test_the_window_shows_pictures_of_any_size(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_window_shows_pictures_of_any_size(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     for height in (61, 61, 40):
         for frame in frames(3, height):
@@ -100,7 +100,7 @@ def test_the_window_shows_pictures_of_any_size(monkeypatch: pytest.MonkeyPatch) 
     pygame.display.quit()
 
 
-def test_all_worlds_are_shown_in_one_window(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_one_window_shows_all_worlds(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     sizes = {}
     for mode in ("rgb_array", "human"):
@@ -115,7 +115,7 @@ def test_all_worlds_are_shown_in_one_window(monkeypatch: pytest.MonkeyPatch) -> 
 
 
 @pytest.mark.parametrize("shut", [(pygame.QUIT, {}), (pygame.KEYDOWN, {"key": pygame.K_q})])
-def test_a_window_that_the_user_shuts_stays_shut_until_its_environment_is_closed(
+def test_window_closed_by_the_user_stays_closed(
     shut: tuple[int, dict[str, int]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
@@ -133,7 +133,7 @@ def test_a_window_that_the_user_shuts_stays_shut_until_its_environment_is_closed
     assert pygame.display.get_surface() is None
 
 
-def test_no_display_gives_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_display_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SDL_VIDEODRIVER", "nothing_of_this_name")
     pygame.display.quit()
     with pytest.raises(WarehouseError, match="no window can be opened"):
