@@ -1,1 +1,1 @@
-"""A package, so that it comes before one of this name that a library may bring."""
+"""Make this a package, so that it shadows an installed package of the same name."""

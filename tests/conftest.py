@@ -1,4 +1,4 @@
-"""Settings for every test, put in place before anything heavy is imported."""
+"""Set up the environment of all tests before any heavy import."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from unittest import mock
 
 from platformdirs import user_cache_dir
 
-# Two Numba threads, so that "one thread equals two" is really tested; one for BLAS and torch, since pytest runs one
-# process per core already.
+# Two Numba threads, so that tests can compare one thread with two; one thread for BLAS and torch, since pytest
+# already runs one process per core.
 os.environ["NUMBA_NUM_THREADS"] = "2"
 for _name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ[_name] = "1"
@@ -23,14 +23,14 @@ for _name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
 os.environ["MPLBACKEND"] = "Agg"
 os.environ["SDL_VIDEODRIVER"] = "dummy"
 os.environ["SDL_AUDIODRIVER"] = "dummy"
-# Plain, wide text from the command line, whatever terminal the tests run in.
+# The command line prints plain, wide text on every terminal.
 os.environ["NO_COLOR"] = "1"
 os.environ["COLUMNS"] = "200"
 os.environ.pop("FORCE_COLOR", None)
 
-# Compiled kernels stay where they are kept outside the tests.
+# Tests share the user's cache of compiled kernels.
 os.environ.setdefault("NUMBA_CACHE_DIR", user_cache_dir("warehouse_env"))
-# Plans and fonts are cached in a folder of this session, shared with its worker processes, never in the user's own.
+# Plans and fonts are cached in a folder of this session and its worker processes, not in the user's cache.
 _SESSION_CACHE = "WAREHOUSE_TEST_SESSION"
 _owns_cache = _SESSION_CACHE not in os.environ
 if _owns_cache:
@@ -41,34 +41,34 @@ for _name in ("WAREHOUSE_CACHE_DIR", "XDG_CACHE_HOME"):
 import pytest  # noqa: E402
 from hypothesis import settings  # noqa: E402
 
-# The same examples in every run, and no deadline: the first call of a kernel compiles it.
+# The same examples in every run; no deadline, since the first call of a kernel compiles it.
 settings.register_profile("warehouse", derandomize=True, deadline=None, database=None)
 settings.load_profile("warehouse")
 
 
 def pytest_unconfigure(config: pytest.Config) -> None:
-    """Remove the session's cache folder; worker processes leave that to the process that made it."""
+    """Remove the session's cache folder in the process that made it."""
     if _owns_cache:
         shutil.rmtree(os.environ.pop(_SESSION_CACHE), ignore_errors=True)
 
 
 @pytest.fixture(scope="session")
 def two_nodes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
-    """A Ray cluster of a head that does no jobs and two nodes of two cores each, with a home of its own."""
+    """Yield a Ray cluster with its own home: a head without jobs and two nodes of two cores each."""
     pytest.importorskip("ray")
-    with tempfile.TemporaryDirectory(prefix="ray-") as folder:  # a short name: sockets lie in it
+    with tempfile.TemporaryDirectory(prefix="ray-") as folder:  # a short path, since it holds sockets
         own = {
             "HOME": str(tmp_path_factory.mktemp("home")), "RAY_USAGE_STATS_ENABLED": "0", "RAY_AUTH_MODE": "disabled",
             "PYTHONPATH": str(Path(__file__).parent.parent), "RAY_TMPDIR": folder,
         }  # fmt: skip
         temp_dir = Path(folder, "ray")
-        temp_dir.mkdir()  # where Ray notes the cluster's address, and does not make the folder itself
+        temp_dir.mkdir()  # Ray writes the cluster's address here but does not create the folder
         with mock.patch.dict(os.environ, own):
             from ray.cluster_utils import Cluster
 
             soon = {
                 "health_check_initial_delay_ms": 0, "health_check_period_ms": 200, "health_check_failure_threshold": 3
-            }  # fmt: skip  # a lost node is soon missed
+            }  # fmt: skip  # detect a lost node fast
             head = {"num_cpus": 0, "temp_dir": str(temp_dir), "include_dashboard": False, "_system_config": soon}
             cluster = Cluster(initialize_head=True, head_node_args=head)
             for _ in range(2):
@@ -79,7 +79,7 @@ def two_nodes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
 
 @pytest.fixture(scope="session")
 def connected_nodes(two_nodes: Any) -> Iterator[Any]:
-    """The same cluster with this process connected, so that its workers stay warm from one test to the next."""
+    """Yield the cluster with this process connected, so that its workers stay warm between tests."""
     from train.evaluation.cluster import connected
 
     with connected(two_nodes.address):
@@ -88,7 +88,7 @@ def connected_nodes(two_nodes: Any) -> Iterator[Any]:
 
 @pytest.fixture
 def registries(tmp_path: Path) -> Iterator[None]:
-    """Put back the registries that a test adds to, and what was imported from its folder."""
+    """Restore the registries after a test and drop the modules imported from its folder."""
     from agents import POLICIES
     from train.execute.lifelong import GRID_PLANNERS
     from warehouse_env import LAYOUTS, PLANNERS

@@ -1,11 +1,11 @@
-"""Kill commands at random moments and continue them, again and again: in the end the same files as without.
+"""Kill and resume commands at random moments, and compare their files with those of undisturbed runs.
 
     python -m tests.kills --kills 1000      # what `make kills` does
 
-A command runs in a fork of this process, which has loaded all that it needs, so a kill meets its work and seldom its
-imports. It is killed with its process group by SIGKILL, at a time drawn evenly from all that it usually takes, and
-continued as its user would. When it gets through, its files are compared with those of an undisturbed run. Times are
-left out, and so is TensorBoard's log, which has a file for each start.
+A command runs in a fork of this process, which has loaded all imports, so kills hit its work. SIGKILL ends its process
+group after a time drawn evenly from its usual duration. The command then resumes as a user would resume it. Once it
+finishes, its files are compared with those of an undisturbed run, except times and TensorBoard's log, which has a
+file for each start.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from train.reporting.rows import read_rows  # noqa: E402
 
 LONGEST = 120.0  # [s] after which a command counts as hanging
 TIMES = {"ms", "cpu_ms", "ms_per_step", "seconds", "plan_seconds", "steps_per_second", "last_figures"}
-UNEQUAL = {".md", ".csv", ".html", ".png"}  # they show times; that they are there is enough
+UNEQUAL = {".md", ".csv", ".html", ".png"}  # contain times, so only their presence is checked
 _FLOOR = "--layout open --robots 3 --planner astar"
 COMMANDS = {
     "train": (
@@ -51,8 +51,8 @@ COMMANDS = {
 }
 
 
-class Trial:
-    """A command in a folder of its own, and the files that it must come to."""
+class KilledCommand:
+    """A command in its own folder, and the files that it must produce."""
 
     def __init__(self, name: str, folder: Path) -> None:
         self.name, self.kills, self.rounds = name, 0, 0
@@ -69,20 +69,20 @@ class Trial:
         self._folder.mkdir(parents=True)
 
     def disturb(self, rng: random.Random) -> None:
-        """Run it and kill it, unless it gets through."""
+        """Run the command and kill it, unless it finishes first."""
         if self._run(rng.uniform(0.0, 1.1 * self._usual)):
             self.kills += 1
         else:
             self._check()
 
     def finish(self) -> None:
-        """Run it to its end."""
+        """Run the command to its end."""
         if self._run(LONGEST):
             sys.exit(f"{self.name} does not come to an end: {self._folder} is as it left it")
         self._check()
 
     def _check(self) -> None:
-        """Compare its files with those of the undisturbed run, and begin anew."""
+        """Compare the files with those of the undisturbed run and start over."""
         found = content(self._folder)
         wrong = [file for file in sorted({*found, *self._wanted}) if found.get(file) != self._wanted.get(file)]
         if wrong:
@@ -91,7 +91,7 @@ class Trial:
         self.rounds += 1
 
     def _run(self, seconds: float) -> bool:
-        """Begin or continue it; kill it after some time; return whether it was killed."""
+        """Start or resume the command; kill it after `seconds`; return whether it was killed."""
         words = COMMANDS[self.name].split()
         if (self._folder / "run" / "checkpoint" / "state.json").exists():
             words = [*words[:2], "--resume", "run", "--no-progress"]
@@ -118,12 +118,12 @@ class Trial:
 def _kill(process: int) -> None:
     try:
         os.killpg(process, signal.SIGKILL)
-    except ProcessLookupError:  # it has no group of its own yet
+    except ProcessLookupError:  # it has no process group yet
         os.kill(process, signal.SIGKILL)
 
 
 def content(folder: Path) -> dict[str, Any]:
-    """Return what a folder's files hold by their names, without times."""
+    """Return the content of a folder's files by name, without times."""
     files = (path for path in folder.rglob("*") if path.is_file() and path.parent.name != "tensorboard")
     return {str(path.relative_to(folder)): _content(path) for path in files}
 
@@ -150,17 +150,17 @@ def _timeless(value: Any) -> Any:
 
 
 def main(kills: int = 1000, seed: int = 0, only: tuple[str, ...] = tuple(COMMANDS)) -> None:
-    """Kill commands at random moments, and check the files that they come to.
+    """Kill commands at random moments and check their final files.
 
     Args:
-        kills: how often, over all commands.
-        seed: of the moments, as far as a clock allows.
-        only: commands to kill.
+        kills: number of kills over all commands.
+        seed: seed of the moments, which also depend on the clock.
+        only: the commands to kill.
     """
     importlib.import_module("train.trainers")
     rng, folder = random.Random(seed), Path(tempfile.mkdtemp(prefix="warehouse-kills-"))
     os.environ["WAREHOUSE_CACHE_DIR"] = str(folder / "cache")
-    trials = [Trial(name, folder) for name in only]
+    trials = [KilledCommand(name, folder) for name in only]
     with make_progress() as progress:
         bar = progress.add_task("kills", total=kills)
         while (done := sum(trial.kills for trial in trials)) < kills:

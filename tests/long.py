@@ -1,8 +1,8 @@
-"""Drive one world with everything on for a million decisions, twice: the same digest, and nothing that grows.
+"""Drive one world with all features for a million decisions, twice: equal digests, no growth.
 
     python -m tests.long --decisions 1000000 --keep results/long      # what `make long` does
 
-Each drive is a process of its own. It saves its world at every tenth in KEEP, and a second call continues from there.
+Each drive is its own process. It saves its world in KEEP after every tenth, and a second call resumes from there.
 """
 
 from __future__ import annotations
@@ -32,19 +32,19 @@ from warehouse_env.files import complete_file  # noqa: E402
 from warehouse_env.traffic_spec import UncertaintySpec  # noqa: E402
 
 POLICY, TIMES, PARTS = "shielded", 2, 10
-PATIENCE, ENDLESS = 600.0, 1800.0  # [s] that a robot may stand, or pursue one goal
+PATIENCE, ENDLESS = 600.0, 1800.0  # [s] limits of standing and of pursuing one goal
 HEADER = ("decisions", "digest", "memory MB", "objects", "files", "us a robot", "goals", "stood s", "without a goal s")
 
 
 def config(robots: int, people: int, decisions: int) -> EnvConfig:
-    """Return a world with everything on."""
+    """Return a configuration with all features."""
     lossy = UncertaintySpec(loss=0.05, burst=1.0)
     base = EnvConfig(num_agents=robots, people=people, uncertainty=lossy, max_steps=decisions, layout="paper46")
     return config_of(POLICY, base, {"traffic": "assist"})
 
 
 class Drive:
-    """One world under way; it can be pickled, and continues to the bit."""
+    """One running world; it can be pickled and resumes to the bit."""
 
     def __init__(self, env: EnvConfig, seed: int) -> None:
         self.simulator, self.rng = simulator_of(env, 1), np.random.default_rng([seed, 1])
@@ -52,7 +52,7 @@ class Drive:
         self.digest, self.done, self.parts = b"", 0, list[tuple[str, ...]]()
 
     def step(self, act: Any) -> None:
-        """Drive one decision."""
+        """Make one decision."""
         simulator = self.simulator
         simulator.step(act(simulator.observation, self.rng))
         self.done += 1
@@ -72,13 +72,13 @@ class Drive:
 
     @property
     def jammed(self) -> bool:
-        """Whether a robot stood, or was without a goal, for too long."""
+        """Return whether a robot stood or reached no goal for too long."""
         figures = self.simulator.episode_metrics()
         return figures["longest_standing_s"] > PATIENCE or figures["longest_without_goal_s"] > ENDLESS
 
 
 def drive(env: EnvConfig, seed: int, path: Path, title: str) -> None:
-    """Drive all decisions, or those that are left, and save the world and its rows in a file."""
+    """Make the remaining decisions; save the world and its rows in a file."""
     drive: Drive = pickle.loads(path.read_bytes()) if path.exists() else Drive(env, seed)
     act, each = Actor(make_policy(POLICY, env), env), max(1, env.max_steps // PARTS)
     begin, since = time.process_time(), drive.done
@@ -96,14 +96,14 @@ def drive(env: EnvConfig, seed: int, path: Path, title: str) -> None:
 
 
 def main(decisions: int, keep: Path, robots: int = 32, people: int = 5, seed: int = 0) -> None:
-    """Drive one world twice, and say whether both came to the same and what grew.
+    """Drive one world twice; print whether both digests agree and what grew.
 
     Args:
-        decisions: of each robot.
-        keep: folder of the worlds under way; the same call with the same folder continues.
-        robots: in the world.
-        people: among them.
-        seed: of the world.
+        decisions: decisions of each robot.
+        keep: folder of the running worlds; the same call with the same folder resumes.
+        robots: number of robots.
+        people: number of people.
+        seed: seed of the world.
     """
     env, drives = config(robots, people, decisions), list[Drive]()
     keep.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""The pages that people read, README and docs/: their blocks of code and the commands that they name."""
+"""Find code blocks and commands in README and docs/."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ PAGES = {
     path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8")
     for path in (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
 }
-# Packages that only `make clients` installs: what needs them is run there.
+# Packages that only `make clients` installs; blocks that need them run there.
 CLIENTS = ("ray", "torchrl", "supersuit")
 
-# What makes examples short: one rollout instead of hours, a second of film.
+# Replacements that shorten examples: one rollout instead of hours, one second of film.
 SHORTER = {
     "total_timesteps=500_000": "total_timesteps=9_216",
     "simulator.seconds(0) < 40": "simulator.seconds(0) < 21",
@@ -35,11 +35,11 @@ class Block(NamedTuple):
 
     @property
     def clients(self) -> list[str]:
-        """Packages that it imports and only `make clients` has."""
+        """Return its imports that only `make clients` installs."""
         return [name for name in CLIENTS if re.search(rf"^\s*(from|import) {name}\b", self.source, re.MULTILINE)]
 
     def run(self) -> dict[str, Any]:
-        """Run it, much shortened; returns its names."""
+        """Run the shortened block; return its namespace."""
         source = self.source
         for long, short in SHORTER.items():
             source = source.replace(long, short)
@@ -66,7 +66,7 @@ def python_blocks() -> list[Block]:
 
 
 def command_lines(text: str) -> set[str]:
-    """Return every command that a page names, in a block or within a line."""
+    """Return every command in a page's blocks and lines."""
     lines = [line.split(" #")[0].strip() for block in fenced(text, "sh") for line in block.splitlines()]
     prose = re.sub(r"^```.*?^```", "", text, flags=re.MULTILINE | re.DOTALL)
     lines += re.findall(r"`(?:source <\()?((?:warehouse|make|pip|python) [^`]+?)\)?`", prose)

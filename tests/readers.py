@@ -1,4 +1,4 @@
-"""The readers of users' files: how each reads, and what a small good file holds."""
+"""List the readers of users' files, each with the content of a small valid file."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ def an_episode() -> bytes:
 
 
 def _fleet_entries() -> list[Any]:
-    """Return messages of a vehicle, as they are kept."""
+    """Return stored messages of a vehicle."""
     node = {"nodeId": "n", "sequenceId": 2, "released": True, "nodePosition": {"x": 3.5, "y": 1.5, "mapId": "m"}}
     head = {"headerId": 0, "version": "2.1.0", "manufacturer": "A", "serialNumber": "1"}
     states = [
@@ -141,12 +141,12 @@ def _state() -> dict[str, bytes]:
 
 
 class Reader(NamedTuple):
-    """How a file is read, what a small good one holds, and what is raised."""
+    """The function that reads a file, the content of a small valid one, and the error class."""
 
     read: Callable[[Path], Any]
     good: Callable[[], bytes]
     error: type[WarehouseError] = MapError
-    text: bool = False  # which other programs may have saved otherwise
+    text: bool = False  # other programs may save it with other line ends or a byte order mark
 
 
 def of_text(read: Callable[[Path], Any], good: bytes, error: type[WarehouseError] = MapError) -> Reader:

@@ -1,4 +1,4 @@
-"""Who may import whom, read from the source; and what `import warehouse_env` may load."""
+"""Test which module may import which, read from the source, and what `import warehouse_env` may load."""
 
 from __future__ import annotations
 
@@ -26,17 +26,17 @@ BASE = tuple(
 PLANNING = (*BASE, "warehouse_env.maps", "warehouse_env.planning")
 ROUTES = (*PLANNING, "warehouse_env.routes")
 SIMULATION = (*ROUTES, "warehouse_env.observation", "warehouse_env.simulation")
-# The rooms of the simulation, from the ground up: each sees those below it, and the records of `state`.
+# Layers of the simulation from the bottom up: each imports lower layers and the records of `state`.
 DOOR = "warehouse_env.simulation.state", "warehouse_env.simulation.draws"
 PHYSICS = (*BASE, "warehouse_env.maps", *DOOR, "warehouse_env.simulation.physics")
-# A driver shoots along curves, which know of no map; of routes it sees nothing else.
+# A driver follows Reeds-Shepp curves, which know no map; it imports no other part of routes.
 DRIVER = (*PHYSICS, "warehouse_env.routes.reeds_shepp", "warehouse_env.simulation.driver")
 SENSES = (*DRIVER, "warehouse_env.observation", "warehouse_env.simulation.senses")
 RULES = (*ROUTES, *SENSES, "warehouse_env.simulation.traffic")
 TASKS = (*RULES, "warehouse_env.simulation.tasks")
 BELOW_TRAIN = ("warehouse_env", "agents")
 
-# The first prefix that fits a module says which of our own modules it may import.
+# The first matching prefix of a module lists our own modules that it may import.
 MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "warehouse_env.errors": (),
     "warehouse_env.checked": ("warehouse_env.errors",),
@@ -83,7 +83,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "train.learning",
     ),
     "train.central": (*BELOW_TRAIN, "train.central"),
-    # what audits the engine takes none of its geometry and motion
+    # the audit uses none of the engine's geometry and motion
     **dict.fromkeys(
         (f"train.evaluation.audit.{module}" for module in ("bodies", "arcs", "instants")),
         (*BASE, "warehouse_env.simulation.state", "train.evaluation.audit"),
@@ -100,7 +100,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "train": (*BELOW_TRAIN, "train"),
 }  # fmt: skip
 
-# A package that only these modules may import.
+# Packages that only these modules may import.
 ONLY_IN: dict[str, tuple[str, ...]] = {
     "torch": (
         "agents.networks",
@@ -123,13 +123,13 @@ ONLY_IN: dict[str, tuple[str, ...]] = {
     "imageio_ffmpeg": ("warehouse_env.render", "train.reporting.report"),
 }  # fmt: skip
 
-# Optional packages, and our own pictures: imported where they are used, never when a module is loaded.
+# Optional packages and our render package: imported inside functions, never at module load.
 LAZY = ("pygame", "matplotlib", "imageio", "imageio_ffmpeg", "ray")
 LAZY_IN_ENVS = ("warehouse_env.render",)
 
 
 class Import(NamedTuple):
-    """One import: who, what, on which line, and whether loading the module runs it."""
+    """One import: module, target, line, and whether it runs at module load."""
 
     module: str
     target: str
@@ -147,7 +147,7 @@ def module_name(path: Path) -> str:
 
 
 def imports_of(module: str, source: str) -> Iterator[Import]:
-    """Yield every import of a module's source, `importlib.import_module("...")` and the like included."""
+    """Yield every import of a module's source, including `importlib.import_module("...")` and similar calls."""
     todo: list[tuple[ast.AST, bool]] = [(ast.parse(source), True)]
     while todo:
         node, at_load = todo.pop()
@@ -159,7 +159,7 @@ def imports_of(module: str, source: str) -> Iterator[Import]:
 
 
 def _targets(node: ast.AST) -> list[str]:
-    """Return the modules that a node imports; names taken from the package itself count as their home module."""
+    """Return the modules that a node imports; names of the package itself count as their home module."""
     if isinstance(node, ast.Import):
         return [alias.name for alias in node.names]
     if isinstance(node, ast.ImportFrom):
@@ -177,7 +177,7 @@ def _targets(node: ast.AST) -> list[str]:
 
 
 def faults(found: Iterator[Import]) -> list[str]:
-    """Return one sentence for each import that the rules forbid."""
+    """Return one sentence for each forbidden import."""
     sentences = []
     for module, target, line, at_load in found:
         where = f"{module} line {line} imports {target}"
@@ -193,8 +193,8 @@ def faults(found: Iterator[Import]) -> list[str]:
     return sentences
 
 
-def circles(imports: dict[str, set[str]]) -> list[str]:
-    """Return the modules that import each other, and those that need them: what is left when leaves are taken off."""
+def cycles(imports: dict[str, set[str]]) -> list[str]:
+    """Return the modules in import cycles and their importers: the rest after removing leaves."""
     rest = dict(imports)
     while leaves := [module for module, targets in rest.items() if not targets & rest.keys()]:
         for module in leaves:
@@ -202,7 +202,7 @@ def circles(imports: dict[str, set[str]]) -> list[str]:
     return sorted(rest)
 
 
-def test_no_two_modules_import_each_other() -> None:
+def test_modules_have_no_import_cycles() -> None:
     sources = {module_name(path): path for package in PACKAGES for path in (ROOT / package).rglob("*.py")}
     imports: dict[str, set[str]] = {module: set() for module in sources}
     for module, path in sources.items():
@@ -210,8 +210,8 @@ def test_no_two_modules_import_each_other() -> None:
             names = {alias.name for alias in node.names} if isinstance(node, ast.ImportFrom) else set()
             inner = {f"{node.module}.{name}" for name in names if isinstance(node, ast.ImportFrom)} & sources.keys()
             imports[module] |= (inner or set(_targets(node))) - {module}
-    assert not circles(imports)
-    assert circles({"a": {"b", "c"}, "b": {"c"}, "c": {"a", "math"}, "d": {"a"}, "e": {"math"}}) == ["a", "b", "c", "d"]
+    assert not cycles(imports)
+    assert cycles({"a": {"b", "c"}, "b": {"c"}, "c": {"a", "math"}, "d": {"a"}, "e": {"math"}}) == ["a", "b", "c", "d"]
 
 
 def test_every_import_is_allowed() -> None:
@@ -243,12 +243,12 @@ def test_every_import_is_allowed() -> None:
         ("train.central.search", "from train.evaluation.rollout import run"),
     ],
 )
-def test_the_rules_catch(module: str, source: str) -> None:
+def test_import_rules_catch_violations(module: str, source: str) -> None:
     assert faults(imports_of(module, source))
 
 
-def test_the_simulator_owns_the_only_threads() -> None:
-    """Numba's parallel regions and a BLAS have threads that keep cores from others' as they wait for more work."""
+def test_no_threads_of_numba_or_a_blas_are_started() -> None:
+    """Threads of Numba's parallel regions and of a BLAS occupy cores while they wait for work."""
     every_step = ("warehouse_env.simulation", "warehouse_env.envs", "agents")
     for path in (path for package in PACKAGES for path in sorted((ROOT / package).rglob("*.py"))):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
@@ -273,7 +273,7 @@ print(taken)
 
 
 def test_importing_the_package_is_light() -> None:
-    """Processor time, the least of three: a loaded machine must not fail this."""
+    """Take the least processor time of three, so that a loaded machine does not fail the test."""
 
     def once() -> float:
         run = subprocess.run([sys.executable, "-c", IMPORT_TIME], cwd=ROOT, capture_output=True, text=True, check=False)

@@ -1,10 +1,10 @@
-"""Random episodes over all options, with every index of every kernel checked.
+"""Drive random episodes over all options with bounds checks in all kernels.
 
     make bounds                                                                    # EPISODES=100, and hostile inputs
     NUMBA_BOUNDSCHECK=1 NUMBA_CACHE_DIR=DIR EPISODES=18 pytest tests/test_bounds.py -k "[17]"      # one of them
 
-Negative indices count as out of range: no kernel means them. Episode K is made from K alone. GROUP episodes in a
-row have the same SHAPES, because each other combination compiles for minutes.
+Negative indices count as out of range: no kernel uses them. Episode K depends on K alone. GROUP consecutive
+episodes share the same SHAPES, because each new combination compiles for minutes.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def _one(*values: Any) -> Callable[[Random], Any]:
     return lambda rng: rng.choice(values)
 
 
-CHOICES: dict[str, Callable[[Random], Any]] = {  # each field of EnvConfig -> how a value is drawn
+CHOICES: dict[str, Callable[[Random], Any]] = {  # field of EnvConfig -> function that draws a value
     "layout": lambda rng: rng.choice([*sorted(LAYOUTS), str(EXAMPLE_MAP)]),
     "num_agents": lambda rng: rng.choice([1, 2, 3, 8, 40]),
     "planner": lambda rng: rng.choice(["astar", "astar_turns", "pf_aco", rng.choice(sorted(PLANNERS))]),
@@ -102,7 +102,7 @@ def _room(rows: int, columns: int, **more: Any) -> GridMap:
 
 
 FLOORS: dict[str, Callable[[Random], GridMap | None]] = {
-    "layout": lambda rng: None,  # that of the config
+    "layout": lambda rng: None,  # the layout of the config
     "tiny": lambda rng: _room(3, 3, cell_size=rng.choice([0.8, 1.0, 2.0])),
     "lane": lambda rng: _room(rng.choice([1, 2]), rng.randint(8, 12)),
     "fine": lambda rng: _room(16, 24, cell_size=0.3),
@@ -113,7 +113,7 @@ FLOORS: dict[str, Callable[[Random], GridMap | None]] = {
 
 
 def options_of(number: int, attempt: int = 0) -> tuple[EnvConfig, GridMap | None]:
-    """Return the config and floor of an attempt at an episode; the floor None: that which the config names."""
+    """Return config and floor of an attempt at an episode; None is the floor that the config names."""
     shape, own = Random(f"0 shape {number // GROUP}"), Random(f"0 {number} {attempt}")
     while True:
         with contextlib.suppress(WarehouseError):
@@ -122,7 +122,7 @@ def options_of(number: int, attempt: int = 0) -> tuple[EnvConfig, GridMap | None
             break
     grid = list(FLOORS.values())[number // GROUP % len(FLOORS)](own)
     if grid is not None:
-        given["battery"] = None  # there is no room to charge beside the traffic
+        given["battery"] = None  # no room for chargers beside the traffic
     while True:
         drawn = {name: choose(own) for name, choose in CHOICES.items() if name not in SHAPES}
         if grid is not None and drawn["num_agents"] > grid.occupied.size // 4:
@@ -132,7 +132,7 @@ def options_of(number: int, attempt: int = 0) -> tuple[EnvConfig, GridMap | None
 
 
 def _begun(number: int) -> Simulator | None:
-    """Return the simulator of the first attempt at an episode that can begin; None where no robots fit on the floor."""
+    """Return the simulator of the first attempt that can start, or None if no robots fit on the floor."""
     for again in range(ATTEMPTS):
         config, grid = options_of(number, again)
         with contextlib.suppress(WarehouseError):
@@ -144,13 +144,13 @@ def _begun(number: int) -> Simulator | None:
 
 @pytest.mark.skipif(not numba.config.BOUNDSCHECK, reason="`make bounds` compiles kernels that check their indices")  # type: ignore[attr-defined]
 @pytest.mark.parametrize("number", range(int(os.environ.get("EPISODES", "1"))))
-def test_an_episode_stays_within_its_arrays(number: int) -> None:
+def test_episode_stays_within_its_arrays(number: int) -> None:
     simulator, rng = _begun(number), np.random.default_rng([0, number])
     if simulator is None:
         pytest.skip("no robots fit on the floor")
     for step in range(STEPS):
         if step % 15 == 14:
-            with contextlib.suppress(WarehouseError):  # robots that touch something, no way to a goal
+            with contextlib.suppress(WarehouseError):  # contacts, or goals without a path
                 _disturb(simulator, rng)
         simulator.step(_actions(simulator, rng))
         assert np.isfinite(simulator.observation).all()
@@ -159,7 +159,7 @@ def test_an_episode_stays_within_its_arrays(number: int) -> None:
 
 
 def _actions(simulator: Simulator, rng: np.random.Generator) -> NDArray[Any]:
-    """Return actions of all kinds: those at the limits, along the route, and any between."""
+    """Return actions at the limits, along the route, or in between."""
     shape, kind = (simulator.num_worlds, simulator.num_agents), rng.integers(4)
     config = simulator.config
     if config.action_type == "discrete":
@@ -174,7 +174,7 @@ def _actions(simulator: Simulator, rng: np.random.Generator) -> NDArray[Any]:
 
 
 def _disturb(simulator: Simulator, rng: np.random.Generator) -> None:
-    """Put robots or people anywhere, on the rim and each other as well, begin anew, or break a robot down."""
+    """Put robots or people anywhere (also on the rim or on each other), reset, or break a robot down."""
     shape, side = (simulator.num_worlds, simulator.num_agents), np.array(simulator.grid.shape[::-1])
     points = rng.uniform(-0.2, 1.2, (*shape, 2)).clip(0, 1) * side * simulator.grid.cell_size
     pose = np.concatenate([points, rng.choice([0.0, 0.5, 1.0, 1e20], (*shape, 1)) * math.pi], axis=-1)
@@ -189,14 +189,14 @@ def _disturb(simulator: Simulator, rng: np.random.Generator) -> None:
         simulator.break_down(1, int(rng.integers(simulator.num_agents)))
     elif kind == 3:
         free = simulator.grid.centre(rng.permutation(simulator.grid.free_cells)[: 2 * shape[1]])
-        told = np.column_stack([free, rng.uniform(-1e3, 1e3, len(free))])
-        simulator.reset_to([Assignment(told[: shape[1]], told[shape[1] :])] * shape[0])
+        poses = np.column_stack([free, rng.uniform(-1e3, 1e3, len(free))])
+        simulator.reset_to([Assignment(poses[: shape[1]], poses[shape[1] :])] * shape[0])
     else:
         simulator.reset_world(0, int(rng.integers(9)))
 
 
 def check_negative_indices() -> None:
-    """Have Numba compile kernels for which a negative index is out of range; to be called before any is compiled."""
+    """Make negative indices out of range in kernels; call this before any kernel compiles."""
 
     def unchanged(context: Any, builder: Any, kind: Any, index: Any, size: Any) -> Any:
         return context.cast(builder, index, kind, numba.types.intp)
@@ -209,7 +209,7 @@ if numba.config.BOUNDSCHECK:  # type: ignore[attr-defined]
     check_negative_indices()
 
 
-def test_the_episodes_cover_every_option() -> None:
+def test_episodes_cover_every_option() -> None:
     names = {field.name for field in dataclasses.fields(EnvConfig)}
     drawn = [options_of(number) for number in range(100)]
     assert set(CHOICES) == names
@@ -221,8 +221,8 @@ def test_the_episodes_cover_every_option() -> None:
 
 
 @pytest.mark.parametrize("index", [-1, 3])
-def test_an_index_out_of_range_is_an_error_negative_ones_as_well(index: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(arrayobj, "fix_integer_index", arrayobj.fix_integer_index)  # put back afterwards
+def test_out_of_range_and_negative_indices_are_errors(index: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(arrayobj, "fix_integer_index", arrayobj.fix_integer_index)  # restored after the test
     check_negative_indices()
     entry = numba.njit(lambda array, k: array[k], boundscheck=True)
     assert entry(np.arange(3), 2) == 2

@@ -1,4 +1,4 @@
-"""Kept kernels: one for each version of what it is compiled from, used wherever they can be read."""
+"""Test the kernel cache: one entry per version of a kernel's sources, also in read-only folders."""
 
 from __future__ import annotations
 
@@ -57,17 +57,17 @@ def digest_of(source: str, name: str = "outer") -> str:
         ("@part", "@kernel"),
     ],
 )
-def test_whatever_a_kernel_is_compiled_from_is_in_its_digest(old: str, new: str) -> None:
+def test_digest_covers_all_sources_of_a_kernel(old: str, new: str) -> None:
     assert digest_of(SOURCE) != digest_of(SOURCE.replace(old, new))
 
 
 @pytest.mark.parametrize(("old", "new"), [("x + 1", "x + 2"), ("return inner(x)\n", "return 0\n")])
-def test_plain_functions_between_kernels_count(old: str, new: str) -> None:
+def test_digest_covers_plain_functions_between_kernels(old: str, new: str) -> None:
     assert digest_of(SOURCE, "driver") != digest_of(SOURCE.replace(old, new), "driver")
 
 
-def test_a_kernel_of_the_package_that_anothers_module_names_counts(monkeypatch: pytest.MonkeyPatch) -> None:
-    """As a user's own planner does: `module.function`, not `from module import function`."""
+def test_digest_covers_kernels_called_through_a_module(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Like a user's planner, call `module.function` instead of importing the function."""
     source = """
 import warehouse_env.heap as heap
 from warehouse_env.kernel import kernel
@@ -84,12 +84,12 @@ def outer(keys, items):
 @pytest.mark.parametrize(
     ("old", "new"), [("Say it.", "Say more."), ("\n@kernel", "\n# why\n@kernel"), ("return x\n", "return 0\n")]
 )
-def test_nothing_else_is(old: str, new: str) -> None:
+def test_digest_ignores_comments_and_unrelated_code(old: str, new: str) -> None:
     assert digest_of(SOURCE) == digest_of(SOURCE.replace(old, new))
 
 
 def run(folder: Path, body: str, **environment: str) -> str:
-    """Run Python in a folder whose kernels are kept in its folder `kept`; return what it prints."""
+    """Run Python in a folder, with `kept` as its kernel cache; return the output."""
     given = {**os.environ, "NUMBA_CACHE_DIR": str(folder / "kept"), "PYTHONSAFEPATH": "", **environment}
     done = subprocess.run(
         [sys.executable, "-W", "always", "-c", body], cwd=folder, env=given, capture_output=True, text=True, check=False
@@ -98,7 +98,7 @@ def run(folder: Path, body: str, **environment: str) -> str:
     return done.stdout + done.stderr
 
 
-def test_a_changed_callee_is_compiled_again_and_an_old_version_is_still_kept(tmp_path: Path) -> None:
+def test_changed_callee_recompiles_and_old_version_stays_cached(tmp_path: Path) -> None:
     body = "import mine; print(mine.outer(1.0), sum(mine.outer.stats.cache_hits.values()))"
     (tmp_path / "mine.py").write_text(SOURCE, encoding="utf-8")
     assert run(tmp_path, body) == "5.0 0\n"
@@ -109,7 +109,7 @@ def test_a_changed_callee_is_compiled_again_and_an_old_version_is_still_kept(tmp
     assert run(tmp_path, body) == "5.0 1\n"
 
 
-def test_what_is_linked_into_a_kernel_is_kept_for_the_next_kernel(tmp_path: Path) -> None:
+def test_linked_kernel_is_reused_by_the_next_kernel(tmp_path: Path) -> None:
     body = "import mine; print(mine.outer(1.0), sum(mine.inner.stats.cache_hits.values()))"
     (tmp_path / "mine.py").write_text(SOURCE, encoding="utf-8")
     assert run(tmp_path, body) == "5.0 0\n"
@@ -131,7 +131,7 @@ def total(pair):
 """
 
 
-def test_code_kept_for_a_tuple_that_is_gone_is_compiled_again(tmp_path: Path) -> None:
+def test_cached_code_for_a_removed_tuple_recompiles(tmp_path: Path) -> None:
     body = "import mine; print(mine.total(mine.{}(1.0, 2.0)), sum(mine.total.stats.cache_hits.values()))"
     (tmp_path / "mine.py").write_text(TUPLES, encoding="utf-8")
     assert run(tmp_path, body.format("Pair")) == "3.0 0\n"
@@ -153,17 +153,17 @@ mine.outer(1), mine.other(1)
 """
 
 
-def test_a_folder_that_cannot_be_written_is_read_and_said_once(tmp_path: Path) -> None:
+def test_read_only_cache_is_used_and_warned_about_once(tmp_path: Path) -> None:
     (tmp_path / "mine.py").write_text(SOURCE, encoding="utf-8")
     run(tmp_path, "import mine; mine.outer(1.0)")
-    said = run(tmp_path, READ_ONLY)
-    assert said.startswith("5.0 1\n")
-    assert said.count("compiled kernels cannot be kept in") == 1
-    assert "NUMBA_CACHE_DIR" in said
+    printed = run(tmp_path, READ_ONLY)
+    assert printed.startswith("5.0 1\n")
+    assert printed.count("compiled kernels cannot be kept in") == 1
+    assert "NUMBA_CACHE_DIR" in printed
 
 
-def test_digests_are_the_same_in_every_process(tmp_path: Path) -> None:
-    """Whatever the order of sets and the addresses of objects."""
+def test_digests_agree_between_processes(tmp_path: Path) -> None:
+    """Digests do not depend on set order and object addresses."""
     body = """
 import gc
 from numba.core.dispatcher import Dispatcher
@@ -176,5 +176,5 @@ print(sorted(digest(one) for one in gc.get_objects() if isinstance(one, Dispatch
     assert first == second
 
 
-def test_nothing_is_kept_beside_the_source() -> None:
+def test_no_cache_files_lie_beside_the_source() -> None:
     assert not list(Path(warehouse_env.__file__).parent.rglob("*.nb[ic]"))

@@ -1,4 +1,4 @@
-"""The options: what type checkers know of them, how they are and were stored, and what is refused in one sentence."""
+"""Test options: types for type checkers, stored forms old and new, and one sentence for a wrong value."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ CONFIG = ROOT / "warehouse_env" / "config.py"
 
 
 def with_option_types(source: str) -> str:
-    """Return the source of config.py with the fields of EnvOptions as EnvConfig has them."""
+    """Return the source of config.py with EnvOptions' fields copied from EnvConfig."""
     fields = (f"    {one.name}: {one.type}\n" for one in dataclasses.fields(EnvConfig) if one.name != "planner")
     before, head, after = source.partition('may be an object there."""\n\n')
     return before + head + "".join(fields) + after[after.index("\n\n") + 1 :]
 
 
-def test_type_checkers_know_every_option_by_its_type() -> None:
+def test_type_checkers_know_every_option() -> None:
     source = CONFIG.read_text(encoding="utf-8")
     assert with_option_types(source) == source, "run python -m tests.test_config"
     fields = {field.name: get_type_hints(EnvConfig)[field.name] for field in dataclasses.fields(EnvConfig)}
@@ -62,7 +62,7 @@ SLIPS = {
 
 
 @pytest.mark.nightly
-def test_mypy_refuses_slips_and_lets_right_calls_pass(tmp_path: Path) -> None:
+def test_mypy_refuses_wrong_calls_and_accepts_right_ones(tmp_path: Path) -> None:
     pytest.importorskip("mypy")
     snippet = tmp_path / "snippet.py"
     snippet.write_text("\n".join([RIGHT, *SLIPS]), encoding="utf-8")
@@ -71,10 +71,10 @@ def test_mypy_refuses_slips_and_lets_right_calls_pass(tmp_path: Path) -> None:
     errors = [line for line in run.stdout.splitlines() if ": error: " in line]
     first = RIGHT.count("\n") + 2
     assert [int(line.split(":")[1]) - first for line in errors] == list(range(len(SLIPS))), run.stdout + run.stderr
-    assert [line for line, said in zip(errors, SLIPS.values(), strict=True) if said not in line] == []
+    assert [line for line, message in zip(errors, SLIPS.values(), strict=True) if message not in line] == []
 
 
-def test_a_preset_is_kept_by_its_name_and_nothing_uncertain_as_none() -> None:
+def test_presets_are_stored_by_name_and_no_uncertainty_as_none() -> None:
     for name, spec in TRAFFIC.items():
         config = EnvConfig(traffic=dataclasses.replace(spec), uncertainty=UncertaintySpec())
         assert (config.traffic, config.traffic_spec, config.uncertainty) == (name, spec, None)
@@ -85,12 +85,12 @@ def test_a_preset_is_kept_by_its_name_and_nothing_uncertain_as_none() -> None:
 @pytest.mark.parametrize(
     "spec", [*TRAFFIC.values(), TrafficSpec(shield=True, margin=0.1), TrafficSpec(routes="barred")]
 )
-def test_traffic_is_read_as_it_is_written(spec: TrafficSpec) -> None:
+def test_traffic_round_trips(spec: TrafficSpec) -> None:
     assert read_traffic(written_traffic(spec)) == spec
     assert EnvConfig.from_dict(json.loads(json.dumps(EnvConfig(traffic=spec).to_dict()))).traffic_spec == spec
 
 
-def test_the_shield_counts_on_the_real_bounds_unless_others_are_declared() -> None:
+def test_shield_uses_the_true_bounds_unless_others_are_declared() -> None:
     late, declared = UncertaintySpec(latency=0.3), UncertaintySpec(latency=0.3, declared=ErrorBounds())
     assert [latency_steps(EnvConfig(traffic="shield", uncertainty=one)) for one in (late, declared)] == [3, 0]
     assert late.bounds is late
@@ -146,7 +146,7 @@ def test_numbers_become_plain_python() -> None:
     assert hash(config) == hash(plain)
 
 
-def test_errors_of_from_dict_name_what_is_wrong() -> None:
+def test_from_dict_names_the_wrong_entry() -> None:
     for data, sentence in (
         ([1], r"EnvConfig parameters must be an object of names and values, not \[1\]"),
         ({"robot": None}, "robot=None must be a RobotSpec"),
@@ -173,8 +173,8 @@ class Cart(Checked):
     wheel: Wheel = dataclasses.field(default_factory=Wheel)
 
 
-def test_a_field_that_is_gone_is_passed_over_where_it_asks_for_nothing() -> None:
-    """Files that were written when there was such a field stay readable."""
+def test_retired_field_is_ignored_at_its_fixed_value() -> None:
+    """Files with such a field stay readable."""
     assert EnvConfig.from_dict({"smooth_routes": False, "search_nodes": 6000, "search_period": 1}) == EnvConfig()
     assert from_plain(Cart, {"wheel": {"size": 2, "spokes": 8}}) == Cart(Wheel(2.0))
     with pytest.raises(ConfigError, match="Wheel parameter 'spokes' is no option any more: it is 8 for all"):
@@ -182,7 +182,7 @@ def test_a_field_that_is_gone_is_passed_over_where_it_asks_for_nothing() -> None
 
 
 SHIELD = TrafficSpec(shield=True)
-OLD: list[tuple[dict[str, Any], dict[str, Any]]] = [  # stored fields -> fields of today
+OLD: list[tuple[dict[str, Any], dict[str, Any]]] = [  # stored fields -> present fields
     ({"map_file": "hall.map", "layout": "narrow"}, {"layout": "hall.map"}),
     ({"map_file": None, "layout": "narrow"}, {"layout": "narrow"}),
     ({"protective_field": True}, {"traffic": SHIELD}),
@@ -215,7 +215,7 @@ OLD: list[tuple[dict[str, Any], dict[str, Any]]] = [  # stored fields -> fields 
 
 
 @pytest.mark.parametrize(("stored", "today"), OLD)
-def test_every_old_name_has_its_meaning(stored: dict[str, Any], today: dict[str, Any]) -> None:
+def test_old_names_keep_their_meaning(stored: dict[str, Any], today: dict[str, Any]) -> None:
     planner = {name: stored[name] for name in ("planner",) if name in stored}
     assert EnvConfig.from_dict(stored) == EnvConfig(**planner, **today)
 
@@ -235,7 +235,7 @@ def test_every_old_name_has_its_meaning(stored: dict[str, Any], today: dict[str,
         ({"map_file": 3}, "layout=3 must be a text"),
     ],
 )
-def test_what_makes_no_sense_is_refused_in_one_sentence(stored: dict[str, Any], sentence: str) -> None:
+def test_contradictory_stored_options_are_refused(stored: dict[str, Any], sentence: str) -> None:
     with pytest.raises(ConfigError, match=sentence):
         EnvConfig.from_dict(stored)
 
@@ -255,7 +255,7 @@ def test_what_makes_no_sense_is_refused_in_one_sentence(stored: dict[str, Any], 
         ),
     ],
 )
-def test_a_training_goes_on_as_it_began(kind: Any, stored: dict[str, Any], traffic: Any) -> None:
+def test_stored_trainings_keep_their_traffic(kind: Any, stored: dict[str, Any], traffic: Any) -> None:
     spec = TRAFFIC[traffic] if isinstance(traffic, str) else traffic
     assert from_plain(kind, stored).traffic_spec == spec
     assert from_plain(kind, from_plain(kind, stored).to_dict()) == from_plain(kind, stored)

@@ -1,6 +1,6 @@
-"""Hostile inputs for all readers and constructors: each works, or one sentence says what is wrong.
+"""Feed hostile inputs to all readers and constructors: each works or raises one sentence.
 
-make hostile      # HOSTILE=1000 times as many inputs as `make test` tries, other ones each time
+make hostile      # HOSTILE=1000 times as many inputs as `make test`, new ones each time
 """
 
 from __future__ import annotations
@@ -61,8 +61,8 @@ from warehouse_env.traffic_spec import TrafficSpec, UncertaintySpec
 from warehouse_env.work import BatterySpec, OrderSpec, ServiceSpec
 
 TIMES = int(os.environ.get("HOSTILE", "1"))
-LONGEST = 300  # [s] for an input, which may compile a kernel first
-LARGEST = 2e9  # [bytes] of address space beyond what is used at first
+LONGEST = 300  # [s] per input, which may first compile a kernel
+LARGEST = 2e9  # [bytes] of address space beyond the initial use
 
 NUMBERS: list[Any] = [
     0, 1, 2, -1, 3, 7, 40, 0.5, -0.0, 1e-320, 10**9, 10**12, 2**31, 2**63, 2**64, -(2**70), 10**400, 1e30, -1e300, True,
@@ -98,7 +98,7 @@ LIVE: tuple[dict[str, Any], ...] = (
 
 
 def options(names: list[str]) -> st.SearchStrategy[dict[str, Any]]:
-    """Draw some of the names with any values."""
+    """Draw arbitrary values for some of the names."""
     return st.dictionaries(st.sampled_from(names), VALUES, min_size=1, max_size=3)
 
 
@@ -108,7 +108,7 @@ def fields(kind: Any) -> list[str]:
 
 @st.composite
 def damaged(draw: st.DrawFn, content: bytes) -> bytes:
-    """Draw bytes with parts cut out, put in, doubled, or with another number."""
+    """Draw bytes with parts removed, inserted or doubled, or with a changed number."""
     for _ in range(draw(st.integers(1, 4))):
         numbers = list(re.finditer(rb"\d+", content[:100_000]))
         if numbers and draw(st.booleans()):
@@ -124,7 +124,7 @@ def damaged(draw: st.DrawFn, content: bytes) -> bytes:
 
 @st.composite
 def changed(draw: st.DrawFn, data: Any) -> Any:
-    """Draw JSON data with an entry, at any depth, taken out, renamed, or of another value."""
+    """Draw JSON data with an entry at any depth removed, renamed or changed."""
     keys = list(data) if isinstance(data, dict) else list(range(len(data))) if isinstance(data, list) else []
     if not keys:
         return draw(st.sampled_from(PLAIN) | st.integers(0, 1000))
@@ -139,13 +139,13 @@ def changed(draw: st.DrawFn, data: Any) -> Any:
 
 
 def json_bytes(data: Any) -> st.SearchStrategy[bytes]:
-    """Draw JSON that was changed, or whose text was damaged."""
+    """Draw changed JSON data or damaged JSON text."""
     return changed(data).map(lambda other: json.dumps(other).encode()) | damaged(json.dumps(data).encode())
 
 
 @pytest.fixture(scope="module", autouse=True)
 def _limited() -> Iterator[None]:
-    """Give no input more than LARGEST of memory."""
+    """Limit memory to LARGEST beyond the initial use."""
     limits = resource.getrlimit(resource.RLIMIT_AS)
     used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
     resource.setrlimit(resource.RLIMIT_AS, (int(used + LARGEST), limits[1]))
@@ -154,30 +154,30 @@ def _limited() -> Iterator[None]:
 
 
 def inputs(count: int) -> Callable[[Any], Any]:
-    """Try so many inputs, TIMES as many in a night."""
+    """Return settings that try `count` inputs, times TIMES."""
     return settings(max_examples=count * TIMES, derandomize=TIMES == 1, suppress_health_check=list(HealthCheck))
 
 
 def works_or_says(make: Callable[[], Any]) -> None:
-    """Let `make` work, or raise a WarehouseError of one sentence; anything else fails, also taking too long."""
-    said = "it works"
+    """Check that `make` works or raises a WarehouseError of one sentence within LONGEST."""
+    message = "it works"
     faulthandler.dump_traceback_later(LONGEST, exit=True)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        warnings.simplefilter("ignore", MapWarning)  # names features that robots of that size cannot reach
+        warnings.simplefilter("ignore", MapWarning)  # names places that a large footprint cannot reach
         try:
             make()
         except WarehouseError as error:
-            said = str(error)
+            message = str(error)
         finally:
             faulthandler.cancel_dump_traceback_later()
-    assert 0 < len(said) < 700
-    assert "\n" not in said
+    assert 0 < len(message) < 700
+    assert "\n" not in message
 
 
 @contextlib.contextmanager
 def written(files: dict[str, bytes]) -> Iterator[Path]:
-    """Yield a folder in memory with these files."""
+    """Yield a folder in memory that holds these files."""
     with tempfile.TemporaryDirectory(dir="/dev/shm" if os.access("/dev/shm", os.W_OK) else None) as folder:
         for name, content in files.items():
             Path(folder, name).write_bytes(content)
@@ -210,7 +210,7 @@ HOW = ("", "cell=0.5", "keepout=k.yaml", "speed=k.yaml", "lanes=l.json", "lanes=
     st.sampled_from(sorted(HALL)).flatmap(lambda name: st.tuples(st.just(name), damaged(HALL[name]))),
     st.sampled_from(HOW) | st.text(max_size=8) | st.sampled_from(NUMBERS).map("cell={}".format),
 )
-def test_halls(file: tuple[str, bytes], how: str) -> None:
+def test_damaged_halls_work_or_raise_one_sentence(file: tuple[str, bytes], how: str) -> None:
     with written({**HALL, file[0]: file[1]}) as folder:
         works_or_says(lambda: _hall(folder, f"{folder}/h.yaml" + (f":{how}" if how else "")))
 
@@ -225,7 +225,7 @@ def _hall(folder: Path, name: str) -> None:
 
 
 def _use(grid: GridMap) -> None:
-    """Read all that a floor computes lazily."""
+    """Compute all lazy properties of a floor."""
     _ = grid.text(), grid.key, grid.legal_moves, repr(grid), len(grid.free_cells), len(grid.endpoints)
 
 
@@ -397,7 +397,7 @@ def _simulator() -> Simulator:
     return simulator
 
 
-def test_actions_in_the_order_of_another_machine_are_the_same() -> None:
+def test_actions_of_other_byte_order_are_equal() -> None:
     ours, theirs = _simulator(), _simulator()
     actions = np.array([[3, 16]])
     assert np.array_equal(ours.step(actions), theirs.step(actions.astype(">i8")))
@@ -406,7 +406,7 @@ def test_actions_in_the_order_of_another_machine_are_the_same() -> None:
 @pytest.mark.parametrize(
     ("field", "value"), [("layout", []), ("robots", "x"), ("seed", None), ("stuck", "a"), ("stuck", 1e300)]
 )
-def test_rows_of_other_values_are_not_compared(tmp_path: Path, field: str, value: object) -> None:
+def test_rows_with_wrong_values_are_not_compared(tmp_path: Path, field: str, value: object) -> None:
     for name, rows in (("a", EVALUATED), ("b", [{**EVALUATED[0], field: value}, *EVALUATED[1:]])):
         (tmp_path / f"{name}.jsonl").write_text("\n".join(map(json.dumps, rows)))
     with pytest.raises(WarehouseError, match=f"a {field} is none"):
@@ -429,32 +429,30 @@ def test_rows_of_other_values_are_not_compared(tmp_path: Path, field: str, value
         (lambda: Recorder(_simulator(), (2**70,)), r"below 2\*\*63"),
     ],
 )
-def test_what_was_found(make: Callable[[], object], sentence: str) -> None:
-    """Each once ended in another error, or in more than a sentence."""
+def test_invalid_arguments_are_refused(make: Callable[[], object], sentence: str) -> None:
+    """Each call once raised another error or more than one sentence."""
     with pytest.raises(WarehouseError, match=sentence) as raised:
         make()
     assert "\n" not in str(raised.value)
 
 
 @pytest.mark.filterwarnings("error")
-def test_heights_that_signal_are_refused_without_a_warning() -> None:
+def test_signalling_nan_heights_are_refused_without_a_warning() -> None:
     heights = np.full((2, 2), 0x7FA00000, np.uint32).view(np.float32)
     with pytest.raises(WarehouseError, match="height at"):
         GridMap(np.zeros((2, 2)), height=heights)
 
 
-def test_an_archive_that_says_it_is_encrypted_is_one_sentence_and_left_open_by_nobody(
-    tmp_path: Path, recwarn: pytest.WarningsRecorder
-) -> None:
+def test_encrypted_archive_is_refused_and_closed(tmp_path: Path, recwarn: pytest.WarningsRecorder) -> None:
     content = bytearray(an_episode())
-    content[content.index(b"PK\1\2") + 8] |= 1  # of the first entry in the directory at the end
+    content[content.index(b"PK\1\2") + 8] |= 1  # flag of the first entry in the central directory
     (tmp_path / "e.npz").write_bytes(content)
     with pytest.raises(WarehouseError, match="encrypted"):
         Episode.load(tmp_path / "e.npz")
     assert not recwarn.list
 
 
-def test_rows_of_a_training_or_an_evaluation_with_odd_values_are_made_again(tmp_path: Path) -> None:
+def test_rows_with_odd_values_are_made_again(tmp_path: Path) -> None:
     (tmp_path / "progress.jsonl").write_text('{"steps": 1}\n{"steps": "x"}\n{"steps": [1]}\n')
     ProgressLog(tmp_path, show=False, steps=5).__exit__(None, None, None)
     assert read_rows(tmp_path / "progress.jsonl") == [{"steps": 1}]

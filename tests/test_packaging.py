@@ -1,4 +1,4 @@
-"""What is installed: the pins, the wheel's contents, the command, and the sentences when set-up cannot work."""
+"""Test the pins, the wheel's contents, the version, and the errors of a failed set-up."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ ROOT = Path(__file__).parent.parent
 PACKAGES = ("warehouse_env", "agents", "train")
 CUDA = re.compile(r"(nvidia|cuda|triton)")
 
-# Those of constraints.txt; the clients have another.
+# The extras of constraints.txt; clients have their own file.
 EXTRAS = ("render", "train", "orca", "onnx", "ray", "fleet", "docs", "dev")
 
 settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
@@ -41,7 +41,7 @@ def pins(file: str = "constraints.txt") -> dict[str, str]:
 
 
 def installed_closure() -> set[str]:
-    """Names of everything that the project and its extras but the clients need, here, through all levels."""
+    """Return all packages that the project and EXTRAS need on this machine, recursively."""
     todo = [Requirement(text) for text in project["dependencies"]]
     todo += [Requirement(text) for extra in EXTRAS for text in project["optional-dependencies"][extra]]
     found: set[tuple[str, str]] = set()
@@ -61,17 +61,17 @@ def _applies(marker: Marker | None, extra: str) -> bool:
 
 
 def data_files() -> set[str]:
-    """Paths of all that lies in the packages and is neither code nor compiled code, nor hidden."""
+    """Return paths of all visible files in the packages that are neither code nor compiled code."""
     files = (path for package in PACKAGES for path in (ROOT / package).rglob("[!.]*"))
     made = (path for path in files if path.is_file() and path.suffix != ".py" and "__pycache__" not in path.parts)
     return {path.relative_to(ROOT).as_posix() for path in made}
 
 
-def test_every_installed_package_is_pinned_and_no_other() -> None:
+def test_pins_are_exactly_the_needed_packages() -> None:
     assert set(pins()) == installed_closure()
 
 
-def test_the_pins_meet_the_bounds() -> None:
+def test_pins_meet_the_bounds() -> None:
     extras = project["optional-dependencies"]
     for file, chosen in (("constraints.txt", EXTRAS), ("constraints-clients.txt", (*EXTRAS, "clients"))):
         for text in [*project["dependencies"], *(text for extra in chosen for text in extras[extra])]:
@@ -80,8 +80,8 @@ def test_the_pins_meet_the_bounds() -> None:
 
 
 @pytest.mark.parametrize(("name", "owner"), [("agents", "openai-agents"), ("train", "")])
-def test_a_file_that_hides_one_of_our_packages_is_named(name: str, owner: str, tmp_path: Path) -> None:
-    """Another package's `agents`, or somebody's own train.py, found before ours."""
+def test_code_that_shadows_our_packages_is_named(name: str, owner: str, tmp_path: Path) -> None:
+    """Cover another package's `agents` and a user's train.py that come before ours on the path."""
     path = tmp_path / (f"{name}/__init__.py" if owner else f"{name}.py")
     path.parent.mkdir(exist_ok=True)
     path.write_text("mine = 'somebody else'\n")
@@ -94,10 +94,10 @@ def test_a_file_that_hides_one_of_our_packages_is_named(name: str, owner: str, t
     code = "import sys; from warehouse_env.start import main; sys.exit(main())"
     words = [sys.executable, "-P", "-c", code, "--version"]
     run = subprocess.run(words, env=environment, capture_output=True, text=True, check=False)
-    (said,) = run.stderr.splitlines()
+    (message,) = run.stderr.splitlines()
     assert run.returncode == 2
-    assert f"hides the package {name} of warehouse-env" in said
-    assert (f"it is of {owner}: install" if owner else "train.py") in said
+    assert f"hides the package {name} of warehouse-env" in message
+    assert (f"it is of {owner}: install" if owner else "train.py") in message
 
 
 def test_every_folder_of_code_is_a_package() -> None:
@@ -105,7 +105,7 @@ def test_every_folder_of_code_is_a_package() -> None:
     assert not [folder for folder in folders if not (folder / "__init__.py").is_file()]
 
 
-def test_every_data_glob_finds_something_and_every_file_is_found() -> None:
+def test_data_globs_match_exactly_the_data_files() -> None:
     found: set[str] = set()
     for package, globs in settings["tool"]["setuptools"]["package-data"].items():
         for glob in globs:
@@ -116,7 +116,7 @@ def test_every_data_glob_finds_something_and_every_file_is_found() -> None:
 
 
 def build(what: str, source: Path, target: Path) -> Path:
-    """Build a wheel or sdist of a folder; returns its file."""
+    """Build a wheel or sdist of a folder; return its file."""
     script = f"from setuptools import build_meta; print(build_meta.build_{what}({str(target)!r}))"
     run = subprocess.run([sys.executable, "-c", script], cwd=source, check=True, capture_output=True, text=True)
     return target / run.stdout.split()[-1]
@@ -141,7 +141,7 @@ def test_wheel_and_sdist_hold_the_packages_and_their_data(tmp_path: Path) -> Non
         assert names == code | data_files()
 
 
-def test_the_version_is_semantic_and_stands_in_changelog_and_citation() -> None:
+def test_version_is_semantic_and_in_changelog_and_citation() -> None:
     assert re.fullmatch(r"\d+\.\d+\.\d+", project["version"])
     assert project["version"] == warehouse_env.__version__
     changes = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
@@ -152,7 +152,7 @@ def test_the_version_is_semantic_and_stands_in_changelog_and_citation() -> None:
 
 
 def make(*words: str, path: Path | None = None) -> subprocess.CompletedProcess[str]:
-    """Run make in the project with `path` first on PATH, and without what an outer make has put in the environment."""
+    """Run make in the project with `path` first on PATH and without an outer make's variables."""
     environment = {name: value for name, value in os.environ.items() if not re.match("MAKE|MFLAGS|VENV$|PYTHON$", name)}
     if path is not None:
         environment["PATH"] = f"{path}{os.pathsep}{environment['PATH']}"
@@ -170,7 +170,7 @@ def make(*words: str, path: Path | None = None) -> subprocess.CompletedProcess[s
         ("case $2 in *ensurepip*) exit 1;; esac", "apt install python3-venv"),
     ],
 )
-def test_set_up_says_what_is_missing(tmp_path: Path, script: str, sentence: str) -> None:
+def test_set_up_names_missing_parts(tmp_path: Path, script: str, sentence: str) -> None:
     python = tmp_path / "python3"
     python.write_text(f"#!/bin/sh\n{script}\n", encoding="utf-8")
     python.chmod(0o755)
@@ -181,7 +181,7 @@ def test_set_up_says_what_is_missing(tmp_path: Path, script: str, sentence: str)
 
 
 @needs_make
-def test_set_up_keeps_a_folder_that_is_no_environment(tmp_path: Path) -> None:
+def test_set_up_keeps_a_foreign_folder(tmp_path: Path) -> None:
     (tmp_path / "letter.txt").write_text("dear", encoding="utf-8")
     run = make("setup", f"VENV={tmp_path}", f"PYTHON={sys.executable}")
     assert run.returncode != 0
@@ -202,8 +202,8 @@ PARTS["one robot's motion"]()
 """
 
 
-def test_kernels_are_compiled_while_pip_still_installs_the_rest() -> None:
-    """Makefile compiles them with a few packages only: what it imports must be among these."""
+def test_kernels_compile_with_few_packages_installed() -> None:
+    """The Makefile compiles kernels with few packages installed; all their imports must be among these."""
     (line,) = re.findall(r"^COMPILING := (.*)$", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
     there = {canonicalize_name(name) for name in line.split()}
     needed = {canonicalize_name(Requirement(text).name) for text in project["dependencies"]} - {"numpy"}  # numba's

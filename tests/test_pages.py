@@ -1,4 +1,4 @@
-"""README and docs/ do not lie: Python runs, commands parse; files, names, figures and sizes are those of the code."""
+"""Test README and docs/: Python runs, commands parse, and names, figures and links match the code."""
 
 from __future__ import annotations
 
@@ -29,31 +29,31 @@ MODEL = PAGES["docs/model.md"]
 
 
 def section(title: str) -> str:
-    """Return what the model's page says under a heading, up to the next one."""
+    """Return the section of the model's page under a heading."""
     return MODEL.split(f"\n## {title}\n")[1].split("\n## ")[0]
 
 
 @pytest.mark.parametrize("block", [block for block in PYTHON if not block.clients], ids=str)
-def test_the_python_runs(
+def test_python_block_runs(
     block: Block, registries: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     if re.search("render|matplotlib|draw|VideoWriter|film", block.source):
         pytest.importorskip("matplotlib")
         pytest.importorskip("pygame")
     monkeypatch.chdir(tmp_path)
-    # Dataclasses look their module up by its name.
+    # Dataclasses look up their module by name.
     monkeypatch.setitem(sys.modules, "page", type(sys)("page"))
     block.run()
     for written, kept in re.findall(r'(imsave|save|VideoWriter|film)\("(\w+)', block.source):
         assert list(tmp_path.glob(f"{kept}.*")), f"{written} left no {kept}"
 
 
-def test_each_way_to_shorten_an_example_fits_one_page_alone() -> None:
+def test_each_shortening_matches_one_page() -> None:
     assert all(len({block.page for block in PYTHON if long in block.source}) == 1 for long in SHORTER)
 
 
 def imported() -> list[tuple[str, str]]:
-    """Return (module, name) of all that the pages' Python and the notebooks take from our packages."""
+    """Return (module, name) of all imports from our packages in pages and notebooks."""
     sources = [block.source for block in PYTHON]
     for path in sorted((ROOT / "examples").glob("*.ipynb")):
         cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
@@ -68,7 +68,7 @@ def imported() -> list[tuple[str, str]]:
 
 
 @pytest.mark.parametrize(("module", "name"), imported())
-def test_what_the_pages_import_is_public_and_by_its_shortest_path(module: str, name: str) -> None:
+def test_pages_import_public_names_by_the_shortest_path(module: str, name: str) -> None:
     if module == "warehouse_env.torchrl":
         pytest.importorskip("torchrl")
     assert hasattr(import_module(module), name) or find_spec(f"{module}.{name}")
@@ -80,8 +80,8 @@ def test_what_the_pages_import_is_public_and_by_its_shortest_path(module: str, n
 
 
 @pytest.mark.parametrize("line", sorted(set().union(*map(command_lines, PAGES.values()))))
-def test_every_command_is_understood(line: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """Parse, do not run: unknown commands, options and values end in SystemExit or an error."""
+def test_every_command_parses(line: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Parse without running; unknown commands, options and values raise SystemExit or an error."""
     program, *words = shlex.split(line)
     assert program in PROGRAMS
     if program == "make":
@@ -91,7 +91,7 @@ def test_every_command_is_understood(line: str, capsys: pytest.CaptureFixture[st
         assert words[0] == "lab"
         assert (ROOT / words[1]).exists()
     elif words == ["install", "jupyterlab"]:
-        assert program == "pip"  # which no extra brings: any program for notebooks will do
+        assert program == "pip"  # no extra installs it: any notebook program will do
     elif program == "pip":
         assert words[:2] == ["install", "-c"]
         assert words[2].startswith("constraints")
@@ -99,7 +99,7 @@ def test_every_command_is_understood(line: str, capsys: pytest.CaptureFixture[st
         known = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
         assert (ROOT / words[2]).is_file()
         assert all(re.search(rf"^{extra} = \[", known, re.MULTILINE) for extra in extras)
-    elif program == "python" and words[0] != "-m":  # tests/examples runs it
+    elif program == "python" and words[0] != "-m":  # tests/examples runs the script
         source = (ROOT / words[0]).read_text(encoding="utf-8")
         assert all(f"    {word[2:]}: " in source for word in words if word.startswith("--"))
     elif program == "python":
@@ -112,15 +112,15 @@ def test_every_command_is_understood(line: str, capsys: pytest.CaptureFixture[st
     else:
         name = next(name for name in COMMANDS if name.split() == words[: len(name.split())])
         options, words = options_of(name), words[len(name.split()) :]
-        if "--device" in words:  # one that is looked for, and need not be here
+        if "--device" in words:  # the named device may be missing here
             words[words.index("--device") + 1] = "cpu"
         usual = {"default": options.defaults_for(name.split()[-1])} if hasattr(options, "defaults_for") else {}
         parsed = tyro.cli(options, prog=f"warehouse {name}", args=words, **usual)
         assert isinstance(parsed, options)
 
 
-def house() -> list[str]:
-    """Return the paths that the map of the house names, folders with a slash at their end."""
+def folder_map() -> list[str]:
+    """Return the paths of the map of folders; folders end in a slash."""
     (block,) = fenced(PAGES["docs/architecture.md"], "text")
     paths: list[str] = []
     folders: dict[int, str] = {}
@@ -134,18 +134,18 @@ def house() -> list[str]:
     return paths
 
 
-@pytest.mark.parametrize("path", house())
-def test_the_map_of_the_house_names_what_exists(path: str) -> None:
+@pytest.mark.parametrize("path", folder_map())
+def test_folder_map_names_existing_paths(path: str) -> None:
     assert (ROOT / path).is_dir() if path.endswith("/") else (ROOT / path).is_file()
 
 
-def test_the_map_of_the_house_names_every_folder_of_code() -> None:
+def test_folder_map_names_every_code_folder() -> None:
     code = {
         f"{path.parent.relative_to(ROOT).as_posix()}/"
         for package in ("warehouse_env", "agents", "train")
         for path in (ROOT / package).rglob("*.py")
     }
-    assert code <= set(house())
+    assert code <= set(folder_map())
 
 
 def headings(page: str) -> set[str]:
@@ -155,7 +155,7 @@ def headings(page: str) -> set[str]:
 
 
 @pytest.mark.parametrize("page", PAGES)
-def test_links_and_paths_lead_somewhere(page: str) -> None:
+def test_links_and_paths_exist(page: str) -> None:
     for link in re.findall(r"\]\(([^)\s]+)\)", PAGES[page]):
         if "://" in link:
             continue
@@ -167,18 +167,18 @@ def test_links_and_paths_lead_somewhere(page: str) -> None:
         assert (ROOT / path).exists(), path
 
 
-def test_every_page_is_linked_from_the_first() -> None:
+def test_index_links_every_page() -> None:
     listed = {f"docs/{name}.md" for block in fenced(PAGES["docs/index.md"], "{toctree}") for name in block.split()}
     assert {*PAGES} - {"README.md", "docs/index.md"} <= listed
 
 
-def test_the_observation_table_is_the_layout() -> None:
+def test_observation_table_matches_the_layout() -> None:
     table = dict(re.findall(r"^\| `(\w+)` \| (\d+) \|", section("Observation"), re.MULTILINE))
     slices = observation_layout(EnvConfig(sensor=SensorSpec(predictions=True), traffic="shield", arrival="stop")).slices
     assert {name: int(size) for name, size in table.items()} == {n: s.stop - s.start for n, s in slices.items()}
 
 
-def test_names_are_those_of_the_code() -> None:
+def test_names_match_the_code() -> None:
     reward = section("Reward")
     assert tuple(re.findall(r"`(\w+)` \(", reward)) == REWARD_TERMS
     work = {"arrival": "stop", "service": ServiceSpec(), "orders": OrderSpec(), "battery": BatterySpec()}
@@ -200,12 +200,12 @@ README = PAGES["README.md"]
 
 
 def table_rows(text: str) -> list[str]:
-    """Return the lines of all tables of figures, headings included."""
+    """Return the lines of all tables of figures, including headings."""
     tables = re.findall(r"(?:^\|.*\n)+", text, re.MULTILINE)
     return [line for table in tables if "--:" in table for line in table.splitlines()]
 
 
-def test_it_is_short() -> None:
+def test_readme_is_short() -> None:
     assert len(README.splitlines()) <= 150
     (example,) = fenced(README, "python")
     assert "parallel_env" in example
@@ -214,14 +214,14 @@ def test_it_is_short() -> None:
     assert "](docs/warehouse.gif)" in README
 
 
-def test_its_python_prints_what_it_says_each_time() -> None:
+def test_readme_example_prints_its_stated_output() -> None:
     (example,) = fenced(README, "python")
     runs = [subprocess.run([sys.executable, "-c", example], cwd=ROOT, capture_output=True, text=True) for _ in range(2)]
     assert runs[0].stdout == runs[1].stdout
     assert f"`{runs[0].stdout.strip()}`" in README, runs[0].stderr
 
 
-def test_its_figures_are_rows_of_docs() -> None:
+def test_readme_figures_are_rows_of_docs() -> None:
     measured = [row for page, text in PAGES.items() if page.startswith("docs/measured/") for row in table_rows(text)]
     assert len(table_rows(README)) > 4
     assert [row for row in table_rows(README) if row not in measured] == []

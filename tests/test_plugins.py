@@ -1,4 +1,4 @@
-"""Parts of one's own: loaded from files and modules where a command names them, and nowhere else."""
+"""Test plugins: commands load parts from named files and modules and from nowhere else."""
 
 from __future__ import annotations
 
@@ -139,7 +139,7 @@ class Rim:
 
 @pytest.fixture(autouse=True)
 def here(registries: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A working folder with a part of each kind."""
+    """Return a working folder with a plugin of each kind."""
     files = {"policy": POLICY, "planner": PLANNER, "layout": LAYOUT, "sensor": SENSOR, "tasks": TASKS_OF_MINE}
     for kind, source in files.items():
         (tmp_path / f"my_{kind}.py").write_text(source)
@@ -156,7 +156,7 @@ def evaluate(*more: str) -> int:
 
 
 @pytest.mark.parametrize("name", ["my_policy.py:Slow", "my_policy:Slow"])
-def test_policy_planner_and_layout_are_driven_and_named_as_typed(name: str) -> None:
+def test_policy_planner_and_layout_run_under_their_typed_names(name: str) -> None:
     assert evaluate("--policy", name, "follow", "--planner", "my_planner.py:Backwards:inner=astar_turns") == 0
     slow, follow = read_rows(Path("out/rows.jsonl"))
     assert (slow["policy"], slow["layout"]) == (name, "my_layout.py:hall:columns=25")
@@ -180,8 +180,8 @@ sys.meta_path.insert(sys.meta_path.index(PathFinder) + 1, Installed)
 
 
 @pytest.mark.nightly
-def test_what_else_lies_beside_is_not_run(here: Path) -> None:
-    """Not by this process, nor by those that work for it, whatever it is called."""
+def test_other_files_in_the_folder_do_not_run(here: Path) -> None:
+    """Neither this process nor its workers run other files, whatever their names."""
     for name in ("train", "agents", "warehouse_env", "numpy", "ray", "tests", "signal", "pickle"):
         (here / f"{name}.py").write_text("import pathlib\npathlib.Path(__file__).with_suffix('.sprung').touch()\n")
     (here / "site").mkdir()
@@ -194,7 +194,7 @@ def test_what_else_lies_beside_is_not_run(here: Path) -> None:
     assert not list(here.glob("*.sprung"))
 
 
-def test_what_it_imports_from_beside_is_its_own(here: Path) -> None:
+def test_plugin_packs_its_own_imports(here: Path) -> None:
     (here / "helper_of_mine.py").write_text("import package_of_mine.inner as inner\nSLOW = inner.SLOW\n")
     (here / "package_of_mine").mkdir()
     (here / "package_of_mine/inner.py").write_text("import importlib\nSLOW = importlib.import_module('last').SLOW\n")
@@ -208,8 +208,8 @@ def test_what_it_imports_from_beside_is_its_own(here: Path) -> None:
     }  # fmt: skip
 
 
-def test_the_search_path_stays_as_it_was(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    for first in ([], [str(here)]):  # the working folder may be in it already
+def test_loading_a_plugin_keeps_the_search_path(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for first in ([], [str(here)]):  # the working folder may already be on the path
         monkeypatch.setattr(sys, "path", [*first, *sys.path])
         before = list(sys.path)
         add_policy("my_policy.py:Slow" if first else "my_policy:Slow")
@@ -239,17 +239,17 @@ def test_the_search_path_stays_as_it_was(here: Path, monkeypatch: pytest.MonkeyP
         ("--policy follow --sensor my_policy.py:Idle", "cannot be used as sensor: it has no observe(view)"),
     ],
 )
-def test_what_is_wrong_is_said_in_one_sentence_before_anything_drives(
+def test_wrong_plugin_is_one_sentence_before_driving(
     options: str, sentence: str, here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (here / "bad.py").write_text("x = 1\ndef\n")
     (here / "missing.py").write_text("import nowhere\n")
-    said = fails(capsys, "evaluate", *DRIVEN.split(), *options.split())
-    assert sentence in said
+    printed = fails(capsys, "evaluate", *DRIVEN.split(), *options.split())
+    assert sentence in printed
     assert not (here / "out").exists()
 
 
-def test_a_name_in_a_file_runs_nothing(here: Path) -> None:
+def test_plugin_name_in_a_file_runs_nothing(here: Path) -> None:
     (here / "trap.py").write_text("import pathlib\npathlib.Path('sprung').touch()\nclass Mine: pass\n")
     name = "trap.py:Mine"
     config = EnvConfig.from_dict({"planner": name, "layout": name, "sensor": {"extra": name}})
@@ -263,12 +263,12 @@ def test_a_name_in_a_file_runs_nothing(here: Path) -> None:
     assert not (here / "sprung").exists()
 
 
-def test_a_recorded_episode_asks_for_its_planner_and_tasks(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_recorded_episode_needs_its_planner_and_tasks(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     own = ["--policy", "my_policy.py:Slow", "--planner", "my_planner.py:Backwards", "--tasks", "my_tasks.py:Rim"]
     record = ["record", "--layout", "my_layout.py:hall", "--robots", "2", "--seconds", "2", "--out", "one.npz"]
     assert main([*record, *own]) == 0
-    said = capsys.readouterr().out
-    assert said.endswith("--html one.html " + " ".join(map("=".join, zip(own[::2], own[1::2], strict=True))) + "\n")
+    printed = capsys.readouterr().out
+    assert printed.endswith("--html one.html " + " ".join(map("=".join, zip(own[::2], own[1::2], strict=True))) + "\n")
     for registry, name in ((PLANNERS, "my_planner.py:Backwards"), (TASKS, "my_tasks.py:Rim")):
         with mock.patch.dict(registry):
             registry.pop(name)
@@ -287,7 +287,7 @@ def test_a_recorded_episode_asks_for_its_planner_and_tasks(here: Path, capsys: p
         ("Broken", "my_sensor.py, line 35: AttributeError"),
     ],
 )
-def test_a_sensor_that_cannot_be_used_is_named(name: str, sentence: str) -> None:
+def test_unusable_sensor_is_named(name: str, sentence: str) -> None:
     add_sensor(f"my_sensor.py:{name}")
     config = EnvConfig(layout="open", num_agents=2, sensor=SensorSpec(extra=f"my_sensor.py:{name}"))
     with pytest.raises(ConfigError) as refused:
@@ -295,7 +295,7 @@ def test_a_sensor_that_cannot_be_used_is_named(name: str, sentence: str) -> None
     assert sentence in str(refused.value)
 
 
-def test_a_training_goes_on_from_a_policy_that_lacks_its_sensor() -> None:
+def test_training_extends_a_policy_without_its_sensor() -> None:
     add_sensor("my_sensor.py:Pace:far=20")
     config = by_recipe("shielded", sensor="my_sensor.py:Pace:far=20", layouts=("open",), robots=(2,), rows=2)
     env = config.env("open", 2)
@@ -309,7 +309,7 @@ SMALL = "--robots 2 --rows 4 --rollout 6 --minibatch 24 --hidden 24 --episode-se
 
 
 @pytest.mark.parametrize("trainer", ["reinforce", "unshielded", "ppo"])
-def test_a_policy_trained_with_a_sensor_is_driven_recorded_and_exported_with_it(
+def test_trained_policy_needs_and_keeps_its_sensor(
     trainer: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     own = ["--sensor", "my_sensor.py:Pace:far=20"]
@@ -333,7 +333,7 @@ def test_a_policy_trained_with_a_sensor_is_driven_recorded_and_exported_with_it(
     assert main(["replay", "one.npz", "--html", "one.html", *own]) == 0
     assert "preferences" not in capsys.readouterr().err
     SENSORS.clear()
-    assert main(["replay", "one.npz", "--html", "two.html"]) == 0  # nothing but the policy looks at it
+    assert main(["replay", "one.npz", "--html", "two.html"]) == 0  # only the policy needs the sensor
     assert "without the policy's preferences: sensor 'my_sensor.py:Pace' is code" in capsys.readouterr().err
     small = (Case("own", "my_layout.py:hall", 2, 1),)
     Path("none.jsonl").touch()
@@ -347,7 +347,7 @@ def test_a_policy_trained_with_a_sensor_is_driven_recorded_and_exported_with_it(
 
 
 @pytest.mark.nightly
-def test_a_training_takes_them_and_goes_on_with_them(capsys: pytest.CaptureFixture[str]) -> None:
+def test_training_resumes_with_its_plugins(capsys: pytest.CaptureFixture[str]) -> None:
     own = ["--layout", "my_layout.py:hall", "--planner", "my_planner.py:Backwards", "--tasks", "my_tasks.py:Rim"]
     begin = ["train", "reinforce", *SMALL.split(), "--steps", "24", "--out", ".", "--name", "run", *own]
     assert main(begin) == 0

@@ -1,4 +1,4 @@
-"""Every reader of a user's file goes through the one door, and every output is whole or absent."""
+"""Test that only listed modules read files and that every output is whole or absent."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from tests.test_architecture import PACKAGES, ROOT, module_name
 from warehouse_env.errors import WarehouseError
 from warehouse_env.files import complete_file, write_text
 
-UNKNOWN = ("h.png",)  # of which no small good one is made here
+UNKNOWN = ("h.png",)  # has no small valid example here
 
 
 @pytest.fixture(autouse=True)
 def _no_waiting() -> Iterator[None]:
-    """End the process where a reader waits for a pipe's writer, or fills the memory from a device."""
+    """End the process if a reader waits for a pipe's writer or fills memory from a device."""
     faulthandler.dump_traceback_later(120, exit=True)
     yield
     faulthandler.cancel_dump_traceback_later()
@@ -38,7 +38,7 @@ def sentence(name: str, path: Path) -> str:
 
 
 @pytest.mark.parametrize("name", [name for name in READERS if name not in UNKNOWN])
-def test_a_good_file_is_read(name: str, tmp_path: Path) -> None:
+def test_valid_file_is_read(name: str, tmp_path: Path) -> None:
     (tmp_path / name).write_bytes(READERS[name].good())
     READERS[name].read(tmp_path / name)
 
@@ -54,7 +54,7 @@ ODD: dict[str, Callable[[Path], object]] = {
 
 @pytest.mark.parametrize("odd", ODD)
 @pytest.mark.parametrize("name", READERS)
-def test_what_is_no_such_file_is_one_sentence(name: str, odd: str, tmp_path: Path) -> None:
+def test_odd_file_is_one_sentence(name: str, odd: str, tmp_path: Path) -> None:
     ODD[odd](tmp_path / name)
     if odd == "missing" and name in ("whole.jsonl", "m.oneway"):
         READERS[name].read(tmp_path / name)
@@ -70,7 +70,7 @@ SAVED: dict[str, Callable[[str], bytes]] = {
 
 @pytest.mark.parametrize("how", SAVED)
 @pytest.mark.parametrize("name", [name for name, reader in READERS.items() if reader.text])
-def test_a_text_is_read_however_a_program_saved_it(name: str, how: str, tmp_path: Path) -> None:
+def test_text_is_read_with_other_line_ends_and_encoding(name: str, how: str, tmp_path: Path) -> None:
     reader, path, found = READERS[name], tmp_path / name, []
     for content in (reader.good(), SAVED[how](reader.good().decode())):
         path.write_bytes(content)
@@ -79,7 +79,7 @@ def test_a_text_is_read_however_a_program_saved_it(name: str, how: str, tmp_path
 
 
 @pytest.mark.parametrize("name", [name for name, reader in READERS.items() if reader.text and reader.good() != LOG])
-def test_a_text_of_another_code_page_is_named_with_its_line(name: str, tmp_path: Path) -> None:
+def test_text_in_another_encoding_is_named_with_its_line(name: str, tmp_path: Path) -> None:
     (tmp_path / name).write_bytes(READERS[name].good().partition(b"\n")[0] + b"\n\xe9\n")
     text = sentence(name, tmp_path / name)
     assert "line 2" in text
@@ -108,7 +108,7 @@ MAY_READ = {
 
 
 def reads(source: str) -> Iterator[str]:
-    """Yield the calls of a source that may open a file for reading."""
+    """Yield the calls in a source that may read a file."""
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Call):
             method, name = getattr(node.func, "attr", ""), getattr(node.func, "id", "")
@@ -117,7 +117,7 @@ def reads(source: str) -> Iterator[str]:
                 yield ast.unparse(node)
 
 
-def test_nobody_opens_files_but_the_door() -> None:
+def test_only_listed_modules_read_files() -> None:
     assert list(reads("Path(x).read_text()\nopen(p)\np.open('rb')\np.open('w')\nf.read()")) == [
         "Path(x).read_text()", "open(p)", "p.open('rb')"
     ]  # fmt: skip
@@ -130,7 +130,7 @@ def test_nobody_opens_files_but_the_door() -> None:
     assert not {module: calls for module, calls in found.items() if module not in MAY_READ}
 
 
-def test_what_a_killed_writer_left_goes_and_what_others_write_stays(tmp_path: Path) -> None:
+def test_only_leftovers_of_killed_writers_are_removed(tmp_path: Path) -> None:
     with subprocess.Popen(["true"]) as gone:
         pass
     left, other = tmp_path / f".a-{gone.pid}-abc.txt", tmp_path / f".ab-{gone.pid}-abc.txt"
@@ -144,7 +144,7 @@ def test_what_a_killed_writer_left_goes_and_what_others_write_stays(tmp_path: Pa
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """A file, a link to it, one to a file that is not there yet, and a pipe."""
+    """Return a folder with a file, a link to it, a link to a missing file, and a pipe."""
     (tmp_path / "old").write_text("old")
     (tmp_path / "old").chmod(0o640)
     (tmp_path / "link").symlink_to("old")
@@ -154,7 +154,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize(("name", "file"), [("link", "old"), ("new link", "new"), ("old", "old")])
-def test_a_link_stays_one_and_a_file_keeps_its_permissions(folder: Path, name: str, file: str) -> None:
+def test_writing_keeps_links_and_permissions(folder: Path, name: str, file: str) -> None:
     write_text(folder / name, "text")
     assert (folder / file).read_text() == "text"
     assert (folder / name).is_symlink() == ("link" in name)
@@ -172,7 +172,7 @@ def test_devices_and_pipes_take_the_bytes(folder: Path) -> None:
 
 
 def test_read_only_files_are_not_replaced(folder: Path) -> None:
-    """Not by root either."""
+    """Root cannot replace them either."""
     (folder / "old").chmod(0o444)
     for name in ("old", "link"):
         with pytest.raises(WarehouseError, match="read-only"):
@@ -180,7 +180,7 @@ def test_read_only_files_are_not_replaced(folder: Path) -> None:
     assert (folder / "old").read_text() == "old"
 
 
-def test_nothing_is_left_of_a_failed_output(tmp_path: Path) -> None:
+def test_failed_output_leaves_no_file(tmp_path: Path) -> None:
     def fail(error: Exception) -> None:
         with complete_file(tmp_path / "x.png") as part:
             part.write_bytes(b"half")

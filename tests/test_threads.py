@@ -1,4 +1,4 @@
-"""Parts done side by side: each once, on several threads, whatever becomes of the helpers."""
+"""Test parallel parts: each runs once, on several threads, also after errors and interrupts."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def three_threads() -> Iterator[None]:
     set_num_threads(before)
 
 
-def test_every_part_is_done_once() -> None:
+def test_every_part_runs_once() -> None:
     done: list[int] = []
 
     def call(part: int) -> int:
@@ -43,11 +43,11 @@ def test_every_part_is_done_once() -> None:
 
 
 def test_parts_run_at_the_same_time() -> None:
-    meet = threading.Barrier(3, timeout=60)  # broken unless three threads are in it at once
+    meet = threading.Barrier(3, timeout=60)  # breaks unless three threads wait at once
     assert len(set(side_by_side(lambda _: meet.wait() and threading.get_ident(), [(k,) for k in range(3)]))) == 3
 
 
-def test_an_error_comes_when_all_parts_are_over() -> None:
+def test_error_is_raised_after_all_parts() -> None:
     over: list[int] = []
 
     def call(part: int) -> None:
@@ -61,21 +61,21 @@ def test_an_error_comes_when_all_parts_are_over() -> None:
 
 
 @pytest.mark.skipif(threading.current_thread() is not threading.main_thread(), reason="only it is interrupted")
-def test_an_interrupt_waits_for_the_parts_under_way() -> None:
-    """Else helpers would go on writing into arrays that the caller already uses for something else."""
+def test_interrupt_waits_for_running_parts() -> None:
+    """Otherwise helpers would write into arrays that the caller already reuses."""
     here, meet, over = threading.get_ident(), threading.Barrier(2, timeout=60), []
 
     def call(part: int) -> None:
         if part < 2:
             meet.wait()
             if threading.get_ident() != here:
-                time.sleep(0.2)  # until the caller has nothing left to do, and waits
+                time.sleep(0.2)  # until the caller has finished its part and waits
                 signal.pthread_kill(here, signal.SIGINT)
                 time.sleep(0.3)
         over.append(part)
 
     set_num_threads(2)
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job ignores it
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # background jobs of a shell ignore SIGINT
     try:
         with pytest.raises(KeyboardInterrupt):
             side_by_side(call, [(0,), (1,)])
@@ -110,7 +110,7 @@ print(os.waitpid(child, 0)[1], flush=True)
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
-def test_a_forked_process_steps_on() -> None:
+def test_forked_process_can_step() -> None:
     done = subprocess.run(
         [sys.executable, "-W", "ignore", "-c", FORKED.format(root=str(ROOT))],
         cwd=ROOT, capture_output=True, text=True, check=False, timeout=300,
