@@ -1,4 +1,4 @@
-"""Floors that are only thought of: rows as trials give them, of robots whose goals follow a known curve with noise."""
+"""Simulate trials without driving: rows of robots whose goals follow a known curve with noise."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from train.advice.trials import AdvicePlan, Drive, TimeBudget, Trial
 from warehouse_env.maps.grid_map import GridMap
 
 Curve = Callable[[float], float]
-"""From a number of robots to the goals per hour of all together."""
+"""Maps a number of robots to their total goals per hour."""
 
 
 def floor_of(*lines: str, **more: Any) -> GridMap:
     return GridMap(np.array([[letter == "#" for letter in line] for line in lines]), name="hall", **more)
 
 
-# Two racks of 2 x 4 cells, an aisle of one cell between them, ways of one cell around.
+# Two racks of 2 x 4 cells with aisles of one cell between and around them.
 RACKS = floor_of(
     "......", ".####.", ".####.", "......", ".####.", ".####.", "......",
     picks=[(3, 2), (0, 2)], stations=[(0, 0), (6, 5)],
@@ -30,7 +30,7 @@ def driver(
     curves: Mapping[str, Curve], noise: float = 0.0, stuck: Callable[[float], float] = lambda robots: 0.0,
     changed: Mapping[str, float] = {}, salt: int = 0, seconds: Callable[[float], float] = lambda robots: 0.0,
 ) -> Drive:  # fmt: skip
-    """Return what drives; noise: of an episode, as a share. changed: goals/h that a floor brings, by its name."""
+    """Return a drive function; noise: relative, per episode; changed: extra goals/h by floor name."""
 
     def row(trial: Trial) -> dict[str, Any]:
         name = f"{trial.floor} {trial.policy} {trial.robots} {trial.seed} {salt}"
@@ -48,13 +48,13 @@ def driver(
 
 
 def plan_of(grid: GridMap, **changes: Any) -> AdvicePlan:
-    """Return a plan for one policy, "ours", with six episodes of everything."""
+    """Return a plan for one policy, "ours", with six episodes per measurement."""
     asked = {"policies": ("ours",), "planner": "astar", "seconds": 300.0, "seed": 0, "episodes": 6, "most": 512}
     return AdvicePlan(grid, **{**asked, **changes})
 
 
 class Slow(TimeBudget):
-    """A clock that goes by what the rows say that they took."""
+    """Clock that advances by the rows' stated durations."""
 
     def __init__(self, minutes: float, drive: Drive) -> None:
         self._passed = 0.0
@@ -62,16 +62,16 @@ class Slow(TimeBudget):
         self._drive = drive
 
     def restart(self) -> None:
-        """Begin anew."""
+        """Restart at zero."""
         self._passed = 0.0
 
     @property
     def spent(self) -> float:
-        """Seconds since it was made, or restarted."""
+        """Return the seconds since the start or restart."""
         return self._passed
 
     def drive(self, trials: Sequence[Trial]) -> list[dict[str, Any]]:
-        """Drive, which takes its time."""
+        """Drive and advance the clock."""
         rows = self._drive(trials)
         self._passed += sum(row["took_s"] for row in rows)
         return rows

@@ -1,4 +1,4 @@
-"""Advice: changes by hand, its words, the command, and its page of a hall."""
+"""Test advice: changes by hand, texts, the command, and pages of halls."""
 
 from __future__ import annotations
 
@@ -45,23 +45,23 @@ def test_aisles_open_gaps_faces_and_whole_lines() -> None:
         assert one.grid.endpoints == RACKS.endpoints
 
 
-def test_on_a_crossing_the_racks_beside_it_can_be_opened() -> None:
+def test_racks_beside_a_crossing_can_be_opened() -> None:
     hall = floor_of(".......", ".##.##.", ".......", ".##.##.", ".......")
     found = {tuple(map(tuple, np.argwhere(one.opened).tolist())) for one in aisles(hall, (2, 3))}
-    assert ((1, 1), (1, 2), (1, 4), (1, 5)) in found  # a line west-east through the racks north of it
-    assert ((1, 2), (3, 2)) in found  # one north-south through those west of it
+    assert ((1, 1), (1, 2), (1, 4), (1, 5)) in found  # a west-east line through the racks to the north
+    assert ((1, 2), (3, 2)) in found  # a north-south line through the racks to the west
 
 
-def test_walls_stay() -> None:
+def test_walls_are_never_opened() -> None:
     walled = floor_of("########", "#......#", "#.####.#", "#......#", "########")
     opened = np.any([one.opened for one in aisles(walled, (1, 3))], axis=0)
     assert np.argwhere(opened).tolist() == [[2, 2], [2, 3], [2, 4], [2, 5]]
     assert aisles(floor_of("......", "......"), (0, 2)) == []
 
 
-def test_changes_are_chosen_by_what_trips_should_cost() -> None:
+def test_changes_are_chosen_by_expected_trip_cost() -> None:
     trips = [((0, 2), (6, 2)), ((6, 3), (0, 3))]
-    # Straight down is 6 cells of driving where a new aisle is; around the racks it is longer.
+    # A new aisle makes a straight trip of 6 cells; the way around the racks is longer.
     line = next(one for one in aisles(RACKS, (3, 2)) if one.text.startswith("a new aisle at x 2"))
     face = next(one for one in aisles(RACKS, (3, 2)) if one.text.startswith("the aisle wider by"))
     assert expected_cost(line.grid, trips[:1], 0) == 6.0
@@ -87,7 +87,7 @@ CAPACITY = Capacity(
 
 
 def advice(asked: RobotsNeeded | None = None, **changes: Any) -> Advice:
-    """Sixteen robots make the most, 32 jam; an aisle gains."""
+    """Return advice: sixteen robots reach the most goals, 32 jam, one more aisle gains."""
     base = interval(1000.0, 100.0)
     effect = Effect(aisles(RACKS, (3, 2))[0], 4, base, interval(50.0, 10.0))
     plan = AdvicePlan(RACKS, ("greedy", "shielded"), "astar_turns", 300.0, 0, None, 64)
@@ -97,13 +97,13 @@ def advice(asked: RobotsNeeded | None = None, **changes: Any) -> Advice:
     return known._replace(**changes)
 
 
-def told(**changes: Any) -> str:
+def answer_with(**changes: Any) -> str:
     return "\n".join(answer(advice(capacity=CAPACITY._replace(**changes))))
 
 
-def test_the_answer_says_what_was_found() -> None:
+def test_answer_states_the_findings() -> None:
     text = "\n".join(answer(advice(RobotsNeeded(900.0, 12, interval(950.0, 40.0)))))
-    for says in (
+    for part in (
         "900 goals an hour take 12 robots", "950 [910, 990]",
         "the most with 16 robots: 990 [940, 1,040] goals an hour",
         "about 12 [10, 14] robots on",
@@ -113,33 +113,33 @@ def test_the_answer_says_what_was_found() -> None:
         "the best of 4 tried is a gap through the shelves",
         "it gains +50.0 [40.0, 60.0] goals an hour (+5.0%) in 8 pairs of episodes; it costs",
     ):  # fmt: skip
-        assert says in text
+        assert part in text
     effect = advice().effect
     assert effect is not None
     unsure = answer(advice(effect=effect._replace(gain=interval(5.0, 35.0))))
     assert "the difference may be chance, +5.0" in "\n".join(unsure)
 
 
-def test_the_answer_names_the_longest_stand_and_its_cause() -> None:
+def test_answer_names_the_longest_standing_robot() -> None:
     stood = {"longest_standing_s": 93.2, "seed": 7, "longest_standing_why": "robot 3 waits for 5, which is parked"}
-    said = " The longest stand took 93 s (seed 7): robot 3 waits for 5, which is parked."
+    longest = " The longest stand took 93 s (seed 7): robot 3 waits for 5, which is parked."
     wait, jam = (
         next(part for part in answer(advice(stands={robots: stood})) if words in part)
         for robots, words in ((16, "wait most"), (32, "it jams"))
     )
-    assert wait.endswith(said)
-    assert jam.endswith(said)
-    assert said not in "\n".join(answer(advice(stands={8: stood})))
+    assert wait.endswith(longest)
+    assert jam.endswith(longest)
+    assert longest not in "\n".join(answer(advice(stands={8: stood})))
 
 
-def test_the_answer_if_less_was_found() -> None:
-    text = told(jam=None, knee=None, loads=[SIXTEEN], raced=False, stopped=["32 robots were tried", "all"])
-    for says in ("No jam was seen with up to 16", "Up to 16 robots, each adds over half", "at least this with 16",
+def test_answer_states_missing_findings() -> None:
+    text = answer_with(jam=None, knee=None, loads=[SIXTEEN], raced=False, stopped=["32 robots were tried", "all"])
+    for part in ("No jam was seen with up to 16", "Up to 16 robots, each adds over half", "at least this with 16",
                  "The time was over before 32 robots were tried, all.", "The policy is `shielded`."):  # fmt: skip
-        assert says in text
-    assert "[10, more than were tried] robots on" in told(knee=Interval(12.0, 10.0, math.inf, 8))
-    assert "0.500 [0.400, 0.600] contacts" in told(contacts=interval(0.5, 0.1))
-    assert "less than 90% of what 24 reach" in told(jam=JAM._replace(stuck=interval(0.0)))
+        assert part in text
+    assert "[10, more than were tried] robots on" in answer_with(knee=Interval(12.0, 10.0, math.inf, 8))
+    assert "0.500 [0.400, 0.600] contacts" in answer_with(contacts=interval(0.5, 0.1))
+    assert "less than 90% of what 24 reach" in answer_with(jam=JAM._replace(stuck=interval(0.0)))
     assert "**One more aisle**: there was no time to try any." in answer(advice(effect=None, sought=False))
     assert "No robot waited, so there is no bottleneck." in answer(advice(bottlenecks=[], effect=None))
 
@@ -147,7 +147,7 @@ def test_the_answer_if_less_was_found() -> None:
 COMMON = ["advise", "--episodes", "2", "--seconds", "20", "--most", "6", "--processes", "1", "--policy", "greedy"]
 
 
-def test_the_command_drives_answers_and_writes_a_page(
+def test_advise_drives_answers_and_writes_a_page(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     pytest.importorskip("matplotlib")
@@ -164,10 +164,10 @@ def test_the_command_drives_answers_and_writes_a_page(
     assert "1 goals an hour" in printed
     assert "<b>hall reaches " in page
     driven = "Driven with traffic rules; planner astar_turns; decision interval 0.1 s. "
-    assert printed.count(driven) == page.count(driven) == 2  # robots, bottlenecks
+    assert printed.count(driven) == page.count(driven) == 2  # in the parts on robots and bottlenecks
     assert "<h2>What a change gains</h2>" in page
     changed = [row for row in rows if row["floor"] != "as it is"]
-    assert len(changed) == 2  # episodes of one change, without a race
+    assert len(changed) == 2  # two episodes of one change, without a race
     pairs = {(row["seed"], row["robots"]) for row in rows if row["floor"] == "as it is"}
     assert {(row["seed"], row["robots"]) for row in changed} <= pairs
 
@@ -180,8 +180,8 @@ def test_the_command_drives_answers_and_writes_a_page(
 SCHEMA = REAL / "LIF-1.0.0.schema.json"
 
 
-def test_kinds_of_cells_by_hand(tmp_path: Path) -> None:
-    """Cells of 4 x 4 pixels: a speck, a wall in part and wholly, a cell that is cut off, one that a mask bars."""
+def test_cell_kinds_by_hand(tmp_path: Path) -> None:
+    """Classify cells of 4 x 4 pixels: with a speck, part of a wall, a wall, cut off, and barred by a mask."""
     pytest.importorskip("matplotlib")
     grey = room(12, 20)
     grey[0, 0] = 0  # a sixteenth of cell (0, 0)
@@ -204,7 +204,7 @@ def test_kinds_of_cells_by_hand(tmp_path: Path) -> None:
     assert "unknown to the map" not in drawing
 
 
-def test_what_is_doubtful_is_said_with_what_settles_it(tmp_path: Path) -> None:
+def test_doubts_state_their_remedy(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     grey = room(12, 20)
     grey[0, 0] = 0
@@ -220,13 +220,13 @@ def test_what_is_doubtful_is_said_with_what_settles_it(tmp_path: Path) -> None:
 
 
 def changed(grid: GridMap, gain: float) -> Any:
-    """Return an advice on a floor of which an aisle, or nothing where none can be opened, brings so much."""
+    """Return advice whose best change, an aisle if one can be opened, gains `gain` goals/h."""
     gap = next(iter(aisles(grid, (3, 2))), Candidate("nothing", grid, np.zeros(grid.shape, dtype=np.bool_)))
     effect = Effect(gap, 1, interval(1.0), interval(gain, 5.0))
     return advice(effect=effect, plan=AdvicePlan(grid, ("greedy",), "astar", 300.0, 7, None, 8))
 
 
-def test_a_change_that_surely_gains_is_recommended() -> None:
+def test_significant_gain_is_recommended() -> None:
     known = changed(RACKS, 50.0)
     assert recommended(known) is known.effect
     for unsure in (changed(RACKS, 4.0), changed(RACKS, -50.0), advice(effect=None)):
@@ -234,7 +234,7 @@ def test_a_change_that_surely_gains_is_recommended() -> None:
 
 
 @pytest.mark.parametrize("name", ["racks", "depot"])
-def test_files_to_take_away_are_read_back_to_the_same_floor(name: str, tmp_path: Path) -> None:
+def test_floor_files_of_the_advice_round_trip(name: str, tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     if name == "depot" and not REAL.exists():
         pytest.skip("the real halls are not here")

@@ -1,4 +1,4 @@
-"""The number of robots: peak, jam and knee by hand and on known curves with noise; the fewest for a goal."""
+"""Test peak, jam and knee by hand and on known noisy curves, and the fewest robots for a goal."""
 
 from __future__ import annotations
 
@@ -24,55 +24,55 @@ def driven(late: float, stuck: float = 0.0) -> dict[str, Any]:
     return {"late_goals_per_robot_hour": late, "stuck": stuck, "waiting_share": 0.1}
 
 
-def made(robots: int, goals: float, half: float = 0.0, jammed: bool = False) -> LoadPoint:
-    """Return a load with an interval of so much to both sides, of four episodes."""
+def load_point(robots: int, goals: float, half: float = 0.0, jammed: bool = False) -> LoadPoint:
+    """Return a load point of four episodes with half width `half`."""
     none = Interval(NAN, NAN, NAN, 0)
     return LoadPoint(robots, 4, Interval(goals, goals - half, goals + half, 4), none, none, none, jammed)
 
 
-def test_a_floor_jams_where_robots_are_stuck_or_all_together_do_less() -> None:
+def test_floor_jams_if_robots_stick_or_total_goals_fall() -> None:
     found = loads({16: [driven(100.0), driven(110.0)], 8: [driven(120.0)], 32: [driven(40.0)], 24: [driven(90, 0.06)]})
     assert [(load.robots, load.goals.mean, load.jammed) for load in found] == [
         (8, 960.0, False), (16, 1680.0, False), (24, 2160.0, True), (32, 1280.0, True),
     ]  # fmt: skip
     assert found[1].goals.high == pytest.approx(1680 + 16 * 12.7062 * 5)  # t of one degree, deviation 7.07 / sqrt(2)
-    assert peak(found).robots == 16  # 24 make more, but jam
+    assert peak(found).robots == 16  # 24 reach more goals but jam
     assert peak(found[2:]).robots == 24
     first = jams_from(found)
     assert first is not None
     assert first.robots == 24
-    assert jams_from([made(8, 1.0, jammed=True), made(16, 2.0)]) is None
+    assert jams_from([load_point(8, 1.0, jammed=True), load_point(16, 2.0)]) is None
 
 
-def test_numbers_to_try() -> None:
+def test_rungs_of_robot_numbers() -> None:
     assert rungs(1, 24) == [1, 2, 3, 4, 6, 8, 12, 16, 24]
     assert rungs(16, 20) == [16, 20]
     assert rungs(5, 5) == [5]
 
 
-def test_the_smaller_of_two_that_cannot_be_told_apart_is_named() -> None:
+def test_smallest_near_optimal_number_is_named() -> None:
     assert smallest({16: 4000.0, 24: 4900.0, 32: 5000.0}) == 24
 
 
-def test_the_knee_by_hand() -> None:
-    # From 0 to 10 robots each brings 100, from 10 to 20 it is 60, from 20 to 30 it is 20; half of 100 lies between the
-    # middles 15 and 25, a quarter of the way.
-    found = [made(10, 1000.0), made(20, 1600.0), made(30, 1800.0)]
+def test_knee_by_hand() -> None:
+    # Each robot adds 100 goals up to 10 robots, 60 up to 20, and 20 up to 30. The slope of 50 lies between the centres
+    # 15 and 25, a quarter of the way.
+    found = [load_point(10, 1000.0), load_point(20, 1600.0), load_point(30, 1800.0)]
     alone = Interval(100.0, 100.0, 100.0, 9)
     assert knee(found, alone, 0) == pytest.approx((17.5, 17.5, 17.5, 4))
     assert knee(found[:2], alone, 0) is None
     assert knee([], alone, 0) is None
 
 
-def test_an_interval_of_a_knee_that_may_not_be_reached_is_open() -> None:
-    at = knee([made(10, 1000.0), made(20, 1450.0, half=300.0)], Interval(100.0, 99.0, 101.0, 9), 0)
+def test_interval_of_an_uncertain_knee_is_open() -> None:
+    at = knee([load_point(10, 1000.0), load_point(20, 1450.0, half=300.0)], Interval(100.0, 99.0, 101.0, 9), 0)
     assert at is not None
     assert at.high == math.inf
     assert 5.0 < at.low < at.mean < 20.0
 
 
-def test_intervals_of_the_knee_hold_its_truth() -> None:
-    """Goals a n (1 - n / 2m) have half of their first slope where n = m / 2; noise of 3% as on real floors."""
+def test_knee_intervals_cover_the_truth() -> None:
+    """Goals a n (1 - n / 2m) have half of their initial slope at n = m / 2; noise is 3%, as on real floors."""
     true, numbers = 32.0, [8, 16, 24, 32, 48, 64]
     hits, points = 0, []
     for seed in range(20):
@@ -82,7 +82,7 @@ def test_intervals_of_the_knee_hold_its_truth() -> None:
             goals = 200.0 * robots * (1 - robots / 128)
             return mean_interval((goals * (1 + 0.03 * rng.standard_normal(6))).tolist())
 
-        found = [made(robots, 0.0)._replace(goals=seen(robots)) for robots in numbers]
+        found = [load_point(robots, 0.0)._replace(goals=seen(robots)) for robots in numbers]
         at = knee(found, seen(1), seed)
         assert at is not None
         hits += at.low <= true <= at.high
@@ -91,7 +91,7 @@ def test_intervals_of_the_knee_hold_its_truth() -> None:
     assert np.mean(points) == pytest.approx(true, rel=0.05)
 
 
-def test_the_fewest_by_halves() -> None:
+def test_fewest_robots_by_bisection() -> None:
     tried: list[int] = []
 
     def reaches(robots: int) -> bool:
@@ -103,10 +103,15 @@ def test_the_fewest_by_halves() -> None:
     assert fewest_that(lambda robots: robots >= 700, 512, 1024) == 704  # within a sixteenth
 
 
-def test_between_which_numbers_enough_is_made() -> None:
-    found = [made(8, 800.0, 10.0), made(16, 1500.0, 200.0), made(32, 2200.0, 50.0), made(64, 2100.0, 50.0)]
+def test_bracket_of_sufficient_numbers() -> None:
+    found = [
+        load_point(8, 800.0, 10.0),
+        load_point(16, 1500.0, 200.0),
+        load_point(32, 2200.0, 50.0),
+        load_point(64, 2100.0, 50.0),
+    ]
     assert bracket(found, 500.0) == (0, 8)
-    assert bracket(found, 1400.0) == (8, 32)  # of 16 it is not sure
+    assert bracket(found, 1400.0) == (8, 32)  # 16 may reach it
     assert bracket(found, 2190.0) == (16, 32)
     assert bracket(found, 2300.0) is None
 
@@ -115,17 +120,17 @@ HALL = floor_of(*["." * 48] * 48)  # 2,304 cells
 
 
 def peaked(at: float, each: float = 200.0) -> Curve:
-    """Return goals that rise with `each` of the first, are most at `at`, and fall slowly behind."""
+    """Return a curve with initial slope `each`, a peak at `at`, and a slow fall beyond."""
     return lambda robots: each * robots * math.exp(-robots / at)
 
 
 def plateau(robots: float) -> float:
-    """Rise to 4,000 goals at 20 robots, and stay."""
+    """Rise to 4,000 goals at 20 robots, then stay level."""
     return 200.0 * min(robots, 20.0)
 
 
 def collapse(robots: float) -> float:
-    """Rise to 8,000 goals at 40 robots, and fall to next to nothing beyond."""
+    """Rise to 8,000 goals at 40 robots, then drop to 500."""
     return 200.0 * robots if robots <= 40 else 500.0
 
 
@@ -136,7 +141,7 @@ def found(curve: Curve, noise: float = 0.0, salt: int = 0, **changes: object) ->
 
 @pytest.mark.parametrize("salt", range(3))
 @pytest.mark.parametrize("at", [7.0, 30.0, 200.0])
-def test_a_known_peak_is_found_through_noise(at: float, salt: int) -> None:
+def test_known_peak_is_found_in_noise(at: float, salt: int) -> None:
     curve = peaked(at)
     one = found(curve, 0.03, salt)
     assert curve(one.team.robots) >= 0.93 * curve(at)
@@ -144,15 +149,15 @@ def test_a_known_peak_is_found_through_noise(at: float, salt: int) -> None:
     assert one.goals.goals.mean == pytest.approx(curve(one.team.robots), rel=0.05)
 
 
-def test_of_a_plateau_its_beginning_is_named() -> None:
+def test_start_of_a_plateau_is_named() -> None:
     one = found(plateau)
-    assert one.team.robots == 24  # the first of the numbers tried that makes most
+    assert one.team.robots == 24  # the smallest tried number with the most goals
     assert one.knee is not None
     assert 16 < one.knee.mean < 24
     assert one.jam is None
 
 
-def test_a_collapse_is_not_where_the_most_is() -> None:
+def test_peak_lies_before_a_collapse() -> None:
     one = found(collapse)
     assert one.team.robots == 32
     assert one.jam is not None
@@ -161,7 +166,7 @@ def test_a_collapse_is_not_where_the_most_is() -> None:
 
 
 @pytest.mark.parametrize("salt", range(3))
-def test_the_policy_that_drives_best_is_chosen_and_measured_anew(salt: int) -> None:
+def test_best_policy_is_chosen_and_measured_again(salt: int) -> None:
     curves = {"ours": peaked(30.0), "better": peaked(30.0, 230.0), "worse": peaked(30.0, 150.0)}
     plan = plan_of(HALL, policies=tuple(curves))
     one = capacity(TrialRuns(plan, driver(curves, 0.03, salt=salt), TimeBudget(None)))
@@ -169,11 +174,11 @@ def test_the_policy_that_drives_best_is_chosen_and_measured_anew(salt: int) -> N
     assert one.alone.mean == pytest.approx(230.0, rel=0.1)
 
 
-def test_the_answer_is_measured_on_seeds_that_had_no_part_in_the_choice() -> None:
+def test_answer_is_measured_on_fresh_seeds() -> None:
     lucky = driver({"ours": peaked(30.0)})
 
     def drive(trials: Sequence[Trial]) -> list[dict[str, Any]]:
-        """Give whoever drives a seed of the choice three times as much."""
+        """Triple the goals on seeds of the choice."""
         rows = lucky(trials)
         for row in rows:
             row["late_goals_per_robot_hour"] *= 3 if row["seed"] < 1_000 else 1
@@ -183,7 +188,7 @@ def test_the_answer_is_measured_on_seeds_that_had_no_part_in_the_choice() -> Non
     assert one.goals.goals.mean == pytest.approx(peaked(30.0)(one.team.robots))
 
 
-def test_a_floor_on_which_all_get_stuck() -> None:
+def test_floor_where_all_robots_stick_jams_at_one() -> None:
     one = capacity(
         TrialRuns(plan_of(HALL), driver({"ours": peaked(160.0)}, stuck=lambda robots: 1.0), TimeBudget(None))
     )
@@ -192,8 +197,8 @@ def test_a_floor_on_which_all_get_stuck() -> None:
     assert one.jam.robots == 1
 
 
-def test_on_a_large_floor_the_peak_is_found_in_little_time() -> None:
-    """An episode takes 1 ms a robot, so a second is one episode of a thousand; 512 make most."""
+def test_peak_of_a_large_floor_is_found_in_little_time() -> None:
+    """An episode takes 1 ms per robot; the peak is at 512 robots."""
     clock = Slow(0.6, driver({"ours": peaked(512.0)}, 0.01, seconds=lambda robots: robots / 1000))
     one = capacity(TrialRuns(plan_of(floor_of(*["." * 180] * 180), episodes=None, most=2048), clock.drive, clock))
     assert one.team.robots in (384, 512)
@@ -203,16 +208,16 @@ def test_on_a_large_floor_the_peak_is_found_in_little_time() -> None:
 
 
 @pytest.mark.parametrize(("minutes", "sought"), [(0.1, False), (30.0, True)])
-def test_the_time_is_kept_and_used(minutes: float, sought: bool) -> None:
+def test_time_budget_is_kept_and_used(minutes: float, sought: bool) -> None:
     clock = Slow(minutes, driver({"ours": peaked(250.0)}, 0.01, seconds=lambda robots: robots / 1000))
     one = advise(plan_of(HALL, episodes=None), clock.drive, clock)
     assert one.sought == sought
     assert clock.spent <= 60 * minutes
-    assert sought or clock.spent > 0.65 * 60 * minutes  # more than its share if changes are tried
+    assert sought or clock.spent > 0.65 * 60 * minutes  # without changes, capacity uses more of the time
     assert one.capacity.team.robots >= 64
 
 
-def test_if_time_is_short_it_says_what_is_missing() -> None:
+def test_short_time_budget_states_what_is_missing() -> None:
     clock = Slow(0.01, driver({"ours": peaked(30.0)}, 0.01, seconds=lambda robots: robots / 1000))
     one = capacity(TrialRuns(plan_of(HALL, episodes=None), clock.drive, clock))
     assert one.stopped
@@ -220,7 +225,7 @@ def test_if_time_is_short_it_says_what_is_missing() -> None:
 
 
 @pytest.mark.parametrize("salt", range(3))
-def test_the_fewest_that_make_so_many_goals(salt: int) -> None:
+def test_fewest_robots_for_the_wanted_goals(salt: int) -> None:
     curve = peaked(60.0)
     plan = plan_of(HALL, wanted=3000.0, episodes=12)
     study = TrialRuns(plan, driver({"ours": curve}, 0.03, salt=salt), TimeBudget(None))
@@ -231,14 +236,14 @@ def test_the_fewest_that_make_so_many_goals(salt: int) -> None:
     assert one.goals.low >= 3000.0
 
 
-def test_goals_that_a_floor_cannot_make_are_called_so() -> None:
+def test_unreachable_goals_are_reported_as_impossible() -> None:
     study = TrialRuns(plan_of(HALL, wanted=5000.0), driver({"ours": peaked(30.0)}, 0.02), TimeBudget(None))
-    one = robots_needed(study, capacity(study), 1.0)  # the most is 200 * 30 / e = 2,207
+    one = robots_needed(study, capacity(study), 1.0)  # the maximum is 200 * 30 / e = 2,207
     assert (one.robots, one.possible) == (None, False)
 
 
 def run(marks: dict[str, Sequence[float]], last: int = 99) -> dict[str, list[float]]:
-    """Race four rounds; last: the round before which there is no more time."""
+    """Race four rounds; time runs out before round `last`."""
     return race(
         marks, lambda left, number: [marks[arm][number] for arm in left], 4, lambda left, n: len(left) > 1 and n < last
     )
@@ -249,5 +254,5 @@ def test_arms_that_are_significantly_worse_are_dropped_after_three_rounds() -> N
     assert {arm: len(values) for arm, values in raced.items()} == {"best": 4, "near": 4}
     assert best_of(raced) == "best"
     assert run({"best": [9, 10, 11, 10], "far": [1, 2, 3, 2]}) == {"best": [9, 10, 11]}
-    assert list(run({"best": [9, 9], "far": [1, 1]}, last=2)) == ["best", "far"]  # of two rounds nothing is told
+    assert list(run({"best": [9, 9], "far": [1, 1]}, last=2)) == ["best", "far"]  # two rounds decide nothing
     assert run({"best": [9, 9], "far": [1, 1]}, last=0) == {"best": [], "far": []}

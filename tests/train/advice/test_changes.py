@@ -1,4 +1,4 @@
-"""Changes and trips: noise is no gain, gains are found, lost storage is counted; traffic and bottlenecks by hand."""
+"""Test changes and trips: noise is no gain, real gains are found, lost storage counts; traffic by hand."""
 
 from __future__ import annotations
 
@@ -30,30 +30,30 @@ def effect_of(study: TrialRuns, chosen: Sequence[Candidate]) -> Effect:
     return found
 
 
-def tried(salt: int, pairs: int = PAIRS, **changed: float) -> Effect:
-    """Return the effect of the best of six changes, in noise of 3%; changed: what some bring, "_" for a blank."""
+def best_effect(salt: int, pairs: int = PAIRS, **changed: float) -> Effect:
+    """Return the effect of the best of six changes in 3% noise; changed: gains by name, with _ for a space."""
     gains = {name.replace("_", " "): gain for name, gain in changed.items()}
     drive = driver({"ours": lambda robots: 4000.0}, 0.03, changed=gains, salt=salt)
     return effect_of(TrialRuns(plan_of(HALL, episodes=pairs), drive, TimeBudget(None)), AISLES)
 
 
-def test_noise_is_called_a_gain_on_at_most_one_floor_in_twenty() -> None:
-    floors = [tried(salt) for salt in range(60)]
+def test_noise_is_a_gain_on_at_most_one_floor_in_twenty() -> None:
+    floors = [best_effect(salt) for salt in range(60)]
     assert all(effect.tried == 6 for effect in floors)
-    assert sum(effect.significant for effect in floors) <= 7  # of 60 at 5%, with 98%
+    assert sum(effect.significant for effect in floors) <= 7  # 98% bound for 60 floors at 5%
 
 
 @pytest.mark.parametrize("salt", range(3))
-def test_what_helps_is_found_among_what_does_not(salt: int) -> None:
-    best = tried(salt, 12, aisle_3=400.0, aisle_1=-400.0)
+def test_useful_change_is_found_among_useless_ones(salt: int) -> None:
+    best = best_effect(salt, 12, aisle_3=400.0, aisle_1=-400.0)
     assert best.candidate.text == "aisle 3"
     assert best.significant
     assert best.gain.mean == pytest.approx(400.0, abs=150.0)
 
 
-def test_a_gain_is_measured_on_seeds_that_had_no_part_in_the_race() -> None:
+def test_gain_is_measured_on_fresh_seeds() -> None:
     def drive(trials: Sequence[Trial]) -> list[dict[str, Any]]:
-        """Give changed floors twice as much on the seeds of the race."""
+        """Double the goals of changed floors on seeds of the race."""
         rows = driver({"ours": lambda robots: 4000.0})(trials)
         for row, trial in zip(rows, trials, strict=True):
             lucky = trial.floor != AS_IS and row["seed"] in plan_of(HALL).seeds(Use.LOOK, BLOCK)
@@ -63,21 +63,21 @@ def test_a_gain_is_measured_on_seeds_that_had_no_part_in_the_race() -> None:
     assert effect_of(TrialRuns(plan_of(HALL, episodes=12), drive, TimeBudget(None)), AISLES).gain.mean == 0
 
 
-def test_few_pairs_tell_nothing() -> None:
-    best = tried(0, PAIRS - 1, aisle_3=4000.0)
+def test_few_pairs_are_not_significant() -> None:
+    best = best_effect(0, PAIRS - 1, aisle_3=4000.0)
     assert best.gain.low > 0
     assert not best.significant
 
 
-def test_as_many_changes_as_there_is_time_for() -> None:
+def test_time_limits_the_number_of_changes() -> None:
     assert affordable(math.inf, 1.0) == 6
-    assert affordable((3 * (1 + 2) + 2 * PAIRS) * 10.0, 10.0) == 2  # two and the floor as it is, then the pairs
+    assert affordable((3 * (1 + 2) + 2 * PAIRS) * 10.0, 10.0) == 2  # two changes and the present floor, then the pairs
     assert affordable(2 * PAIRS * 10.0, 10.0) == 1
     assert affordable((2 * PAIRS - 1) * 10.0, 10.0) == 0
 
 
-def test_storage_that_an_aisle_costs() -> None:
-    """A rack of eight cells with twelve cells around it, one of whose two rows is opened, and a wall that is none."""
+def test_aisle_states_the_lost_storage() -> None:
+    """Open one of two rows of a rack of eight cells that twelve cells surround; the wall is no storage."""
     hall = floor_of("######", "......", ".####.", ".####.", "......")
     opened = np.zeros(hall.shape, dtype=np.bool_)
     opened[2, 1:5] = True
@@ -90,7 +90,7 @@ def test_storage_that_an_aisle_costs() -> None:
     assert lost.faces > 0
 
 
-def test_a_single_change_needs_no_race() -> None:
+def test_single_change_needs_no_race() -> None:
     driven: list[str] = []
 
     def drive(trials: Sequence[Trial]) -> list[dict[str, Any]]:
@@ -103,14 +103,14 @@ def test_a_single_change_needs_no_race() -> None:
     assert measured(study, [], TEAM) is None
 
 
-def test_trips_go_to_and_fro_between_picks_and_stations() -> None:
+def test_trips_alternate_between_picks_and_stations() -> None:
     grid = make_layout("single_lane")
     picks, stations = ({tuple(cell) for cell in cells.tolist()} for cells in (grid.picks, grid.stations))
     trips = draw_trips(grid, 1, 50)
     assert len(trips) == 50
     for number, (start, goal) in enumerate(trips):
         assert (start in picks and goal in stations) if number % 2 else (start in stations and goal in picks)
-    assert len({start for start, _ in trips[1::2]}) == 25  # picks come again only when all have been
+    assert len({start for start, _ in trips[1::2]}) == 25  # picks repeat only after all were used
     assert trips == draw_trips(grid, 1, 50)
 
 
@@ -119,7 +119,7 @@ def test_traffic_of_two_routes_by_hand() -> None:
     assert visits.tolist() == [[1.0, 1.0, 0.0], [0.0, 0.0, 0.5]]
 
 
-def test_bottlenecks_say_where_in_metres_and_how_much() -> None:
+def test_bottlenecks_state_place_in_metres_and_share() -> None:
     waiting = np.zeros((7, 6))
     waiting[3, 3], waiting[6, 0] = 30.0, 10.0
     visits = np.zeros((7, 6))
@@ -139,12 +139,12 @@ DIAGONALS = [np.array([(0, 0), (1, 1)]), np.array([(0, 1), (1, 0)])]
 @pytest.mark.parametrize(
     ("routes", "met"),
     [
-        ([EAST, SOUTH], 2 / 6),  # a window of 1, and both take 6
+        ([EAST, SOUTH], 2 / 6),  # a window of 1; both routes take 6
         ([EAST, EAST[::-1]], 7 * 2 / 6),  # the opposing stretch is 6 long
         ([SLOPE, SLOPE[::-1]], 2 * (1 + 3 * math.sqrt(2)) / (3 * math.sqrt(2))),
         ([EAST, EAST], 2 / 6),  # one behind the other
         ([EAST, JOINING], 1 / 6 + 1 / (5 + math.sqrt(2))),
-        (DIAGONALS, 2 / math.sqrt(2)),  # no shared cell, but they cross
+        (DIAGONALS, 2 / math.sqrt(2)),  # they cross without a shared cell
         ([DIAGONALS[0][::-1], DIAGONALS[1]], 2 / math.sqrt(2)),
         ([EAST, SOUTH, EAST[::-1]], 2 * 2 / 6 + 7 * 2 / 6),
         ([EAST], 0.0),
@@ -156,7 +156,7 @@ def test_conflicts_by_hand(routes: list[np.ndarray], met: float) -> None:
 
 @settings(max_examples=30, deadline=None)
 @given(st.lists(st.integers(0, 299), min_size=3, max_size=6, unique=True))
-def test_conflicts_are_of_pairs_in_any_order(chosen: list[int]) -> None:
+def test_conflicts_sum_over_pairs_in_any_order(chosen: list[int]) -> None:
     grid = make_layout("paper46")
     all_trips = draw_trips(grid, 0)
     routes = plan_trips(grid, [all_trips[k] for k in chosen])

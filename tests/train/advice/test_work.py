@@ -1,4 +1,4 @@
-"""Advice for robots that work, or are of other kinds: orders an hour, fleets of trials, floors for bodies."""
+"""Test advice for orders and for fleets of several kinds: orders per hour, fleets, fitted floors."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ HALL = floor_of(*["." * 48] * 48)
 DRAWN: dict[str, Any] = {"orders": OrderSpec(per_hour=600.0), "arrival": "stop"}
 
 
-def worked(trials: Sequence[Trial]) -> list[dict[str, Any]]:
-    """Drop 20 orders an hour each, up to 600."""
+def drive_orders(trials: Sequence[Trial]) -> list[dict[str, Any]]:
+    """Deliver 20 orders an hour per robot, 600 at most."""
     rows = driver({"ours": lambda robots: 100.0 * robots})(trials)
     for row, trial in zip(rows, trials, strict=True):
         made = min(20.0 * trial.robots, 600.0) / trial.robots
@@ -39,7 +39,7 @@ def worked(trials: Sequence[Trial]) -> list[dict[str, Any]]:
     return rows
 
 
-def test_orders_are_counted_by_halves() -> None:
+def test_late_orders_are_those_of_the_second_half() -> None:
     watcher = OrdersSoFar(10)
     watcher._before = 5.0
     row = {"robots": 4, "orders_done": 25.0, "orders_per_hour": 50.0}
@@ -48,7 +48,7 @@ def test_orders_are_counted_by_halves() -> None:
     assert ORDERS.made({**row, **read}) == 80.0
 
 
-def test_fewer_orders_that_came_are_no_jam() -> None:
+def test_fewer_orders_are_no_jam() -> None:
     rows = {
         robots: [{"late_orders_per_robot_hour": made / robots, "stuck": 0.0, "waiting_share": 0.0}] * 2
         for robots, made in ((8, 160.0), (16, 300.0), (32, 240.0))
@@ -56,18 +56,18 @@ def test_fewer_orders_that_came_are_no_jam() -> None:
     assert not any(load.jammed for load in loads(rows, ORDERS))
 
 
-def test_the_fewest_robots_that_carry_out_the_orders() -> None:
+def test_fewest_robots_for_the_wanted_orders() -> None:
     plan = plan_of(HALL, wanted=560.0, work=DRAWN, most=128)
-    study = TrialRuns(plan, worked, TimeBudget(None))
+    study = TrialRuns(plan, drive_orders, TimeBudget(None))
     found = capacity.capacity(study)
-    assert found.team.robots == 32  # the first of the numbers tried that drop all 600 that come
+    assert found.team.robots == 32  # the smallest tried number that delivers all 600
     one = capacity.robots_needed(study, found, 1.0)
-    assert one.robots in (28, 29)  # sought within a sixteenth
-    said = asked_text(one, found, plan.aim)
-    assert said.startswith(f"**560 orders an hour take {one.robots} robots**: they reach 5")
+    assert one.robots in (28, 29)  # exact to a sixteenth
+    text = asked_text(one, found, plan.aim)
+    assert text.startswith(f"**560 orders an hour take {one.robots} robots**: they reach 5")
 
 
-def test_a_trial_is_known_by_its_work(tmp_path: Path) -> None:
+def test_trial_identity_includes_its_work(tmp_path: Path) -> None:
     file = tmp_path / "orders.csv"
     write_orders(file, [Order(0.0, ((1, 1),), (0, 0), 9.0, 1.0)])
 
@@ -89,7 +89,7 @@ COMMON = ["advise", "--episodes", "2", "--most", "2", "--processes", "1", "--see
 
 
 @pytest.mark.nightly
-def test_the_command_carries_out_orders(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_advise_carries_out_orders(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("matplotlib")
     grid = make_layout("open")
     picks, stations, _ = grid.endpoints
@@ -109,7 +109,7 @@ def test_the_command_carries_out_orders(tmp_path: Path, capsys: pytest.CaptureFi
 
 LONG = RobotSpec(length=1.4, max_speed=0.8)
 WIDE = RobotSpec(length=1.2, width=1.2)
-# Racks with a blind aisle of one cell, and ways of three around them, where wide robots pass.
+# Racks with a dead-end aisle of one cell; wide robots pass on the three-cell ways around them.
 RACKS_AND_WAYS = floor_of(
     *["................"] * 3, *["...#####.####..."] * 4, "...##########...", *["................"] * 3,
     picks=[(2, 3), (6, 8), (8, 6)], stations=[(4, 1)],
@@ -121,7 +121,7 @@ def kinds_of(plan: AdvicePlan, robots: int, seeds: range) -> list[tuple[RobotSpe
     return [EnvConfig(num_agents=robots, **trial.work).robots for trial in trials]
 
 
-def test_fleets_keep_their_shares_and_one_alone_is_of_each_kind_in_turn() -> None:
+def test_fleets_keep_shares_and_single_robots_cycle_kinds() -> None:
     plan = plan_of(RACKS, kinds=Kinds((KindPart(LONG, share=0.25),)), seed=7)
     for use in (Use.ALONE, Use.CHOOSE):
         alone = kinds_of(plan, 1, plan.seeds(use, 8))
@@ -131,7 +131,7 @@ def test_fleets_keep_their_shares_and_one_alone_is_of_each_kind_in_turn() -> Non
             assert fleet.count(LONG) == robots // 4
 
 
-def test_a_trial_is_known_by_its_robots() -> None:
+def test_trial_identity_includes_its_robots() -> None:
     plan = plan_of(RACKS, policies=("greedy",), seconds=2.0)
     (usual,) = plan.trials(RACKS, "greedy", 2, [1])
     (long,) = dataclasses.replace(plan, kinds=Kinds((KindPart(LONG, share=1.0),))).trials(RACKS, "greedy", 2, [1])
@@ -142,12 +142,12 @@ def test_a_trial_is_known_by_its_robots() -> None:
     assert long.left([row]) == ([row], None)
 
 
-def test_the_floor_is_for_the_widest_body_however_many_there_are() -> None:
+def test_floor_is_fitted_to_the_widest_footprint() -> None:
     few = Kinds((KindPart(WIDE, share=0.05),))
     grid, narrow = for_kinds(RACKS_AND_WAYS, few)
     assert grid.tight is not None
     assert grid.tight[3:7, 8].all()
-    assert grid.endpoints[0] == [(1, 3), (9, 6)]  # beside shelves there is no room for half of the width
+    assert grid.endpoints[0] == [(1, 3), (9, 6)]  # too close to shelves for half the width
     assert narrow[0].startswith("aisles are too narrow for bodies of 1.2 x 1.2 m: ")
     assert narrow[1] == "bodies of 1.2 x 1.2 m cannot reach 1 of 3 picks, which are left out"
     same, none = for_kinds(RACKS_AND_WAYS, Kinds((KindPart(LONG, share=0.05),)))
@@ -156,7 +156,7 @@ def test_the_floor_is_for_the_widest_body_however_many_there_are() -> None:
         for_kinds(RACKS_AND_WAYS, Kinds((KindPart(RobotSpec(length=9.0, width=9.0), share=1.0),)))
 
 
-def test_large_bodies_find_fewer_starts(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_large_footprints_find_fewer_starts(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(capacity, "PROBES", 3)
     hall = floor_of(*["." * 14] * 8)
     usual = plan_of(hall, policies=("greedy",), most=len(hall.endpoints[2]) - 1)
@@ -166,13 +166,13 @@ def test_large_bodies_find_fewer_starts(monkeypatch: pytest.MonkeyPatch) -> None
     assert 1 <= most_with_a_start(large) < most_with_a_start(usual) == usual.most
 
 
-def test_what_is_not_for_the_bodies_is_said_before_anything_is_driven(
+def test_tight_aisles_are_noted_before_driving(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def nobody(*_: object) -> None:
+    def refuse(*_: object) -> None:
         raise ConfigError("nobody drives")
 
-    monkeypatch.setattr(command, "advise", nobody)
+    monkeypatch.setattr(command, "advise", refuse)
     fleet, floor = tmp_path / "fleet.json", tmp_path / "hall.map"
     fleet.write_text('[{"share": 1, "robot": {"length": 1.4}}]', encoding="utf-8")
     floor.write_text("type octile\nheight 5\nwidth 8\nmap\n........\n........\n@@@.@@@@\n@.....@@\n@@@@@@@@\n", "utf-8")

@@ -1,4 +1,4 @@
-"""Speeds and ratios to fixed work by a clock in hand, each part on a tiny budget, the check against the release."""
+"""Test speeds and ratios with a manual clock, every part on a tiny budget, and the check against the release."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ TINY = 0.02  # [s]
 
 
 class Clock:
-    """Time in hand, and who took it."""
+    """Manual clock that records the order of work."""
 
     def __init__(self) -> None:
         self.now, self.order = 0.0, ""
@@ -43,7 +43,7 @@ class Clock:
         return self.now
 
     def takes(self, seconds: float, name: str = "") -> Any:
-        """Return work that takes so long."""
+        """Return work that takes `seconds`."""
 
         def call(_: int) -> None:
             self.now, self.order = self.now + seconds, self.order + name
@@ -51,23 +51,23 @@ class Clock:
         return call
 
 
-def test_speeds_by_a_clock_in_hand() -> None:
+def test_speeds_by_a_manual_clock() -> None:
     clock = Clock()
     fast, slow = speeds([(clock.takes(0.25, "f"), 8), (clock.takes(1.0, "s"), 8)], 9.0, clock)
     assert [fast[name] for name in ("agent_steps_per_s", "low", "high")] == pytest.approx([32.0] * 3)
     assert slow["agent_steps_per_s"] == pytest.approx(8.0)
-    # the first call may compile, then a second to count, then turns
+    # one call to compile, calls for a second to count, then turns
     assert clock.order == 5 * "f" + 2 * "s" + 9 * "ffffs"
 
 
 @pytest.mark.parametrize("what", ["simulator", "vec_env"])
-def test_parts_measure(what: str) -> None:
+def test_parts_measure_positive_speeds(what: str) -> None:
     rows = list(PARTS[what](TINY))
     assert rows
     assert all(row["agent_steps_per_s"] > 0 for row in rows)
 
 
-def test_a_part_leaves_the_number_of_threads_as_it_was(request: pytest.FixtureRequest) -> None:
+def test_part_restores_the_number_of_threads(request: pytest.FixtureRequest) -> None:
     request.addfinalizer(partial(set_num_threads, get_num_threads()))
     set_num_threads(3)
     for _ in PARTS["vec_env"](TINY):
@@ -90,7 +90,7 @@ def test_every_trainer_is_measured(monkeypatch: pytest.MonkeyPatch) -> None:
         assert sum(row["shares"].values()) == pytest.approx(1.0)
 
 
-def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_bench_writes_rows_and_a_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "rows.jsonl"
     assert main(["bench", "--only", "pettingzoo", "--seconds", "0.02", "--json", str(path)]) == 0
     (row,) = read_rows(path)
@@ -99,12 +99,12 @@ def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @pytest.mark.skipif(torch.cuda.is_available(), reason="there is a GPU")
-def test_a_gpu_that_is_not_there_is_missed_in_one_sentence(capsys: pytest.CaptureFixture[str]) -> None:
+def test_missing_gpu_is_one_sentence(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["bench", "--only", "cuda"]) == 2
     assert re.search("numba-cuda|PyTorch", capsys.readouterr().err)
 
 
-def test_worlds_on_a_device_are_measured(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_device_worlds_are_measured(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(parts, "_ON_CARD", ((2, 4, "rules:routes=false"),))
     monkeypatch.setattr(torch.cuda, "get_device_name", lambda device: "a card")
     monkeypatch.setattr(simulator, "memory_of", lambda device: memory.Memory())
@@ -142,7 +142,7 @@ RUNS = ("same work", "random commands", "full speed", "training")
 
 
 @needs_compiler
-def test_the_work_is_the_same_each_time(tmp_path: Path) -> None:
+def test_fixed_work_is_reproducible(tmp_path: Path) -> None:
     ends = []
     for _ in range(2):
         work = FixedWork(2, 8, tmp_path)
@@ -154,7 +154,7 @@ def test_the_work_is_the_same_each_time(tmp_path: Path) -> None:
     assert ends[0].std() > 0.3
 
 
-def test_ratios_by_a_clock_in_hand(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ratios_by_a_manual_clock(monkeypatch: pytest.MonkeyPatch) -> None:
     clock = Clock()
     monkeypatch.setattr(reference, "time", SimpleNamespace(process_time=clock))
     ours, theirs = Timed(clock.takes(3.0), rows=2, steps=5), Timed(clock.takes(1.0), rows=4, steps=7)
@@ -165,7 +165,7 @@ def test_ratios_by_a_clock_in_hand(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @needs_compiler
-def test_every_row_is_measured(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_reference_row_is_measured(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(reference, "SIZES", (Size(2, 4, 2, 2, 2, 1),))
     monkeypatch.setattr(reference, "DECISIONS", {8: 2})
     rows = [{"what": "reference", "commit": "c", "date": "d", **row} for row in reference.reference(2, 0)]
@@ -185,30 +185,30 @@ def row(ratio: float, run: str = "random commands") -> Row:
     }  # fmt: skip
 
 
-def test_a_third_below_the_release_fails(tmp_path: Path) -> None:
+def test_drop_by_a_third_below_the_release_fails(tmp_path: Path) -> None:
     path = tmp_path / "release.jsonl"
     reference.write_release([row(0.9), row(0.6, "full speed"), {"what": "plan"}], path)
     assert len(read_rows(path)) == 2
     reference.judge([row(0.61), row(0.41, "full speed")], path)
-    with pytest.raises(WarehouseError) as told:
+    with pytest.raises(WarehouseError) as error:
         reference.judge([row(0.6), row(0.41, "full speed")], path)
     for part in ("random commands at 64 x 16 fell from 0.9 of the speed of C to 0.6", "abc1234", reference.RENEW):
-        assert part in str(told.value)
-    assert "full speed" not in str(told.value)
+        assert part in str(error.value)
+    assert "full speed" not in str(error.value)
     with pytest.raises(WarehouseError, match=r"no ratio for parked at 64 x 16: .*--write-release"):
         reference.judge([row(0.9), row(0.9, "parked")], path)
 
 
-def test_the_release_has_every_ratio() -> None:
+def test_release_has_every_ratio() -> None:
     rows = read_rows(reference.RELEASE)
     wanted = [(run, size.worlds, size.robots) for size in reference.SIZES for run in RUNS]
     wanted += [("greedy's decision", 1, robots) for robots in reference.DECISIONS]
     assert [(one["run"], one["envs"], one["agents"]) for one in rows] == wanted
-    assert all(one["chunks"] == 9 for one in rows)  # as long as the check measures
+    assert all(one["chunks"] == 9 for one in rows)  # the same length as in the check
 
 
 @needs_compiler
-def test_the_command_checks(
+def test_bench_checks_against_the_release(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(reference, "SIZES", (Size(1, 2, 1, 1, 1, 1),))
@@ -234,7 +234,7 @@ def test_the_command_checks(
     assert "| same work | 1 x 2 | " in capsys.readouterr().out
 
 
-def test_the_page_has_the_releases_table() -> None:
+def test_page_shows_the_releases_table() -> None:
     page = (ROOT / "docs/measured/speed.md").read_text(encoding="utf-8")
     shown = f"warehouse bench --rows {reference.RELEASE.relative_to(ROOT).as_posix()}"
     assert shown in page

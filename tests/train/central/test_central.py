@@ -1,4 +1,4 @@
-"""Routes of car-like robots that are planned together: kept apart as sampling says."""
+"""Test joint planning of car-like robots against dense sampling."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def floor(discs: list[tuple[float, float]]) -> CarFloor:
 
 
 def route(*pieces: tuple[float, float, float], start: tuple[float, float, float]) -> np.ndarray:  # type: ignore[type-arg]
-    """Pieces of (rate, curvature, seconds), one after the other."""
+    """Return a route of consecutive pieces (rate, curvature, seconds)."""
     rows, pose, t = [], start, 0.0
     for rate, bend, seconds in pieces:
         row = np.empty(PIECE)
@@ -50,7 +50,7 @@ def route(*pieces: tuple[float, float, float], start: tuple[float, float, float]
 
 @settings(max_examples=100, deadline=None)
 @given(COORDINATE, COORDINATE, st.floats(-4.0, 4.0), st.floats(-6.0, 6.0), CURVATURE)
-def test_discs_are_kept_off_as_sampling_says(dx: float, dy: float, heading: float, length: float, bend: float) -> None:
+def test_disc_clearance_agrees_with_sampling(dx: float, dy: float, heading: float, length: float, bend: float) -> None:
     disc = np.array([15.0 + dx, 15.0 + dy])
     poses = [np.array(rolled(15.0, 15.0, heading, share * length, bend)) for share in np.linspace(0, 1, 200)]
     least = min(disc_gap(pose, disc) for pose in poses)
@@ -61,7 +61,7 @@ def test_discs_are_kept_off_as_sampling_says(dx: float, dy: float, heading: floa
 
 @settings(max_examples=100, deadline=None)
 @given(st.floats(0.0, 4.0), st.floats(-4.0, 4.0), st.floats(-6.0, 6.0), CURVATURE)
-def test_the_border_is_kept_as_sampling_says(y: float, heading: float, length: float, bend: float) -> None:
+def test_border_check_agrees_with_sampling(y: float, heading: float, length: float, bend: float) -> None:
     least = min(rolled(15.0, y, heading, share * length, bend)[1] for share in np.linspace(0, 1, 400))
     inside = stays_inside(15.0, y, heading, length, bend, floor([]))
     assert inside or least < 6.0 / 400
@@ -73,8 +73,8 @@ PIECES = st.lists(st.tuples(st.sampled_from([1.0, -1.0, 0.0]), CURVATURE, st.flo
 
 @settings(max_examples=60, deadline=None)
 @given(PIECES, PIECES, COORDINATE, COORDINATE, st.floats(-4.0, 4.0))
-def test_meetings_are_those_that_sampling_sees(own: list, other: list, dx: float, dy: float, turn: float) -> None:  # type: ignore[type-arg]
-    """Each slot in which sampled bodies overlap counts once; one whose bodies stay clear does not."""
+def test_meetings_agree_with_sampling(own: list, other: list, dx: float, dy: float, turn: float) -> None:  # type: ignore[type-arg]
+    """A time slot counts once if sampled footprints overlap in it, and not if they stay clear."""
     ways = route(*own, start=(15.0, 15.0, 0.0)), route(*other, start=(15.0 + dx, 15.0 + dy, turn))
     traffic, plain = empty_traffic(2, 8, 40), floor([])
     insert(traffic, 1, ways[1], len(ways[1]), plain)
@@ -90,29 +90,27 @@ def test_meetings_are_those_that_sampling_sees(own: list, other: list, dx: float
             )
             if gap < -1e-9:
                 overlaps.add(int(t))
-            if (
-                gap < 0.012 * math.sqrt(2) + 3.0 * 3.0 / 120
-            ):  # the gap that is looked at is at least 0.7 of the true one
+            if gap < 0.012 * math.sqrt(2) + 3.0 * 3.0 / 120:  # the checked gap is at least 0.7 of the true one
                 near |= {int(t), int(t + 0.03), int(max(t - 0.03, 0.0))}
         assert len(overlaps - {int(piece[END])}) <= count <= len(near) + 1
 
 
-def test_a_robot_alone_takes_the_shortest_curve() -> None:
+def test_single_robot_takes_the_shortest_curve() -> None:
     found = plan_together([(5.0, 15.0, 0.0)], [(25.0, 15.0, 0.0)], floor([]))
     assert found.routes[0].tolist() == [[0.0, 5.0, 15.0, 0.0, 1.0, 0.0, 20.0]]
 
 
-def test_two_that_change_places_go_round_each_other() -> None:
+def test_two_robots_swap_places() -> None:
     poses = [(5.0, 15.0, 0.0), (25.0, 15.0, math.pi)]
     goals = [(25.0, 15.0, 0.0), (5.0, 15.0, math.pi)]
     found = plan_together(poses, goals, floor([]), seed=1)
     assert found.meeting == 0
     assert not found.stranded
-    assert sum(way[-1, END] for way in found.routes) < 44.0  # 20 each, and a little round each other
+    assert sum(way[-1, END] for way in found.routes) < 44.0  # 20 each plus a short detour
 
 
-def test_a_goal_that_is_reached_through_a_gate() -> None:
-    """Discs close on both sides and ahead of the goal: only its lane leads there."""
+def test_goal_is_reached_through_a_gate() -> None:
+    """Discs close both sides and the front of the goal, so only one lane leads there."""
     discs = [(15.0 + dx, 15.0 + side * 1.9) for dx in (-5.0, -3.0, -1.0, 1.0) for side in (-1, 1)] + [(17.9, 15.0)]
     found = plan_together([(5.0, 5.0, 1.57)], [(15.0, 15.0, 0.0)], floor(discs))
     assert not found.stranded
@@ -120,7 +118,7 @@ def test_a_goal_that_is_reached_through_a_gate() -> None:
     assert rolled(*end[[X, Y, HEADING]], end[RATE] * (end[END] - end[BEGIN]), end[BEND])[:2] == pytest.approx((15, 15))
 
 
-def test_a_robot_shut_in_is_named() -> None:
+def test_enclosed_robot_is_named() -> None:
     ring = [(15.5 + 3.2 * math.cos(a), 15.0 + 3.0 * math.sin(a)) for a in np.linspace(0, 2 * math.pi, 24)]
     found = plan_together([(15.0, 15.0, 0.0)], [(25.0, 15.0, 0.0)], floor(ring), effort=Effort(search=50))
     assert found.stranded == [0]

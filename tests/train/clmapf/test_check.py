@@ -1,4 +1,4 @@
-"""The benchmark's files and exact check: faults by hand are found, as is every overlap that dense sampling finds."""
+"""Test the benchmark's files and its exact check, against hand-made faults and dense sampling."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ map:
 """
 
 
-def test_an_instance_is_read_in_our_frame(tmp_path: Path) -> None:
+def test_instance_is_read_in_our_frame(tmp_path: Path) -> None:
     (tmp_path / "a.yaml").write_text(TEXT)
     instance = read_instance(tmp_path / "a.yaml", "a")
     assert (instance.width, instance.height, instance.names) == (30.0, 40.0, ("agent0",))
@@ -49,8 +49,8 @@ def test_an_instance_is_read_in_our_frame(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("written", ["5", "5e0", "+5", "0.5e1"])
-def test_numbers_are_read_however_a_program_writes_them(tmp_path: Path, written: str) -> None:
-    """YAML 1.1 takes 5e0 for a text, and other programs write such numbers."""
+def test_all_number_formats_are_read(tmp_path: Path, written: str) -> None:
+    """YAML 1.1 reads 5e0 as text, but other programs write such numbers."""
     (tmp_path / "a.yaml").write_text(TEXT.replace("[5, 15, 0]", f"[{written}, 15, 0]"))
     assert read_instance(tmp_path / "a.yaml", "a").starts[0, 0] == 5.0
 
@@ -67,13 +67,13 @@ def test_numbers_are_read_however_a_program_writes_them(tmp_path: Path, written:
         ("name: agent0", "start: [1, 2, 3]", "a name is given twice"),
     ],
 )
-def test_what_is_wrong_is_said(tmp_path: Path, old: str, new: str, sentence: str) -> None:
+def test_wrong_instance_is_refused(tmp_path: Path, old: str, new: str, sentence: str) -> None:
     (tmp_path / "a.yaml").write_text(TEXT.replace(old, new))
     with pytest.raises(MapError, match=sentence.replace("[", r"\[")):
         read_instance(tmp_path / "a.yaml", "a")
 
 
-def test_the_command_solves_and_checks(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_clmapf_solves_and_checks(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder, out = str(tmp_path / "instances"), str(tmp_path / "out")
     Path(folder).mkdir()
     for number in (1, 2):
@@ -94,7 +94,7 @@ def test_the_command_solves_and_checks(tmp_path: Path, capsys: pytest.CaptureFix
     assert "ends off its goal" in capsys.readouterr().out
 
 
-def test_the_command_says_what_is_missing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_clmapf_names_missing_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["clmapf", str(tmp_path)]) == 2
     assert "holds no instances" in capsys.readouterr().err
     (tmp_path / "a.yaml").write_text(TEXT)
@@ -111,7 +111,7 @@ def instance_of(starts: list[Any], goals: list[Any], discs: list[Any] | None = N
 
 
 def straight(*, seconds: float = 10.0, y: float = 20.0) -> np.ndarray[Any, Any]:
-    """From (10, y) east to (20, y)."""
+    """Return states from (10, y) east to (20, y)."""
     return np.array([[10.0, y, 0.0, 0.0], [20.0, y, 0.0, seconds]])
 
 
@@ -123,11 +123,11 @@ def kinds(instance: Instance, *states: np.ndarray[Any, Any]) -> list[str]:
     return [fault.kind for fault in found.faults]
 
 
-def test_a_straight_way_is_whole_and_measured() -> None:
+def test_straight_route_is_faultless_and_measured() -> None:
     found = check(EAST, {"agent0": straight()})
     assert (found.faults, found.makespan, found.flowtime, found.driven) == ([], 10.0, 10.0, 10.0)
     waits = np.vstack([straight(), [20.0, 20.0, 0.0, 30.0]])
-    assert check(EAST, {"agent0": waits}).makespan == 10.0  # standing at the goal is no driving
+    assert check(EAST, {"agent0": waits}).makespan == 10.0  # waiting at the goal does not count
 
 
 @pytest.mark.parametrize(
@@ -147,8 +147,8 @@ def test_each_fault_is_found(states: Any, kind: str) -> None:
     assert kind in kinds(EAST, np.array(states, float))
 
 
-def test_how_far_bodies_reach_beyond_the_border() -> None:
-    """An axle at x = 1.5 that faces west has its front half a unit beyond the border."""
+def test_reach_beyond_the_border_is_measured() -> None:
+    """A robot with its axle at x = 1.5, heading west, reaches half a unit beyond the border."""
     instance = instance_of([[10, 20, math.pi]], [[1.5, 20, math.pi]])
     found = check(instance, {"agent0": np.array([[10, 20, math.pi, 0], [1.5, 20, math.pi, 8.5]])})
     assert (found.faults, found.body_beyond_border) == ([], pytest.approx(0.5))
@@ -158,8 +158,8 @@ def test_missing_and_unknown_robots() -> None:
     assert [fault.kind for fault in check(EAST, {"other": straight()}).faults] == ["has no states", "is no robot"]
 
 
-def test_the_curvature_and_the_border_of_an_arc() -> None:
-    """A half circle to the left of radius 3 about (10, 23) in two arcs; radius 2.9 is too tight."""
+def test_curvature_and_extent_of_an_arc() -> None:
+    """Drive half a left circle of radius 3 about (10, 23) in two arcs; radius 2.9 is too tight."""
     for radius, faults in ((3.0, []), (2.9, ["a turn that is too tight"] * 2)):
         quarter = 0.5 * math.pi * radius
         middle = [10 + radius, 20 + radius, 0.5 * math.pi, quarter]
@@ -169,7 +169,7 @@ def test_the_curvature_and_the_border_of_an_arc() -> None:
     assert extent(arc, 0.0, 0.0)[2] == pytest.approx(20.0 + 3.0 * math.cos(0.25 * math.pi) - 3.0)
 
 
-def test_contacts_between_stated_states_and_after_them() -> None:
+def test_overlaps_between_states_are_found() -> None:
     near = instance_of([[10, 20, 0], [20, 21.9, math.pi]], [[20, 20, 0], [10, 21.9, math.pi]])
     found = check(near, {"agent0": straight(), "agent1": np.array([[20, 21.9, math.pi, 0], [10, 21.9, math.pi, 10]])})
     assert [fault.kind for fault in found.faults] == ["overlaps"]
@@ -178,7 +178,7 @@ def test_contacts_between_stated_states_and_after_them() -> None:
     crossing = instance_of([[10, 20, 0], [15, 10, math.pi / 2]], [[20, 20, 0], [15, 30, math.pi / 2]])
     up = np.array([[15, 10, math.pi / 2, 0], [15, 30, math.pi / 2, 20]])
     assert kinds(crossing, late, up) == []
-    assert kinds(crossing, straight(), up) == []  # at 7 s one has just left the square that the other enters
+    assert kinds(crossing, straight(), up) == []  # at 7 s one robot has just left the square that the other enters
     assert kinds(crossing, straight(seconds=10.1), up) == ["overlaps"]
 
 
@@ -187,7 +187,7 @@ def test_discs_are_round_and_exact(y: float, clips: bool) -> None:
     assert kinds(instance_of([[10, 20, 0]], [[20, 20, 0]], [[15, y]]), straight()) == ["overlaps obstacle"] * clips
 
 
-def test_the_authors_steps() -> None:
+def test_authors_step_length_is_accepted() -> None:
     states = np.array([[10, 20, 0, 0], [10 + AUTHORS_STEP, 20, 0, 1], [13, 20, 0, 2]])
     instance = instance_of([[10, 20, 0]], [[13, 20, 0]])
     assert kinds(instance, states) == ["too fast"]
@@ -196,7 +196,7 @@ def test_the_authors_steps() -> None:
 
 
 def wander(rates: list[int], start: tuple[float, float, float]) -> np.ndarray[Any, Any]:
-    """Drive a step of 1.2 for each rate: -3 to 3 by direction and side; 0 waits."""
+    """Return the states of steps of 1.2, one per rate: -3 to 3 by direction and side; 0 waits."""
     states = [(*start, 0.0)]
     for n, rate in enumerate(rates, start=1):
         bend = 0.0 if abs(rate) == 1 else (1 / 3 if abs(rate) == 2 else -1 / 3)
@@ -205,7 +205,7 @@ def wander(rates: list[int], start: tuple[float, float, float]) -> np.ndarray[An
 
 
 def sampled(states: np.ndarray[Any, Any], t: float) -> np.ndarray[Any, Any]:
-    """Follow the arcs by 40 short chords, apart from the check's own formulas."""
+    """Return the pose at t by 40 short chords, independently of the check's formulas."""
     n = int(np.searchsorted(states[:, 3], t, side="right")) - 1
     if n + 1 >= len(states):
         return states[-1, :3]
@@ -227,7 +227,7 @@ RATES = st.lists(st.integers(-3, 3), min_size=1, max_size=6)
 
 @settings(max_examples=30, deadline=None)
 @given(RATES, RATES, st.floats(-4, 4), st.floats(-4, 4), st.floats(-4, 4), st.floats(-4, 4), st.floats(-4, 4))
-def test_it_agrees_with_dense_sampling(
+def test_check_agrees_with_dense_sampling(
     one: list[int], two: list[int], dx: float, dy: float, heading: float, disc_x: float, disc_y: float
 ) -> None:
     own, other = wander(one, (25.0, 25.0, 0.0)), wander(two, (25.0 + dx, 25.0 + dy, heading))
@@ -240,10 +240,10 @@ def test_it_agrees_with_dense_sampling(
     discs = min(discs, *(disc_gap(sampled(other, t), disc) for t in times))
     overlaps = [fault.size for fault in found.faults if fault.kind == "overlaps"]
     clips = [fault.size for fault in found.faults if fault.kind == "overlaps obstacle"]
-    step = 0.02 * 1.5  # which a gap may change by between two samples
+    step = 0.02 * 1.5  # largest change of a gap between two samples
     for least, faults, depth in ((bodies, overlaps, 2 * step), (discs, clips, step)):
-        assert bool(faults) >= (least < -1e-3)  # what sampling finds the check finds
-        assert least < depth or not faults  # and what the check finds is there
+        assert bool(faults) >= (least < -1e-3)  # the check finds all sampled overlaps
+        assert least < depth or not faults  # sampling confirms the check's faults
         if faults:
             assert max(faults) == pytest.approx(-least, abs=depth + 1e-3)
     if not overlaps:
@@ -252,16 +252,16 @@ def test_it_agrees_with_dense_sampling(
         assert found.least_disc_gap == pytest.approx(min(discs, 1.0), abs=step + 2e-3)
 
 
-def test_what_is_impossible_as_stated() -> None:
+def test_impossible_instances_state_why() -> None:
     assert not list(why_impossible(EAST))
-    told = " ".join(why_impossible(instance_of([[10, 20, 0], [12, 21, 0]], [[20, 20, 0], [55, 5, 0]], [[22.7, 20.0]])))
-    assert "the starts of agent0 and agent1 overlap" in told
-    assert "the goal of agent0 overlaps obstacle 0 by 0.100" in told
-    assert "the goal of agent1 is off the floor" in told
+    text = " ".join(why_impossible(instance_of([[10, 20, 0], [12, 21, 0]], [[20, 20, 0], [55, 5, 0]], [[22.7, 20.0]])))
+    assert "the starts of agent0 and agent1 overlap" in text
+    assert "the goal of agent0 overlaps obstacle 0 by 0.100" in text
+    assert "the goal of agent1 is off the floor" in text
 
 
-def test_a_solved_instance_is_written_read_and_whole(tmp_path: Path) -> None:
-    """Three robots that change places around a disc; one must wait or go round."""
+def test_solution_round_trips_without_faults(tmp_path: Path) -> None:
+    """Three robots swap places around a disc; one must wait or detour."""
     instance = instance_of(
         [[5, 15, 0], [25, 15, math.pi], [15, 5, 1.57]],
         [[25, 15, 0], [5, 15, math.pi], [15, 25, 1.57]],

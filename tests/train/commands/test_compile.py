@@ -1,4 +1,4 @@
-"""Compiling ahead of time: after it, nothing that drives or plans calls for a kernel that is not there."""
+"""Test that compiling ahead of time leaves no kernel to compile while driving or planning."""
 
 from __future__ import annotations
 
@@ -40,19 +40,19 @@ print(sorted(compiled() - known, key=str))
 
 
 @pytest.mark.nightly
-def test_nothing_is_left_to_compile() -> None:
+def test_no_kernel_is_left_to_compile() -> None:
     done = subprocess.run([sys.executable, "-c", NOTHING_IS_LEFT], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert done.stdout.strip() == "[]"
 
 
-def test_every_part_runs_in_processes(
+def test_compile_runs_every_part_in_processes(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert main(["compile", "--processes", "2"]) == 0
-    said = capsys.readouterr().out
-    assert all(part in said for part in PARTS)
-    assert "in 2 processes" in said
+    printed = capsys.readouterr().out
+    assert all(part in printed for part in PARTS)
+    assert "in 2 processes" in printed
     assert is_compiled()
     monkeypatch.setattr("numba.config.CACHE_DIR", str(tmp_path))
     assert not is_compiled()

@@ -1,4 +1,4 @@
-"""Evaluations, the demo and the robustness table: whole rows, reproducible, resumable, independent of each other."""
+"""Test evaluations, the demo and the robustness table: whole, reproducible, resumable, independent rows."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def test_rows_have_all_fields() -> None:
         assert row["ms_per_step"] > 0
 
 
-def test_an_episode_does_not_depend_on_those_beside_it() -> None:
+def test_episodes_are_independent() -> None:
     assert timeless(run(small(episodes=3)))[:1] == timeless(run(small(episodes=1)))
 
 
@@ -54,7 +54,7 @@ def test_one_shot_episodes_end_when_all_have_arrived() -> None:
     for row in rows:
         assert row["success_rate"] == 1.0
         assert row["makespan_s"] < 300
-    # A world that waits for a slower one beside it is measured when it ended.
+    # A finished world's measures do not depend on slower worlds beside it.
     assert timeless(run(small(episodes=1, base=base, seconds=300.0))) == timeless(rows)[:1]
 
 
@@ -79,13 +79,13 @@ def command(tmp_path: Path, *more: str) -> list[str]:
         ({"traffic": "assist:right_of_way_after=4"}, (AFTER_4, AFTER_4)),
     ],
 )
-def test_a_policy_gets_what_it_needs_unless_told_otherwise(options: dict[str, str], traffic: tuple[Any, Any]) -> None:
+def test_policy_gets_its_needs_unless_options_override_them(options: dict[str, str], traffic: tuple[Any, Any]) -> None:
     configs = [one.config for one in Evaluate(policy=("follow", "greedy"), **options).experiments()]
     assert tuple(config.traffic for config in configs) == traffic
     assert [config.action_repeat for config in configs] == [1, 1]
 
 
-def test_resume_plays_only_what_is_missing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_resume_runs_only_missing_episodes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert main(command(tmp_path, "--policy", "brake", "--episodes", "1")) == 0
     played: list[tuple[str, tuple[int, ...]]] = []
 
@@ -101,8 +101,8 @@ def test_resume_plays_only_what_is_missing(tmp_path: Path, monkeypatch: pytest.M
     assert timeless(resumed) == timeless(read_rows(tmp_path / "fresh" / "rows.jsonl"))
 
 
-def test_rows_of_another_floor_of_that_name_are_not_mixed(tmp_path: Path) -> None:
-    """Neither of another map nor of the same one with other directions beside it."""
+def test_rows_of_different_floors_of_one_name_stay_apart(tmp_path: Path) -> None:
+    """Another map or other directions under the same name start new rows."""
     floor, one_way = tmp_path / "mine.map", np.zeros((12, 16), np.uint8)
     options = "--policy follow --robots 2 --episodes 1 --seconds 2 --planner astar --no-pictures --resume"
     for cell in range(3):
@@ -115,7 +115,7 @@ def test_rows_of_another_floor_of_that_name_are_not_mixed(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("name", ["evaluate", "robust", "audit", "demo"])
-def test_rows_are_not_replaced_unasked(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_rows_are_replaced_only_on_request(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     short = "--policy brake --layout open --robots 2 --episodes 1 --seconds 2"
     options = {
         "evaluate": f"{short} --planner astar --no-pictures",
@@ -125,14 +125,14 @@ def test_rows_are_not_replaced_unasked(name: str, tmp_path: Path, capsys: pytest
     }[name]
     RowFile(tmp_path / "rows.jsonl").add([{"old": 1}, {"old": 2}])
     assert main([name, *options.split(), "--out", str(tmp_path)]) == 2
-    said = capsys.readouterr().err
-    assert f"{tmp_path / 'rows.jsonl'} holds 2 rows already: " in said
-    assert "--overwrite replaces them" in said
-    assert "--resume keeps them" in said
+    message = capsys.readouterr().err
+    assert f"{tmp_path / 'rows.jsonl'} holds 2 rows already: " in message
+    assert "--overwrite replaces them" in message
+    assert "--resume keeps them" in message
     assert read_rows(tmp_path / "rows.jsonl") == [{"old": 1}, {"old": 2}]
 
 
-def test_a_floor_has_one_name(tmp_path: Path) -> None:
+def test_map_and_layout_options_give_one_name(tmp_path: Path) -> None:
     floor = str(EXAMPLE_MAP)
     layouts = Evaluate(layout=(floor, "open"), policy=("brake",)).experiments()
     assert [one.config.layout for one in layouts] == [floor, "open"]
@@ -175,7 +175,7 @@ def test_demo_writes_rows_pictures_and_a_video(tmp_path: Path, capsys: pytest.Ca
 COMMON = "robust --policy follow brake --layout open --robots 2 --episodes 2 --seconds 5 --planner astar --seed 700"
 
 
-def test_one_command_makes_one_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_robust_resumes_and_writes_one_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     command = [*COMMON.split(), "--disturbance", "delay", "long", "--out", str(tmp_path)]
     assert main(command) == 0
     printed = capsys.readouterr().out

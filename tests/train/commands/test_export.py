@@ -1,4 +1,4 @@
-"""`warehouse export`: the model in onnxruntime against our forward pass, what it says of itself, what is refused."""
+"""Test `warehouse export`: the model in onnxruntime against our forward pass, its metadata, and refusals."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ from warehouse_env.simulation.simulator import Simulator
 onnx = pytest.importorskip("onnx")
 
 
-def test_the_command_writes_a_model(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_export_writes_a_model(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     target = tmp_path / "new" / "head.onnx"
     assert main(["export", "--policy", "reinforce", "--onnx", str(target)]) == 0
     apart = largest_difference(target.read_bytes(), WEIGHTS_FOLDER / "reinforce")
     assert 0.0 < apart < 1e-5
-    said = capsys.readouterr().out
-    assert said.startswith(f"wrote the network of reinforce to {target}: ")
-    assert f"{apart:.1e} of the largest one" in said
+    printed = capsys.readouterr().out
+    assert printed.startswith(f"wrote the network of reinforce to {target}: ")
+    assert f"{apart:.1e} of the largest one" in printed
 
 
-def test_a_model_that_computes_something_else_is_not_written(
+def test_differing_model_is_not_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Its first output is too large by .01."""
+    """The model's first output is too large by .01."""
     wrong = onnx_model(WEIGHTS_FOLDER / "ppo")
     (bias,) = (tensor for tensor in wrong.graph.initializer if tensor.name == "actor.2.bias")
     values = onnx.numpy_helper.to_array(bias).copy()
@@ -60,8 +60,8 @@ def run(model: bytes, observation: Any) -> list[Any]:
     return found
 
 
-def seen(config: EnvConfig) -> Any:
-    """Observations float32[rows, D] of robots on their way."""
+def observed(config: EnvConfig) -> Any:
+    """Return observations float32[rows, D] of driving robots."""
     simulator = Simulator(config.replace(planner="astar", num_agents=16))
     simulator.reset(seed=3)
     for _ in range(20):
@@ -72,11 +72,11 @@ def seen(config: EnvConfig) -> Any:
 @pytest.mark.parametrize("name", LEARNED)
 def test_three_ways_to_run_a_shipped_policy_agree(name: str) -> None:
     directory, config = WEIGHTS_FOLDER / name, policy_config(name, EnvConfig())
-    observation = seen(config)
+    observation = observed(config)
     own = LearnedPolicy(directory, config).output(observation)
     (runtime,) = run(onnx_model(directory).SerializeToString(), observation)
     np.testing.assert_allclose(runtime, own, atol=1e-5, rtol=1e-5)
-    # in double precision: the bound is for what the policy's own sums lose, not for those compared with
+    # in float64, so that the bound covers the rounding of the policy alone
     tensors, x = load_file(directory / "weights.safetensors"), observation.astype(np.float64)
     for k in range(3):
         x = x @ tensors[f"actor.{k}.weight"].T + tensors[f"actor.{k}.bias"]
@@ -84,14 +84,14 @@ def test_three_ways_to_run_a_shipped_policy_agree(name: str) -> None:
     np.testing.assert_allclose(x, own, atol=1e-5, rtol=1e-5)
 
 
-def test_a_model_says_what_its_numbers_mean() -> None:
-    said = {prop.key: json.loads(prop.value) for prop in onnx_model(WEIGHTS_FOLDER / "ppo").metadata_props}
+def test_model_metadata_states_observation_and_actions() -> None:
+    printed = {prop.key: json.loads(prop.value) for prop in onnx_model(WEIGHTS_FOLDER / "ppo").metadata_props}
     config = policy_config("ppo", EnvConfig())
     layout = observation_layout(config)
-    assert said["observation"] == {name: [part.start, part.stop] for name, part in layout.slices.items()}
-    assert said["actions"][0] == [config.speed_levels[0], config.lateral_offsets[0]]
-    assert len(said["actions"]) == 20
-    assert (said["action_type"], said["mode"], said["decision_seconds"]) == ("discrete", "sample", 0.1)
+    assert printed["observation"] == {name: [part.start, part.stop] for name, part in layout.slices.items()}
+    assert printed["actions"][0] == [config.speed_levels[0], config.lateral_offsets[0]]
+    assert len(printed["actions"]) == 20
+    assert (printed["action_type"], printed["mode"], printed["decision_seconds"]) == ("discrete", "sample", 0.1)
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Halls on the command line: made, drawn, numbered, saved, driven; what is lost is a note of one line."""
+"""Test halls on the command line: written, drawn, converted, edited, driven; losses are one-line notes."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ def hall(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Path:
     return path
 
 
-def test_a_layout_becomes_a_hall_and_stays_itself(hall: Path) -> None:
+def test_layout_round_trips_as_a_hall(hall: Path) -> None:
     assert make_layout(str(hall)).key == make_layout("aisles:seed=7").key
 
 
-def test_it_is_drawn_checked_and_converted(hall: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_hall_is_drawn_checked_and_converted(hall: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run("layouts", "--draw", f"{hall}:cell=0.5", "--png", str(hall.with_suffix(".png"))) == 0
     shown = capsys.readouterr().out
     assert "cells of 0.5 m" in shown
@@ -45,7 +45,7 @@ def test_it_is_drawn_checked_and_converted(hall: Path, capsys: pytest.CaptureFix
     both = hall.parent / "both.png", hall.parent / "h.building.yaml"
     assert run("layouts", "--draw", str(hall), "--png", str(both[0]), "--save", str(both[1])) == 0
     assert both[0].exists()
-    with Image.open(both[1].with_suffix(".png")) as drawing:  # pixels of 5 cm, which a person can recognise
+    with Image.open(both[1].with_suffix(".png")) as drawing:  # pixels of 5 cm, so that people recognise the floor
         assert drawing.size == tuple(20 * side for side in read_hall(str(hall)).grid.shape[::-1])
     assert run("layouts", "--draw", str(hall), "--save", "h.txt") == 2
     assert "must end in .map, .yaml, .lif.json, .geojson or .building.yaml" in capsys.readouterr().err
@@ -67,7 +67,7 @@ def test_places_are_written_once_and_edited(hall: Path, capsys: pytest.CaptureFi
     assert len(json.loads(file.read_text())["picks"]) == len(places["picks"]) + 1
 
 
-def test_what_is_lost_is_a_note_of_one_line(hall: Path, tmp_path: Path) -> None:
+def test_lost_places_are_a_one_line_note(hall: Path, tmp_path: Path) -> None:
     (hall.with_suffix(".places.json")).write_text('{"picks": [{"x": 2.5, "y": 2.5}, {"x": -99, "y": 0}]}')
     with pytest.warns(MapWarning, match="1 of 2 picks are on no floor") as warned:
         run(
@@ -75,11 +75,11 @@ def test_what_is_lost_is_a_note_of_one_line(hall: Path, tmp_path: Path) -> None:
         )
     shown = cli._notes()
     assert shown(warned[0].message, MapWarning, "x.py", 3).startswith("warehouse: note: hall: 1 of 2 picks")
-    assert shown(warned[0].message, MapWarning, "y.py", 4) == ""  # it is said already
+    assert shown(warned[0].message, MapWarning, "y.py", 4) == ""  # the note appears only once
     assert "\n" not in str(warned[0].message)
 
 
-def test_a_recording_keeps_where_the_floor_is(hall: Path, tmp_path: Path) -> None:
+def test_recording_keeps_the_floors_origin(hall: Path, tmp_path: Path) -> None:
     hall.write_text(hall.read_text().replace("[0.0, 0.0, 0.0]", "[-15.1, 2.0, 0.0]"))
     hall.with_suffix(".places.json").unlink()
     config = EnvConfig(layout=str(hall), num_agents=2, planner="astar")

@@ -1,4 +1,4 @@
-"""`warehouse plan`: rows with all fields, and the tasks it can take."""
+"""Test `warehouse plan`: complete rows and all kinds of tasks."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def plan(tmp_path: Path, *options: str) -> list[dict[str, Any]]:
     return read_rows(json)
 
 
-def test_named_tasks_by_default(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_plan_uses_named_tasks_by_default(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     rows = plan(tmp_path, "--planner", "astar", "astar_turns", "--runs", "2")
     assert len(rows) == 2 * 5 * 2
     for row in rows:
@@ -35,7 +35,7 @@ def test_named_tasks_by_default(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert "| astar |" in (tmp_path / "out" / "table.md").read_text()
 
 
-def test_a_colony_reports_its_convergence_and_plans_the_same_again(tmp_path: Path) -> None:
+def test_colony_reports_convergence_and_is_reproducible(tmp_path: Path) -> None:
     options = ("--planner", "pf_aco", "--start", "22,1", "--goal", "5,18", "--runs", "2", "--seed", "3")
     rows, again = plan(tmp_path / "a", *options), plan(tmp_path / "b", *options)
     assert [(row["start"], row["goal"], row["run"]) for row in rows] == [([22, 1], [5, 18], 0), ([22, 1], [5, 18], 1)]
@@ -45,7 +45,7 @@ def test_a_colony_reports_its_convergence_and_plans_the_same_again(tmp_path: Pat
         assert row | timeless == same | timeless
 
 
-def test_tasks_of_a_scenario_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_plan_takes_tasks_of_a_scenario_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     rows = plan(tmp_path, "--scen", str(EXAMPLE_SCEN), "--planner", "astar", "--tasks", "2", "--runs", "1")
     assert len(rows) == 2
     assert all(row["task"].startswith("scenario_") for row in rows)
@@ -56,7 +56,7 @@ SCEN = "version 1\n0\tm.map\t3\t2\t0\t0\t2\t1\t{}\n"
 
 
 @pytest.mark.parametrize(
-    ("scen", "options", "code", "said"),
+    ("scen", "options", "code", "message"),
     [
         (SCEN.format(3), (), 0, ""),
         (SCEN.format(2.83), (), 0, "1 of 1 lengths are not those of the shortest paths"),
@@ -65,8 +65,8 @@ SCEN = "version 1\n0\tm.map\t3\t2\t0\t0\t2\t1\t{}\n"
         ("version 1\n", (), 2, "s.scen holds no scenario"),
     ],
 )
-def test_a_scenario_file_that_does_not_fit_is_told_of(
-    scen: str, options: tuple[str, ...], code: int, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+def test_mismatched_scenario_file_is_reported(
+    scen: str, options: tuple[str, ...], code: int, message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str], recwarn: pytest.WarningsRecorder,
 ) -> None:  # fmt: skip
     monkeypatch.chdir(tmp_path)
@@ -74,17 +74,17 @@ def test_a_scenario_file_that_does_not_fit_is_told_of(
     Path("m.map").write_text("type octile\nheight 2\nwidth 3\nmap\n...\n.@.\n")
     command = ["plan", "--scen", "s.scen", "--planner", "astar", "--runs", "1", "--no-pictures", "--out", "out"]
     assert main([*command, *options]) == code
-    told = [*capsys.readouterr().err.splitlines(), *(str(one.message) for one in recwarn)]
-    assert len(told) == (said != "")
-    assert said in "".join(told)
+    messages = [*capsys.readouterr().err.splitlines(), *(str(one.message) for one in recwarn)]
+    assert len(messages) == (message != "")
+    assert message in "".join(messages)
 
 
-def test_a_task_without_a_way_counts_as_solved(tmp_path: Path) -> None:
+def test_task_of_length_zero_counts_as_solved(tmp_path: Path) -> None:
     rows = plan(tmp_path, "--layout", "open", "--start", "1,1", "--goal", "1,1", "--planner", "astar", "--runs", "1")
     assert (rows[0]["length"], rows[0]["gap"]) == (0, 0)
 
 
-def test_pictures(tmp_path: Path) -> None:
+def test_plan_writes_pictures(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     options = ["--planner", "pf_aco", "astar", "--tasks", "1", "--runs", "2", "--out", str(tmp_path)]
     assert main(["plan", *options]) == 0
@@ -101,7 +101,7 @@ def row(planner: str, length: float, turns: int, ms: float, iterations: int = 0,
     }  # fmt: skip
 
 
-def test_planners_that_differ_in_their_parameters_stay_apart(tmp_path: Path) -> None:
+def test_planners_with_other_parameters_stay_apart(tmp_path: Path) -> None:
     both = ("astar_turns", "astar_turns:gentleness=10")
     rows = plan(tmp_path, "--layout", "paper46_rough", "--runs", "1", "--planner", *both)
     for task in ("ramp", "broken_corridor"):
@@ -112,7 +112,7 @@ def test_planners_that_differ_in_their_parameters_stay_apart(tmp_path: Path) -> 
     assert all(f"| {name} | ramp |" in table for name in both)
 
 
-def test_table_of_failed_runs() -> None:
+def test_table_counts_failed_runs() -> None:
     lost = {**row("aco", 10, 4, 1, 100), "success": False, "length": None, "gap": None, "turns": None, "climb_m": None}
     line = plan_table([lost, row("aco", 12, 4, 3, 100)]).cells[0]
     assert line[:7] == ("aco", "a", "50%", "12", "10", "20%", "0%")

@@ -1,4 +1,4 @@
-"""`warehouse train`: what it says at the beginning, on the way and in the end, with and without a terminal."""
+"""Test `warehouse train`: its messages, refusals, resuming, and signals."""
 
 from __future__ import annotations
 
@@ -28,22 +28,20 @@ SMALL = (
 
 
 def train(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[list[str], list[str]]:
-    """Run a short training; returns the lines of stdout and stderr."""
+    """Run a short training; return the lines of stdout and stderr."""
     assert main(["train", "reinforce", *SMALL.split(), *words]) == 0
     shown = capsys.readouterr()
     return shown.out.splitlines(), shown.err.splitlines()
 
 
-def half_done(folder: Path) -> None:
-    """Have a training that is done be so for half of its steps."""
+def double_the_steps(folder: Path) -> None:
+    """Double a finished training's steps, so that half remain."""
     saved = checkpoint.read(folder / "checkpoint")
     longer = saved.data["config"] | {"steps": 2 * saved.data["steps"]}
     checkpoint.write(folder / "checkpoint", saved.arrays, saved.data | {"config": longer})
 
 
-def test_without_a_bar_it_says_what_it_begins_and_what_it_wrote(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_training_prints_its_start_and_its_results(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out, err = train(capsys, "--layout", "open", "--steps", "48", "--out", str(tmp_path), "--name", "one")
     assert err[0].startswith("trains for 48 agent-steps on open with 2 robots, without the shield and ")
     assert err[0].endswith(f"with live routes, into {tmp_path / 'one'}; Ctrl-C stops and keeps what is learned")
@@ -73,7 +71,7 @@ def test_without_a_bar_it_says_what_it_begins_and_what_it_wrote(
         ("--device cpu --planner pf_aco", "does not simulate live routes by pf_aco yet: leave that out"),
     ],
 )
-def test_what_is_refused_is_refused_before_anything_is_said_or_written(
+def test_wrong_training_options_are_refused_first(
     words: str, reason: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["train", "reinforce", *SMALL.split(), "--layout", "open", "--out", str(tmp_path), *words.split()]) == 2
@@ -91,7 +89,7 @@ FLOORS = {
 
 
 def make_floors() -> None:
-    """Write the files of all floors into the working folder."""
+    """Write the files of all FLOORS into the working folder."""
     write_map(GridMap(np.zeros((12, 16), bool), one_way=np.eye(12, 16, dtype=np.uint8)), "mine.map")
     grey = room(24, 32)
     hall(Path(), grey)
@@ -102,14 +100,14 @@ def make_floors() -> None:
 
 
 @pytest.mark.parametrize("name", FLOORS)
-def test_a_run_goes_on_only_with_the_floors_it_began_with(
+def test_training_resumes_only_on_unchanged_floors(
     name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     make_floors()
     train(capsys, "--layout", name, "--steps", "24", "--out", ".")
     folder = tmp_path / "reinforce"
-    half_done(folder)
+    double_the_steps(folder)
     again = ["train", "reinforce", "--resume", str(folder), "--no-progress"]
     for file in map(Path, FLOORS[name]):
         before = file.read_bytes()
@@ -125,14 +123,14 @@ def test_a_run_goes_on_only_with_the_floors_it_began_with(
     assert main(again) == 0
 
 
-def test_one_process_trains_in_a_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_only_one_process_trains_in_a_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     train(capsys, "--layout", "open", "--steps", "24", "--out", str(tmp_path), "--name", "mine")
     before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
     with held(tmp_path / "mine" / ".lock", tmp_path / "mine"):
         for again in (["--resume", str(tmp_path / "mine")], ["--out", str(tmp_path), "--name", "mine"]):
             assert main(["train", "reinforce", *again]) == 2
-            said = f"warehouse: {tmp_path / 'mine'} is in use by process {os.getpid()}, since"
-            assert capsys.readouterr().err.startswith(said)
+            message = f"warehouse: {tmp_path / 'mine'} is in use by process {os.getpid()}, since"
+            assert capsys.readouterr().err.startswith(message)
     assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
 
 
@@ -140,15 +138,15 @@ def test_one_process_trains_in_a_folder(tmp_path: Path, capsys: pytest.CaptureFi
     ("number", "usual", "code"),
     [
         (signal.SIGINT, signal.default_int_handler, 130),
-        (signal.SIGINT, signal.SIG_IGN, 130),  # as in the background of a shell
+        (signal.SIGINT, signal.SIG_IGN, 130),  # as in a shell's background
         (signal.SIGTERM, signal.SIG_DFL, 143),
     ],
 )
-def test_stopped_before_the_first_row_it_says_how_to_go_on(
+def test_stopped_training_prints_how_to_resume(
     number: signal.Signals, usual: Any, code: int, tmp_path: Path, capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest,
 ) -> None:  # fmt: skip
-    """The stop comes in the first update, as the row would after 5 s or at the end."""
+    """The signal comes in the first update, before the first row is written."""
     before, update = signal.signal(number, usual), ThreadedTrainer.update
     request.addfinalizer(lambda: signal.signal(number, before))
 
@@ -170,8 +168,8 @@ def test_stopped_before_the_first_row_it_says_how_to_go_on(
     assert capsys.readouterr().out.startswith("96 agent-steps")
 
 
-def test_a_resumed_training_keeps_its_own_settings(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Also one of before there were recipes and evaluations, whose checkpoint says nothing of them."""
+def test_resumed_training_keeps_its_settings(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Cover a checkpoint from before recipes and evaluations, which lacks these options."""
     words = [*SMALL.split(), "--layout", "open", "--steps", "24", "--out", str(tmp_path), "--name", "mine"]
     assert main(["train", "fixed_routes_reinforce", *words]) == 0
     folder = tmp_path / "mine"
@@ -186,7 +184,7 @@ def test_a_resumed_training_keeps_its_own_settings(tmp_path: Path, capsys: pytes
     assert "leave out shared=0.6" in capsys.readouterr().err
 
 
-def test_where_nothing_can_be_written_it_is_said_at_once(
+def test_unwritable_folder_is_refused_at_once(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(ThreadedTrainer, "__init__", lambda *_: pytest.fail("it plans and compiles first"))
@@ -199,7 +197,7 @@ def test_where_nothing_can_be_written_it_is_said_at_once(
 
 
 @pytest.mark.parametrize("trainer", ["reinforce", "unshielded", "ppo"])
-def test_robots_of_other_kinds_are_trained_with_and_gone_on_with(
+def test_training_and_resuming_use_the_given_fleet(
     trainer: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     if trainer == "ppo":
@@ -215,7 +213,7 @@ def test_robots_of_other_kinds_are_trained_with_and_gone_on_with(
     assert read_record(folder).env.robots == (slow, slow)
     saved = checkpoint.read(folder / "checkpoint")
     checkpoint.write(folder / "checkpoint", saved.arrays, saved.data | {"config": saved.data["config"] | {"steps": 96}})
-    fleet.write_text('[{"share": 1, "robot": {}}]', encoding="utf-8")  # which is not asked again
+    fleet.write_text('[{"share": 1, "robot": {}}]', encoding="utf-8")  # the file is not read again
     assert main(["train", trainer, "--no-progress", "--resume", str(folder), "--fleet", str(fleet)]) == 2
     assert "leave out fleet=" in capsys.readouterr().err
     assert main(["train", trainer, "--no-progress", "--resume", str(folder)]) == 0

@@ -1,4 +1,4 @@
-"""Disturbances against observations made by hand, and the table of what holds; notes of where robots wait and touch."""
+"""Test disturbances on hand-made observations, the robustness table, and notes of waits and contacts."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ NOTHING = np.float32(1.0) / np.float32(7.0)  # 6 m of range
 OPEN = EnvConfig(layout="open", num_agents=3, planner="astar")
 
 
-def observed(metres: float) -> NDArray[np.float32]:
-    """Observations [1, 500, D] in which every ray reads so far, and all else is 0.25."""
+def observations(metres: float) -> NDArray[np.float32]:
+    """Return observations [1, 500, D] in which every ray reads `metres` and all else is 0.25."""
     rows = np.full((1, 500, observation_layout(CONFIG).size), 0.25, np.float32)
     rows[..., LIDAR] = np.float32(1.0) / np.float32(1.0 + metres)
     return rows
@@ -35,47 +35,47 @@ def senses(seed: int = 5, **strengths: Any) -> Senses:
 
 
 def split(rows: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """The rays, and all else."""
+    """Return the rays and all other values."""
     return rows[..., LIDAR], np.delete(rows, np.r_[LIDAR], axis=-1)
 
 
 def test_lidar_noise_is_in_metres() -> None:
-    rows = observed(2.0)
+    rows = observations(2.0)
     rays, rest = split(senses(range_noise=0.03).see(rows))
     off = 1.0 / rays.astype(float) - 1.0 - 2.0
     assert off.mean() == pytest.approx(0.0, abs=0.001)  # of 16,000 rays
     assert off.std() == pytest.approx(0.03, rel=0.03)
     assert (rest == 0.25).all()
-    assert (rows == observed(2.0)).all()  # the simulator's own is left alone
+    assert (rows == observations(2.0)).all()  # the input is unchanged
 
 
-def test_lidar_noise_makes_neither_echoes_out_of_nothing_nor_ranges_that_cannot_be() -> None:
-    rays, _ = split(senses(range_noise=0.03).see(observed(6.0)))
+def test_lidar_noise_keeps_ranges_valid() -> None:
+    rays, _ = split(senses(range_noise=0.03).see(observations(6.0)))
     assert (rays == NOTHING).all()
-    rays, _ = split(senses(range_noise=0.5).see(observed(5.9)))
+    rays, _ = split(senses(range_noise=0.5).see(observations(5.9)))
     assert rays.min() == NOTHING
-    rays, _ = split(senses(range_noise=0.5).see(observed(0.1)))
+    rays, _ = split(senses(range_noise=0.5).see(observations(0.1)))
     assert rays.max() == 1.0
 
 
-def test_lost_rays_read_nothing_there() -> None:
-    rays, rest = split(senses(dropout=0.2).see(observed(2.0)))
+def test_lost_rays_read_free() -> None:
+    rays, rest = split(senses(dropout=0.2).see(observations(2.0)))
     lost = rays == NOTHING
     assert lost.mean() == pytest.approx(0.2, abs=0.01)
-    assert (rays[~lost] == observed(2.0)[0, 0, LIDAR][0]).all()
+    assert (rays[~lost] == observations(2.0)[0, 0, LIDAR][0]).all()
     assert (rest == 0.25).all()
 
 
 @pytest.mark.parametrize(("delay", "seen"), [(0.1, [0, 0, 1, 2, 3, 4]), (0.3, [0, 0, 0, 0, 1, 2])])
-def test_delayed_observations_are_those_of_seconds_before(delay: float, seen: list[int]) -> None:
-    eye, rows, got = senses(delay=delay), observed(2.0), []
+def test_observations_are_delayed(delay: float, seen: list[int]) -> None:
+    eye, rows, got = senses(delay=delay), observations(2.0), []
     for k in range(6):
-        rows[...] = k  # as the simulator does, which writes over its own
+        rows[...] = k  # in place, like the simulator
         got.append(int(eye.see(rows)[0, 0, 0]))
     assert got == seen
 
 
-def test_bodies_are_in_proportion_and_the_other_way_round() -> None:
+def test_long_and_front_steered_robots_keep_proportions() -> None:
     assert body(0.9) == RobotSpec()
     long, turned = body(1.2), body(1.2, front_steered=True)
     assert (long.wheelbase, long.front_overhang) == pytest.approx((0.8, 0.2))
@@ -83,7 +83,7 @@ def test_bodies_are_in_proportion_and_the_other_way_round() -> None:
     assert (long.front_steered, turned.front_steered) == (False, True)
 
 
-def test_aisles_lie_between_shelves_no_more_than_three_cells_apart() -> None:
+def test_aisles_are_at_most_three_cells_wide() -> None:
     lines = ["#...#....#", "..........", "#........."]
     grid = GridMap(np.array([[mark == "#" for mark in line] for line in lines]), name="drawn")
     marks = ["".join("x" if cell else "." for cell in row) for row in in_aisles(grid)]
@@ -99,7 +99,7 @@ def numbers(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     return [{name: value for name, value in row.items() if name not in apart} for row in rows]
 
 
-def test_an_undisturbed_episode_is_that_of_evaluate() -> None:
+def test_undisturbed_episode_equals_evaluate() -> None:
     disturbed, plain = run(experiment(UNDISTURBED)), run(experiment(None))
     assert numbers(disturbed) == numbers(plain)
     assert "disturbance" not in plain[0]
@@ -108,13 +108,13 @@ def test_an_undisturbed_episode_is_that_of_evaluate() -> None:
 
 
 @pytest.mark.parametrize("name", DISTURBANCES)
-def test_every_disturbance_makes_a_world(name: str) -> None:
+def test_every_disturbance_gives_a_valid_world(name: str) -> None:
     config = make_experiment("ppo", OPEN, 1, 5.0, 700, disturbance=name).config
     assert Simulator(config).num_agents == 3
 
 
 @pytest.mark.parametrize("name", ["dropout", "delay", "breakdown", "short"])
-def test_a_disturbance_plays_for_itself_and_makes_a_difference(name: str) -> None:
+def test_disturbed_episodes_are_independent_and_differ(name: str) -> None:
     base = OPEN.replace(layout="narrow", num_agents=12)
     two, one, none = (
         run(make_experiment("ppo", base, many, 70.0, 700, disturbance=disturbance))
@@ -124,7 +124,7 @@ def test_a_disturbance_plays_for_itself_and_makes_a_difference(name: str) -> Non
     assert numbers(one) != numbers(none)
 
 
-def test_the_fastest_command_of_a_trained_policy_means_the_maximum_speed() -> None:
+def test_fastest_command_means_the_disturbed_maximum_speed() -> None:
     fast, fastest = experiment("fast", seconds=40.0), []
     assert fast.config.speed_levels == (-0.4, 0.0, 0.5, 2.0)
     run(fast, [lambda simulator, steps: fastest.append(float(simulator.state.speed.max()))])
@@ -153,7 +153,7 @@ def test_one_robot_of_each_world_breaks_down_in_an_aisle() -> None:
 
 
 def rows(name: str, goals: tuple[float, ...], contacts: float = 1.0, standing: float = 20.0) -> list[dict[str, Any]]:
-    """Two episodes on each of two floors; goals: of the first floor, of the second one."""
+    """Return two episodes on each of two floors; goals: of the first and of the second floor."""
     return [
         {
             "disturbance": name, "policy": "ppo", "layout": layout, "robots": robots, "episode": episode,
@@ -169,9 +169,9 @@ def rows(name: str, goals: tuple[float, ...], contacts: float = 1.0, standing: f
 USUAL = rows("none", (100.0, 60.0))
 
 
-def test_what_is_measured() -> None:
+def test_measures_by_hand() -> None:
     found = measure(USUAL)
-    # strata of standard error 1 each: half of sqrt(2), and with one degree of freedom each t = 4.303 of two
+    # two strata of standard error 1: half of sqrt(2); one degree of freedom each: t = 4.303 of two
     assert (found.goals.mean, found.goals.high) == pytest.approx((80.0, 80.0 + 4.30265 * 2**0.5 / 2), rel=1e-5)
     assert (found.robot_contacts, found.shelf_contacts, found.standing) == (0.5, 0.25, 20.0)
     worse = measure(rows("delay", (90.0, 30.0)))
@@ -193,7 +193,7 @@ def test_verdicts(goals: tuple[float, ...], contacts: float, standing: float, wo
     assert verdict(measure(rows("delay", goals, contacts, standing)), measure(USUAL)) == word
 
 
-def test_a_line_for_each_disturbance() -> None:
+def test_table_has_a_line_per_disturbance() -> None:
     table = robust_table([*USUAL, *rows("delay", (90.0, 30.0))])
     assert "open with 16, narrow with 32 robots; 2 episodes of 300 s each" in table.title
     first, second = table.cells
@@ -204,7 +204,7 @@ def test_a_line_for_each_disturbance() -> None:
     assert all(word in table.note for word in ("contacts", "jams", "slower", "holds"))
 
 
-def test_notes_agree_with_the_rows() -> None:
+def test_place_notes_agree_with_rows() -> None:
     base = EnvConfig(layout="narrow", num_agents=12, planner="astar")
     experiment = make_experiment("follow", base, 2, 60.0, seed=400)
     places = PlaceNotes(experiment)
@@ -218,11 +218,11 @@ def test_notes_agree_with_the_rows() -> None:
         waited = sum(seconds for _, seconds in note["waited"])
         assert waited == pytest.approx(row["waiting_share"] * 12 * 60.0, abs=0.01 * len(note["waited"]))
         assert sum(kind == "shelf" for *_, kind in note["contacts"]) == row["collisions_shelf"]
-        # Contacts of three robots in one step may share a middle.
+        # Contacts of three robots in one step may share a point.
         assert 0 <= row["collisions_robot"] - sum(kind == "robot" for *_, kind in note["contacts"]) <= 1
 
 
-def test_the_floor_of_two_notes_by_hand() -> None:
+def test_notes_add_up_to_a_floor() -> None:
     one = {"shape": [2, 3], "seconds": 1800.0, "waited": [[0, 10.0], [5, 2.0]], "contacts": [[1.0, 2.0, "robot"]]}
     two = {"shape": [2, 3], "seconds": 1800.0, "waited": [[5, 4.0]], "contacts": []}
     floor = floor_of_notes([one, two])
@@ -231,12 +231,12 @@ def test_the_floor_of_two_notes_by_hand() -> None:
     assert floor.contacts.tolist() == [[1.0, 2.0]]
 
 
-def test_peaks_are_the_hottest_squares_apart() -> None:
+def test_peaks_are_separate_hot_squares() -> None:
     heat = np.zeros((7, 9))
-    heat[1, 1], heat[1, 2] = 5.0, 4.0  # 9 together; the square around either holds both, and (1, 1) is hotter
+    heat[1, 1], heat[1, 2] = 5.0, 4.0  # sum 9: each square holds both, and (1, 1) is hotter
     heat[5, 7] = 7.0
     heat[3, 5] = 1.0
     assert peaks(heat, 9, radius=1) == [(1, 1, 9.0), (5, 7, 7.0), (3, 5, 1.0)]
     assert peaks(heat, 1, radius=1) == [(1, 1, 9.0)]
     assert peaks(np.zeros((3, 3)), 3, radius=1) == []
-    assert heat.sum() == 17.0  # left as it was
+    assert heat.sum() == 17.0  # unchanged

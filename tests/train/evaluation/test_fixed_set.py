@@ -1,4 +1,4 @@
-"""`warehouse benchmark`: the set of a version is fixed, and policies stand beside the shipped rows."""
+"""Test `warehouse benchmark`: each version fixes the set; tables add policies to the shipped rows."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from warehouse_env.maps.layouts import make_layout
 COLUMNS = ("track", "layout", "robots", "seed")
 
 
-def test_the_set_is_that_of_its_version() -> None:
-    """A change of a floor, fleet or seed needs a new VERSION and new shipped rows."""
+def test_set_matches_its_version() -> None:
+    """A changed floor, fleet or seed needs a new VERSION and new shipped rows."""
     content = hashlib.sha256(
         json.dumps([fixed_set.SECONDS, fixed_set.SEED, fixed_set.PLANNER, fixed_set.CASES]).encode()
     )
@@ -44,7 +44,7 @@ def test_shipped_policies_drove_the_whole_set() -> None:
         assert known == {one for one in wanted if one[0] == track}
 
 
-def test_a_track_sets_the_same_traffic_for_all() -> None:
+def test_track_sets_one_traffic_for_all_policies() -> None:
     for policy in ("follow", "greedy", "ppo", "shielded", "orca"):
         spec = config_of(policy, EnvConfig(), fixed_set.options(policy, "with_shield")).traffic_spec
         assert (spec.shield, spec.right_of_way, spec.routes) == (True, True, True)
@@ -55,7 +55,7 @@ def test_a_track_sets_the_same_traffic_for_all() -> None:
     ]
 
 
-def test_tables_have_the_best_first() -> None:
+def test_tables_list_the_best_first() -> None:
     rows = read_rows(fixed_set.SHIPPED)
     config = EnvConfig(traffic="shield", action_repeat=3).to_dict()
     better = [
@@ -70,7 +70,7 @@ def test_tables_have_the_best_first() -> None:
     assert "shielded" not in [line[0] for line in tables[1].cells]
 
 
-def test_the_command_drives_resumes_and_tabulates(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_benchmark_drives_resumes_and_tabulates(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     small = (fixed_set.Case("few", "open", 2, 2), fixed_set.Case("more", "aisles:seed=801", 3, 1))
     monkeypatch.setattr(fixed_set, "SECONDS", 8.0)
     monkeypatch.setattr("train.commands.evaluate.SHIPPED", tmp_path / "none.jsonl")
@@ -84,12 +84,12 @@ def test_the_command_drives_resumes_and_tabulates(tmp_path: Path, monkeypatch: p
     before = (tmp_path / "table.md").read_text()
     assert before.count("| follow |") == 2
     assert len(read_rows(tmp_path / "rows.jsonl")) == 6
-    assert main(arguments) == 2  # the rows would be replaced
+    assert main(arguments) == 2  # existing rows are not replaced
     (tmp_path / "rows.jsonl").write_bytes(b"".join((tmp_path / "rows.jsonl").read_bytes().splitlines(True)[:4]))
     assert main([*arguments, "--resume"]) == 0
     assert (tmp_path / "table.md").read_text() == before
 
 
-def test_the_command_shows_the_shipped_policies(capsys: pytest.CaptureFixture[str]) -> None:
+def test_benchmark_shows_the_shipped_policies(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["benchmark"]) == 0
     assert "shielded" in capsys.readouterr().out

@@ -1,4 +1,4 @@
-"""Jobs: whatever ends a process or a node loses only its job, and the rows are the same whoever does the jobs."""
+"""Test jobs: a lost process or node loses only its job, and all kinds of workers give the same rows."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ ROOT = Path(__file__).parents[3]
 
 @dataclass(frozen=True)
 class Square(Job):
-    """Two rows about a number; `kills` ends its process, while the file that it names is not there."""
+    """Job with two rows about a number; it kills its process while the file `kills` is missing."""
 
     number: int
     kills: Path | None = None
@@ -43,7 +43,7 @@ class Square(Job):
 
     def run(self, tick: Tick) -> Result:
         if self.kills is not None and not self.kills.exists():
-            with contextlib.suppress(OSError):  # where there is no such folder it is never there
+            with contextlib.suppress(OSError):  # in a missing folder the file never exists
                 self.kills.touch()
             os.kill(os.getpid(), signal.SIGKILL)
         if self.number < 0:
@@ -55,7 +55,7 @@ class Square(Job):
 
 @dataclass(frozen=True)
 class Sleep(Job):
-    """Notes its process, and takes longer than any test."""
+    """Job that notes its process and outlasts every test."""
 
     folder: Path
 
@@ -74,14 +74,14 @@ def done(path: Path, jobs: Sequence[Job], workers: Workers | None = None) -> lis
 
 @pytest.fixture(params=["processes", "cluster"])
 def make_workers(request: pytest.FixtureRequest) -> Callable[[], Workers]:
-    """Both kinds of workers that can be lost."""
+    """Return a factory of workers, for both kinds that can be lost."""
     if request.param == "processes":
         return lambda: Processes(2)
     address = request.getfixturevalue("connected_nodes").address
     return lambda: Cluster(address)
 
 
-def test_a_killed_job_is_done_again_or_named_and_all_others_are_kept(
+def test_killed_job_is_retried_or_named_and_others_are_kept(
     make_workers: Callable[[], Workers], tmp_path: Path
 ) -> None:
     never, once = tmp_path / "none" / "x", tmp_path / "once"
@@ -93,20 +93,20 @@ def test_a_killed_job_is_done_again_or_named_and_all_others_are_kept(
     assert [row["square"] for row in done(tmp_path / "rows.jsonl", jobs)] == [0, 0, 1, 1, 4, 4, 9, 9, 16, 16, 25, 25]
 
 
-def test_errors_of_a_job_are_raised_as_they_are(make_workers: Callable[[], Workers], tmp_path: Path) -> None:
+def test_job_errors_are_raised_unchanged(make_workers: Callable[[], Workers], tmp_path: Path) -> None:
     for workers in (Here(), make_workers()):
         with pytest.raises(WarehouseError, match="nothing to square"):
             done(tmp_path / "rows.jsonl", [Square(-1)], workers)
 
 
-def test_rows_of_other_jobs_are_not_a_jobs_own(tmp_path: Path) -> None:
+def test_jobs_return_only_their_own_rows(tmp_path: Path) -> None:
     done(tmp_path / "rows.jsonl", [Square(3), Square(4)])
     rows = done(tmp_path / "rows.jsonl", [Square(4), Square(5)])
     assert [row["square"] for row in rows] == [16, 16, 25, 25]
 
 
-def test_processes_end_with_the_one_that_began_them(tmp_path: Path) -> None:
-    """Killed hard, it can tell them nothing."""
+def test_processes_end_with_their_parent(tmp_path: Path) -> None:
+    """SIGKILL leaves the parent no time to stop its processes."""
     body = (
         "import sys; from pathlib import Path; from tests.train.evaluation.test_jobs import Processes, Sleep, done\n"
         "if __name__ == '__main__': done(Path('rows.jsonl'), [Sleep(Path(sys.argv[1]))] * 2, Processes(2))"
@@ -140,7 +140,7 @@ def _wait_until(over: Callable[[], bool], seconds: float) -> None:
         time.sleep(0.05)
 
 
-def test_any_prefix_of_the_file_comes_to_the_same_rows(tmp_path: Path) -> None:
+def test_any_prefix_of_the_file_resumes_to_the_same_rows(tmp_path: Path) -> None:
     jobs = [Square(number) for number in range(3)]
     rows = done(tmp_path / "whole.jsonl", jobs)
     whole = (tmp_path / "whole.jsonl").read_bytes()
@@ -157,13 +157,13 @@ DRIVE = ("evaluate", "--policy", "greedy", "follow", "--robots", "4", "--layout"
 
 
 def driven(path: Path, *more: str) -> list[Row]:
-    """Return the sorted rows of DRIVE, without times."""
+    """Run DRIVE and return its sorted rows without times."""
     assert main([*DRIVE, "--out", str(path), *more]) == 0
     rows = [{k: value for k, value in row.items() if k != "ms_per_step"} for row in read_rows(path / "rows.jsonl")]
     return sorted(rows, key=lambda row: (row["policy"], row["episode"]))
 
 
-def test_rows_are_the_same_here_in_processes_and_on_two_nodes(tmp_path: Path, connected_nodes: Any) -> None:
+def test_here_processes_and_nodes_give_the_same_rows(tmp_path: Path, connected_nodes: Any) -> None:
     here = driven(tmp_path / "here")
     assert len(here) == 10
     assert here == driven(tmp_path / "two", "--processes", "2")
@@ -171,7 +171,7 @@ def test_rows_are_the_same_here_in_processes_and_on_two_nodes(tmp_path: Path, co
     assert {row["ms_per_step"] for row in read_rows(tmp_path / "ray" / "rows.jsonl")} == {None}
 
 
-def test_a_node_with_other_code_is_an_error() -> None:
+def test_node_with_other_code_is_refused() -> None:
     here = code_here()
     check_code(here, dict(here))
     with pytest.raises(WarehouseError, match=r"has numba 0\.1, sources 0123, here it is numba \d\S+, sources \w+"):
@@ -179,7 +179,7 @@ def test_a_node_with_other_code_is_an_error() -> None:
 
 
 @pytest.mark.nightly
-def test_a_job_that_kills_its_worker_is_named_by_the_command(
+def test_command_names_a_job_that_kills_its_worker(
     tmp_path: Path, connected_nodes: Any, registries: None, monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:  # fmt: skip
@@ -202,7 +202,7 @@ def test_a_job_that_kills_its_worker_is_named_by_the_command(
 
 @dataclass(frozen=True)
 class Slow(Square):
-    """Notes that it began, and takes a while."""
+    """Job that notes its start and takes half a second."""
 
     folder: str = ""
 
@@ -213,30 +213,30 @@ class Slow(Square):
 
 
 @pytest.mark.nightly
-def test_a_node_that_goes_without_a_word(tmp_path: Path, connected_nodes: Any) -> None:
+def test_jobs_of_a_lost_node_are_retried(tmp_path: Path, connected_nodes: Any) -> None:
     third = connected_nodes.add_node(num_cpus=1)
     notes = tmp_path / "notes"
     notes.mkdir()
     jobs = [Slow(number, folder=str(notes)) for number in range(12)]
 
     class Removing(Cluster):
-        """Has a node removed when the third result is in."""
+        """Cluster that loses a node after the third result."""
 
         def each(self, jobs: Sequence[Numbered], moved: Progress) -> Iterator[tuple[int, Result]]:
             for count, given in enumerate(super().each(jobs, moved), start=1):
                 if count == 3:
-                    time.sleep(0.2)  # until the next jobs have begun
+                    time.sleep(0.2)  # the next jobs need time to start
                     connected_nodes.remove_node(third, allow_graceful=False)
                 yield given
 
     rows = done(tmp_path / "rows.jsonl", jobs, workers=Removing(connected_nodes.address))
     assert [row["number"] for row in rows] == sorted(2 * list(range(12)))
     assert len(read_rows(tmp_path / "rows.jsonl")) == 24
-    assert len(list(notes.iterdir())) > 12  # some of them twice
+    assert len(list(notes.iterdir())) > 12  # some jobs ran twice
 
 
 @pytest.mark.nightly
-def test_a_driver_that_is_killed_goes_on(tmp_path: Path, connected_nodes: Any) -> None:
+def test_killed_driver_resumes(tmp_path: Path, connected_nodes: Any) -> None:
     command = [*DRIVE, "--out", "rows", "--ray", connected_nodes.address]
     path = tmp_path / "rows" / "rows.jsonl"
     with subprocess.Popen([sys.executable, "-m", "train.cli", *command], cwd=tmp_path) as driver:

@@ -1,4 +1,4 @@
-"""Recorded and filmed episodes are those that an evaluation drives; the page of the worst ones."""
+"""Test that recorded and filmed episodes equal evaluated ones, and the page of the worst episodes."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ FULL = {"traffic": "rules"}
 
 
 @pytest.mark.parametrize(("policy", "chosen"), [("brake", {}), ("ppo", FULL)])
-def test_what_is_recorded_is_what_is_evaluated(policy: str, chosen: dict[str, bool]) -> None:
+def test_recorded_episode_equals_the_evaluated_one(policy: str, chosen: dict[str, bool]) -> None:
     experiment = make_experiment(policy, BASE, 1, 12.0, 5, chosen)
     poses, steps = list[Any](), []
     (row,) = run(experiment, [lambda simulator, steps: poses.append(simulator.state.pose[0].copy())])
@@ -44,7 +44,7 @@ def test_breakdowns_are_not_recorded() -> None:
         record(make_experiment("brake", BASE, 1, 5.0, 5, {}, "breakdown"))
 
 
-def test_shares_of_a_learned_policy_are_its_chances_and_of_a_rule_its_order() -> None:
+def test_shares_are_probabilities_and_none_without_preferences() -> None:
     config = make_experiment("ppo", BASE, 1, 5.0, 5).config
     observation = np.random.default_rng(1).uniform(-1, 1, (1, 5, 112)).astype(np.float32)
     learned = shares_of("ppo", config)
@@ -75,7 +75,7 @@ def test_64_robots_over_2000_steps_are_under_5_mb(tmp_path: Path) -> None:
 
 @pytest.fixture
 def _pictures() -> None:
-    """Skip a test that draws where the packages for it are missing."""
+    """Skip a test of pictures if their packages are missing."""
     for package in ("PIL.Image", "pygame", "imageio_ffmpeg"):
         pytest.importorskip(package)
 
@@ -89,17 +89,17 @@ def frames(path: Path) -> list[np.ndarray[Any, Any]]:
 
 
 @pytest.mark.usefixtures("_pictures")
-def test_a_frame_a_tenth_of_a_second_of_the_film(tmp_path: Path) -> None:
+def test_film_has_ten_frames_a_second(tmp_path: Path) -> None:
     film(tmp_path / "a.gif", "follow", seconds=4.0, speed=2.0, pixels=100, **SMALL)
     film(tmp_path / "b.gif", "follow", begin=2.0, seconds=2.0, speed=2.0, pixels=100, **SMALL)
     long, late = frames(tmp_path / "a.gif"), frames(tmp_path / "b.gif")
     assert (len(long), len(late)) == (21, 11)
     assert max(long[0].shape[:2]) <= 128 + 1  # with the caption
-    assert np.abs(long[-1].astype(int) - late[-1]).mean() < 2  # the same moment, but for the palette
+    assert np.abs(long[-1].astype(int) - late[-1]).mean() < 2  # the same moment; only the palette differs
 
 
 @pytest.mark.usefixtures("_pictures")
-def test_robots_drive_as_in_an_evaluation(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_filmed_robots_drive_as_in_an_evaluation(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     filmed, poses = list[Any](), list[Any]()
     draw = films.draw
     monkeypatch.setattr(films, "draw", lambda scene, scale: (filmed.append(scene.pose.copy()), draw(scene, scale))[1])
@@ -111,17 +111,17 @@ def test_robots_drive_as_in_an_evaluation(tmp_path: Path, monkeypatch: pytest.Mo
 
 
 @pytest.mark.parametrize(
-    ("policies", "options", "said"),
+    ("policies", "options", "message"),
     [((), {}, "at least one policy"), (("folow",), {}, "follow")],
 )
-def test_wrong_names_are_refused(policies: tuple[str, ...], options: Any, said: str, tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match=said):
+def test_wrong_names_are_refused(policies: tuple[str, ...], options: Any, message: str, tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=message):
         film(tmp_path / "none.gif", *policies, **options)
     assert not list(tmp_path.iterdir())
 
 
 def row(policy: str, seed: int, goals: float, hits: float = 0.0, **more: Any) -> dict[str, Any]:
-    """One episode of 16 robots on a floor, 2 km driven."""
+    """Return the row of an episode of 16 robots and 2 km."""
     return {
         "policy": policy, "layout": "hall", "robots": 16, "tasks": "lifelong", "planner": "astar", "seed": seed,
         "seconds": 600.0, "robot_km": 2.0, "collisions_robot": hits, "collisions_shelf": 0.0,
@@ -130,7 +130,7 @@ def row(policy: str, seed: int, goals: float, hits: float = 0.0, **more: Any) ->
     }  # fmt: skip
 
 
-def test_the_worst_of_each_policy_come_in_turn() -> None:
+def test_worst_episodes_alternate_between_policies() -> None:
     rows = [
         row("a", 0, 1.0, 4.0), row("a", 1, 1.0, 8.0), row("a", 2, 1.0, 6.0),
         row("b", 0, 1.0), row("b", 1, 1.0, stuck=0.125), row("b", 2, 1.0, longest_standing_s=70.0),
@@ -143,7 +143,7 @@ def test_the_worst_of_each_policy_come_in_turn() -> None:
     assert worst_episodes([], 5) == []
 
 
-def test_a_report_is_a_page_with_replays_beside_it(
+def test_report_links_its_replays(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     pytest.importorskip("matplotlib")
@@ -158,7 +158,7 @@ def test_a_report_is_a_page_with_replays_beside_it(
     assert len(links) == 5
     assert "http://" not in page.replace("http://www.w3.org/", "")
     assert "<script" not in page
-    assert page.count("<svg role=") == 2  # over robots, where
+    assert page.count("<svg role=") == 2  # over robots, and where robots wait
     for text in ("<td>brake</td>", "collisions/km", "600 to 601", f"--report {report}", "on open with 4 robots"):
         assert text in page, text
     rows = read_rows(report / "rows.jsonl")

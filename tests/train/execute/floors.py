@@ -1,4 +1,4 @@
-"""Small floors and paths for tests of plans."""
+"""Provide small floors and paths for tests of plans."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Bodies and steps against samples, polygons and by hand; default robots on a wide floor."""
+"""Test footprints and steps of the audit against samples, polygons and hand-made cases."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ NEAR = st.floats(-1.5, 1.5)
 
 
 def gap_of(dx: float, dy: float, one: float, other: float, sides: tuple[float, float, float, float]) -> float:
-    """The gap of two rectangles at headings `one` and `other` [rad]."""
+    """Return the gap of two rectangles at headings `one` and `other` [rad]."""
     first = Outline(0.0, 0.0, math.cos(one), math.sin(one), *sides[:2])
     return gap(first, Outline(dx, dy, math.cos(other), math.sin(other), *sides[2:]))
 
 
 @given(NEAR, NEAR, ANGLES, ANGLES, st.tuples(SIDES, SIDES, SIDES, SIDES))
-def test_gaps_are_those_of_polygons(
+def test_gaps_equal_polygon_distances(
     dx: float, dy: float, one: float, other: float, sides: tuple[float, float, float, float]
 ) -> None:
     a, b = rectangle(0, 0, one, *sides[:2]), rectangle(dx, dy, other, *sides[2:])
@@ -46,7 +46,7 @@ def test_gaps_are_those_of_polygons(
     ("u", "v", "expected"),
     [(0.5, 0.0, 0.05), (0.0, -0.4, 0.1), (0.48, 0.34, 0.05), (0.44, 0.0, -0.01), (0.0, 0.0, -0.3)],
 )
-def test_points(u: float, v: float, expected: float) -> None:
+def test_point_gaps_by_hand(u: float, v: float, expected: float) -> None:
     assert point_gap(u, v, 0.45, 0.3) == pytest.approx(expected)
 
 
@@ -56,11 +56,11 @@ def test_points(u: float, v: float, expected: float) -> None:
         (0.95, 0.0, 0.05),  # one behind the other
         (0.80, 0.0, -0.1),
         (0.80, math.pi / 2, 0.05),  # one across the other's way
-        (0.0, math.pi / 2, -0.3),  # a cross: no corner lies in the other, but its middle does
+        (0.0, math.pi / 2, -0.3),  # a cross: each covers the other's centre, but no corner
         (0.6, math.pi / 2, -0.15),  # across the end
     ],
 )
-def test_by_hand(dx: float, other: float, expected: float) -> None:
+def test_rectangle_gaps_by_hand(dx: float, other: float, expected: float) -> None:
     assert gap_of(dx, 0.0, 0.0, other, (0.45, 0.3, 0.45, 0.3)) == pytest.approx(expected)
 
 
@@ -70,11 +70,11 @@ State = tuple[float, float, float, float, float]  # x, y [m], heading [rad], spe
 STEP = 0.1  # [s]
 FREE = np.zeros((40, 40), dtype=np.bool_)  # cells of a metre
 NO_DISCS = np.zeros((0, 3))
-SLACK = 2e-5  # [m] that rounding may make there
+SLACK = 2e-5  # [m] tolerance of rounding
 
 
 def moved(state: State, speed: float, steer: float, seconds: float = STEP, looks: int = 2) -> list[State]:
-    """The states at `looks` instants, evenly, of a physics step of two arcs, by tiny steps; the last one at its end."""
+    """Return states at `looks` even instants of a physics step of two arcs, by tiny steps, up to its end."""
     x, y, heading, speed_0, steer_0 = state
     tiny = 2000
     share = (np.arange(tiny) + 0.5) / tiny
@@ -93,7 +93,7 @@ def audited(
     before: Sequence[State], after: Sequence[State], *, put_back: Sequence[bool] = (), people: Floats | None = None,
     walked: Floats | None = None, solid: NDArray[np.bool_] = FREE, discs: Floats = NO_DISCS, repeat: int = 1,
 ) -> tuple[list[list[float]], float, float]:  # fmt: skip
-    """Audit a step; return its faults, the closest approach and the way of all [m]."""
+    """Audit a step; return its faults, the closest approach and the total distance [m]."""
     findings = Findings(np.full(1, HORIZON), np.zeros(1), np.empty((20, instants.FAULT)))
     fleet, nobody = AuditFleet.of(EnvConfig(num_agents=len(before), action_repeat=repeat)), np.empty((1, 0, 2))
     step = EnvStep(
@@ -106,42 +106,42 @@ def audited(
 
 
 def kinds(faults: list[list[float]]) -> list[int]:
-    """What is wrong."""
+    """Return the kinds of faults."""
     return [int(fault[instants.KIND]) for fault in faults]
 
 
 def straight(x: float, y: float, heading: float, speed: float) -> tuple[State, State]:
-    """Where a robot is before and after a step straight on."""
+    """Return a robot's states before and after a straight step."""
     before = (x, y, heading, speed, 0.0)
     return before, (x + STEP * speed * math.cos(heading), y + STEP * speed * math.sin(heading), heading, speed, 0.0)
 
 
 def corner_pass(ahead: float, above: float) -> list[tuple[State, State]]:
-    """Two at 1.5 m/s, one east, one south, whose front left corner passes the first one's rear left one.
+    """Return two robots at 1.5 m/s, east and south; the second's front left corner passes the first's rear left one.
 
-    ahead, above: from where that corner is at first, as seen from this one [m].
+    ahead, above: initial offset of the second robot's corner from the first robot's [m].
     """
     return [straight(10.0, 10.0, 0.0, 1.5), straight(8.95 + ahead, 10.45 + above, -math.pi / 2, 1.5)]
 
 
-def test_corners_that_cut_each_other_between_samples() -> None:
+def test_corner_overlap_between_samples_is_found() -> None:
     pair = corner_pass(ahead=0.06, above=0.03)
     faults, closest, way = audited(*zip(*pair, strict=True))
     assert kinds(faults) == [instants.ROBOT]
     fault: Any = faults[0]
     assert {fault[instants.FIRST], fault[instants.SECOND]} == {0, 1}
-    assert fault[instants.TIME] == pytest.approx(0.02, abs=1e-4)  # 0.03 m to come at 1.5 m/s
-    assert fault[instants.SIZE] == pytest.approx(0.015, abs=1e-4)  # as deep from behind as from above
+    assert fault[instants.TIME] == pytest.approx(0.02, abs=1e-4)  # 0.03 m at 1.5 m/s
+    assert fault[instants.SIZE] == pytest.approx(0.015, abs=1e-4)  # equally deep along both axes
     assert closest == pytest.approx(-0.015, abs=1e-4)
     assert way == pytest.approx(0.3)
 
 
 def tail_by_a_shelf(deep: float) -> tuple[State, State]:
-    """A robot on a tight circle whose outer rear corner is at the middle of the step `deep` metres beyond x = 20."""
+    """Return states on a tight circle; in mid-step the outer rear corner is `deep` metres beyond x = 20."""
     steer, speed = 1.0, 1.4
     bend = -math.tan(steer) / WHEELBASE
     swept = bend * speed * STEP  # [rad]
-    out, back = 0.3 - 1 / bend, 0.75  # of the corner from the circle's centre, across and behind
+    out, back = 0.3 - 1 / bend, 0.75  # the corner's offsets from the circle's centre
     heading = -math.atan2(out, -back) - swept / 2  # half a step before the corner is due east of the circle's centre
     east = 20.0 + deep - math.hypot(out, back)  # the circle's centre
     x, y = east + 1 / bend * math.sin(heading), 20.5 - 1 / bend * math.cos(heading)
@@ -151,17 +151,17 @@ def tail_by_a_shelf(deep: float) -> tuple[State, State]:
 
 @pytest.mark.parametrize("deep", [0.004, -0.004])
 @pytest.mark.parametrize("pole", [False, True])
-def test_a_tail_that_swings_into_a_shelf_or_a_pole_between_samples(pole: bool, deep: float) -> None:
+def test_tail_swing_into_an_obstacle_is_found(pole: bool, deep: float) -> None:
     solid, discs = FREE.copy(), NO_DISCS
     before, after = tail_by_a_shelf(deep)
-    if pole:  # where the tail comes farthest
+    if pole:  # at the tail's farthest point
         tails = [bodies(*np.array(state[:3])) for state in moved(before, before[3], before[4], looks=200)]
         x, y = max((corner for corners in tails for corner in corners), key=lambda corner: corner[0])
         discs = np.array([[x + 0.5 - deep, y, 0.5]])
     else:
         solid[20] = True
     ends = [bodies(*np.array(state[:3])) for state in (before, after)]
-    assert max(corners[:, 0].max() for corners in ends) < 20 - 0.005  # at both ends it is clear
+    assert max(corners[:, 0].max() for corners in ends) < 20 - 0.005  # clear at both ends
     faults, _, _ = audited([before], [after], solid=solid, discs=discs)
     assert kinds(faults) == ([instants.SHELF] if deep > 0 else [])
     for fault in faults:
@@ -169,7 +169,7 @@ def test_a_tail_that_swings_into_a_shelf_or_a_pole_between_samples(pole: bool, d
         assert 0 < fault[instants.TIME] < STEP / 2
 
 
-def test_a_person_walks_into_a_robot_in_the_middle_of_a_step() -> None:
+def test_person_contact_within_a_step_is_found() -> None:
     people, walked = np.array([[[10.0, 10.58]]]), np.array([[[0.0, -1.0]]])  # 0.03 m from a standing robot's side
     faults, _, _ = audited(*zip(straight(10.0, 10.0, 0.0, 0.0), strict=True), people=people, walked=walked)
     assert kinds(faults) == [instants.PERSON]
@@ -177,7 +177,7 @@ def test_a_person_walks_into_a_robot_in_the_middle_of_a_step() -> None:
     assert faults[0][instants.SIZE] == pytest.approx(0.07, abs=1e-4)
 
 
-def test_a_jump() -> None:
+def test_jump_is_found() -> None:
     before, (x, y, *rest) = straight(10.0, 10.0, 0.3, 1.0)
     faults, _, _ = audited([before], [(x, y + 0.005, *rest)])  # type: ignore[list-item]
     assert kinds(faults) == [instants.JUMP]
@@ -195,14 +195,14 @@ def test_a_jump() -> None:
         ((1.4, 0.85), (1.5, 1.0), {}),
     ],
 )
-def test_limits(first: tuple[float, float], last: tuple[float, float], expected: dict[int, float]) -> None:
+def test_limits_are_audited(first: tuple[float, float], last: tuple[float, float], expected: dict[int, float]) -> None:
     before = (10.0, 10.0, 0.5, *first)
     faults, _, _ = audited([before], [moved(before, *last)[-1]])
     assert {int(f[instants.KIND]): f[instants.SIZE] for f in faults} == pytest.approx(expected, abs=1e-6)
 
 
 @pytest.mark.parametrize(("knot", "expected"), [((1.1, 0.15), []), ((1.2, 0.0), [instants.ACCELERATION])])
-def test_a_step_of_two_physics_steps(knot: tuple[float, float], expected: list[int]) -> None:
+def test_decision_of_two_physics_steps_is_audited(knot: tuple[float, float], expected: list[int]) -> None:
     before = (10.0, 10.0, 0.5, 1.0, 0.0)
     middle = moved(before, *knot)[-1]
     after = moved(middle, 1.0, 0.1)[-1]
@@ -217,7 +217,7 @@ DRIVES = st.tuples(st.floats(-math.pi, math.pi), SPEEDS, STEERS, st.floats(-0.1,
 
 @given(DRIVES, DRIVES, st.floats(0.5, 1.3), st.floats(-math.pi, math.pi))
 @settings(max_examples=60, deadline=None)
-def test_nothing_is_missed_between_samples(
+def test_audit_agrees_with_dense_sampling(
     one: tuple[float, ...], two: tuple[float, ...], distance: float, bearing: float
 ) -> None:
     states = []
@@ -234,7 +234,7 @@ def test_nothing_is_missed_between_samples(
     if deep.any():
         assert kinds(faults) == [instants.ROBOT]
         assert faults[0][instants.TIME] <= int(deep.argmax()) * STEP / 100 + 1e-9
-    elif faults:  # between two samples: at the most as deep as the two come in half a millisecond
+    elif faults:  # between samples: at most the depth of half a millisecond
         assert between.min() < 0.004
     else:
         least = min(polygon_distance(a[k], b[k]) for k in np.argsort(between)[:5])

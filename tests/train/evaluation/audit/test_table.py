@@ -1,4 +1,4 @@
-"""An audit of a real simulator, of what is done behind its back, and its rows in words."""
+"""Test audits of a simulator, of manipulated states, and the texts of audit rows."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from warehouse_env.simulation.simulator import Simulator
 CONFIG = EnvConfig(layout="open", num_agents=3, planner="astar", people=2)
 
 
-def looked_at(config: EnvConfig = CONFIG, worlds: int = 1) -> tuple[Simulator, Audit]:
-    """A simulator that was just reset, and who has looked at it."""
+def audited(config: EnvConfig = CONFIG, worlds: int = 1) -> tuple[Simulator, Audit]:
+    """Return a reset simulator and an audit that has seen it."""
     simulator, audit = Simulator(config, worlds), Audit(config)
     simulator.reset(4)
     audit(simulator, 0)
@@ -26,8 +26,8 @@ def looked_at(config: EnvConfig = CONFIG, worlds: int = 1) -> tuple[Simulator, A
 
 
 @pytest.mark.parametrize("changes", [{}, {"action_repeat": 2}])
-def test_what_the_simulator_drives_is_clean(changes: dict[str, object]) -> None:
-    simulator, audit = looked_at(CONFIG.replace(**changes), worlds=2)
+def test_simulator_passes_the_audit(changes: dict[str, object]) -> None:
+    simulator, audit = audited(CONFIG.replace(**changes), worlds=2)
     rng = np.random.default_rng(1)
     space = simulator.action_space
     for step in range(1, 81):
@@ -39,18 +39,18 @@ def test_what_the_simulator_drives_is_clean(changes: dict[str, object]) -> None:
         assert row["robot_km"] == pytest.approx(simulator.episode_metrics(world)["robot_km"], rel=0.01)
 
 
-def test_a_robot_that_is_moved_jumps() -> None:
-    simulator, audit = looked_at()
+def test_moved_robot_is_a_jump() -> None:
+    simulator, audit = audited()
     simulator.robots["motion"]["x"][0, 1] += 0.01
     audit(simulator, 1)
     (row,) = audit.rows()
     assert row["jumps"] == 1
     (fault,) = row["faults"]
     assert (fault["kind"], fault["robot"], fault["other"], fault["step"]) == ("jump", 1, None, 0)
-    assert 0.005 < fault["size"] < 0.0101  # what no motion within the limits makes up for
+    assert 0.005 < fault["size"] < 0.0101  # the part beyond the motion limits
 
 
-def test_an_overlap_that_goes_on_is_one() -> None:
+def test_lasting_overlap_counts_once() -> None:
     simulator, audit = Simulator(CONFIG), Audit(CONFIG)
     simulator.reset(4)
     for name in ("x", "y", "heading", "cos", "sin"):
@@ -58,7 +58,7 @@ def test_an_overlap_that_goes_on_is_one() -> None:
     simulator.robots["motion"]["y"][0, 2] += 0.5
     for step in range(4):
         if step == 2:
-            simulator.robots["motion"]["y"][0, 2] += 1.0  # a jump, and out of it
+            simulator.robots["motion"]["y"][0, 2] += 1.0  # a jump that ends the overlap
         audit(simulator, step)
     row = audit.rows()[0]
     assert (row["overlaps_robot"], row["jumps"]) == (1, 1)
@@ -68,27 +68,27 @@ def test_an_overlap_that_goes_on_is_one() -> None:
     assert row["closest_m"] == 0
 
 
-def test_steps_that_cannot_be_told_from_their_ends_are_refused() -> None:
+def test_long_decision_intervals_are_refused() -> None:
     with pytest.raises(ConfigError, match="action_repeat=3 must be at most 2"):
         Audit(CONFIG.replace(action_repeat=3))
 
 
-def test_columns_and_rows_count_from_the_origin() -> None:
+def test_obstacle_cells_count_from_the_origin() -> None:
     occupied = np.zeros((2, 3), dtype=np.bool_)
-    occupied[0, 2] = True  # the top right one
+    occupied[0, 2] = True  # the top right cell
     solid = solid_of(GridMap(occupied))
     assert solid.shape == (3, 2)
     assert np.argwhere(solid).tolist() == [[2, 1]]
 
 
 def fault(kind: str, size: float, other: int | None = None) -> dict[str, Any]:
-    """A fault of robot 3 in step 62."""
+    """Return a fault of robot 3 in step 62."""
     when = {"step": 62, "last_step": 62, "time": 0.0123}
     return {"kind": kind, "robot": 3, "other": other, **when, "size": size, "x": 1.0, "y": 2.0}
 
 
 def row(policy: str, *faults: dict[str, Any], **more: Any) -> dict[str, Any]:
-    """An audit's row."""
+    """Return a row of an audit."""
     kinds = [one["kind"] for one in faults]
     counts = {f"overlaps_{kind}": kinds.count(kind) for kind in ("robot", "shelf", "person")}
     figures = {"limits": kinds.count("speed"), "jumps": kinds.count("jump"), "deepest_m": 0.006, "closest_m": 0.02}
@@ -96,7 +96,7 @@ def row(policy: str, *faults: dict[str, Any], **more: Any) -> dict[str, Any]:
     return {**about, **counts, **figures, "differs_at": None, "faults": list(faults), **more}
 
 
-def test_the_table_adds_up() -> None:
+def test_audit_table_adds_up() -> None:
     rows = [row("a"), row("a", fault("robot", 0.006, 9)), row("b", fault("speed", 0.1), closest_m=None)]
     table = audit_table(rows)
     assert [line[:11] for line in table.cells] == [
@@ -112,6 +112,6 @@ def test_each_fault_has_a_sentence() -> None:
     faults = [fault("robot", 0.006, 9), fault("shelf", 0.001), fault("speed", 0.1), fault("jump", 0.01)]
     one = row("runs/mine", *faults, differs_at=5, episode="e.npz")
     assert faults_of(one) == 5
-    said = list(sentences([one]))
-    assert len(said) == 5
-    assert "mine on narrow, 8 robots, seed 77: robot 3 overlaps robot 9 by 6 mm 0.012 s in step 62" in said[1]
+    texts = list(sentences([one]))
+    assert len(texts) == 5
+    assert "mine on narrow, 8 robots, seed 77: robot 3 overlaps robot 9 by 6 mm 0.012 s in step 62" in texts[1]
