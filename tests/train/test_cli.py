@@ -1,4 +1,4 @@
-"""The command line: quick help, one clear sentence and exit code 2 for bad input, never a traceback."""
+"""Test the command line: quick help, and one clear sentence with exit code 2 for bad input."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ RESULTS = (  # commands whose results are rows
 
 
 def fails(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
-    """Run a bad command line; check exit code and form, and return its sentence."""
+    """Run a wrong command line; check exit code and form; return its sentence."""
     assert main(list(arguments)) == 2
     shown = capsys.readouterr()
     assert shown.out == ""
@@ -66,10 +66,10 @@ def test_every_command_has_help_with_the_common_options(
         assert f"warehouse {name}" in shown
         assert ("--seed" in shown) == (name not in DRAW_NOTHING)
         assert "{None,True,False}" not in shown
-        assert not re.search(r"FILE.py:CLASS( or)?\s*\n", shown)  # a line break of the source
+        assert not re.search(r"FILE.py:CLASS( or)?\s*\n", shown)  # no line break of the source
         assert ("--json" in shown) == (name in RESULTS)
         listed = re.findall(r"(?m)^\W+--([a-z]+)", shown)
-        assert not {"sensor", "processes"}.intersection(listed[:1]) or name == "compile"  # which many commands share
+        assert not {"sensor", "processes"}.intersection(listed[:1]) or name == "compile"  # shared by many commands
 
 
 def test_help_without_a_command_and_version(capsys: pytest.CaptureFixture[str]) -> None:
@@ -88,7 +88,7 @@ def test_help_without_a_command_and_version(capsys: pytest.CaptureFixture[str]) 
         ),
     ],
 )
-def test_the_last_line_says_what_was_written_and_where(
+def test_last_line_lists_the_written_files(
     command: str, line: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(command.format(out=tmp_path, map=EXAMPLE_MAP).split()) == 0
@@ -171,7 +171,7 @@ def test_bad_input_gives_one_sentence(
     assert list(tmp_path.rglob("*")) == []  # nothing was written
 
 
-def test_a_folder_where_a_file_should_be(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_folder_in_place_of_a_file_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert "is a folder" in fails(capsys, "plan", "--planner", "astar", "--json", str(tmp_path))
     (tmp_path / "file").write_text("")
     for command in ("plan --planner astar", "evaluate --policy brake --planner astar --layout open"):
@@ -182,7 +182,7 @@ def test_a_folder_where_a_file_should_be(tmp_path: Path, capsys: pytest.CaptureF
     assert "new.map" in sentence or "file" in sentence
 
 
-def test_closed_streams_and_poor_encodings_are_no_fault(tmp_path: Path) -> None:
+def test_closed_streams_and_ascii_encoding_work(tmp_path: Path) -> None:
     command = f"{shlex.quote(sys.executable)} -m train.cli layouts --draw open --save open.map >&- 2>&-"
     environment = {**os.environ, "PYTHONIOENCODING": "ascii", "PYTHONPATH": str(Path(__file__).parents[2])}
     done = subprocess.run(
@@ -192,7 +192,7 @@ def test_closed_streams_and_poor_encodings_are_no_fault(tmp_path: Path) -> None:
     assert (tmp_path / "open.map").read_text().startswith("type octile")
 
 
-def test_a_lost_job_has_a_code_of_its_own(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_lost_job_has_its_own_exit_code(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     def ended(arguments: list[str]) -> int:
         raise LostError("a job is lost")
 
@@ -221,8 +221,8 @@ def test_parts_are_listed(name: str, known: set[str], last: dict[str, str], caps
     assert all(cells[part][-1].endswith(text) for part, text in last.items())
 
 
-def test_a_slip_in_an_option_gets_the_nearest(capsys: pytest.CaptureFixture[str]) -> None:
+def test_wrong_option_suggests_the_nearest(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["train", "ppo", "--layoot", "open"]) == 2
-    said = capsys.readouterr().err
-    assert "Perhaps you meant" in said
-    assert "--layout" in said
+    message = capsys.readouterr().err
+    assert "Perhaps you meant" in message
+    assert "--layout" in message

@@ -1,4 +1,4 @@
-"""No command writes over what it reads, or two outputs into one file; what jobs read goes with them."""
+"""Test that commands never overwrite their inputs or merge two outputs, and that jobs carry their files."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ INPUTS = {
 
 
 FOLDERS = {"out", "report", "resume"}
-"""Outputs that are folders in some commands: what is written there is refused when it is written."""
+"""Outputs that are folders in some commands; these are checked only when files are written."""
 
 
 def paths_of(name: str) -> dict[str, bool]:
@@ -42,19 +42,19 @@ def paths_of(name: str) -> dict[str, bool]:
 
 
 def options_with(name: str, values: dict[str, Any]) -> Any:
-    """Return a command's path options with some values, the others left out."""
+    """Return a command's path options with some values; the others are None."""
     fields = [(key, Any, dataclasses.field(default=None)) for key in paths_of(name)]
     return dataclasses.make_dataclass("Options", fields)(**values)
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_a_path_option_is_read_or_written(name: str) -> None:
+def test_each_path_option_is_an_input_or_an_output(name: str) -> None:
     assert not [option for option in paths_of(name) if (option in INPUTS) == (option in OUTPUTS)]
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_what_a_command_reads_is_not_written_over(name: str, tmp_path: Path) -> None:
-    """Under another name either."""
+def test_inputs_are_not_overwritten(name: str, tmp_path: Path) -> None:
+    """Another name of the same file is refused, too."""
     (tmp_path / "a.map").write_text("content")
     (tmp_path / "b.map").hardlink_to(tmp_path / "a.map")
     several = paths_of(name)
@@ -63,12 +63,12 @@ def test_what_a_command_reads_is_not_written_over(name: str, tmp_path: Path) -> 
             given = (tmp_path / "a.map",) if several[read] else tmp_path / "a.map"
             options = options_with(name, {read: given, written: tmp_path / "b.map"})
             with pytest.raises(WarehouseError, match="this command reads it"), checked(options):
-                write_text(tmp_path / "b.map", "")  # in a folder, say
+                write_text(tmp_path / "b.map", "")  # as a file in an output folder
     assert (tmp_path / "a.map").read_text() == "content"
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_two_outputs_are_two_files(name: str, tmp_path: Path) -> None:
+def test_outputs_are_different_files(name: str, tmp_path: Path) -> None:
     (tmp_path / "link").symlink_to(tmp_path / "a")
     for one, other in itertools.combinations(paths_of(name).keys() & OUTPUTS - FOLDERS, 2):
         options = options_with(name, {one: tmp_path / "a", other: tmp_path / "link"})
@@ -76,8 +76,8 @@ def test_two_outputs_are_two_files(name: str, tmp_path: Path) -> None:
             pass
 
 
-def test_a_floor_is_not_written_over_by_what_is_made_of_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Its picture, that is: hall.yml is another name, but its picture would be the one that is read."""
+def test_saved_floor_does_not_overwrite_its_source(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """hall.yml is a new file, but its picture would overwrite the picture that is read."""
     hall = tmp_path / "hall.yaml"
     assert main(["layouts", "--draw", "open", "--save", str(hall)]) == 0
     before = {path: path.read_bytes() for path in tmp_path.iterdir()}
@@ -87,7 +87,7 @@ def test_a_floor_is_not_written_over_by_what_is_made_of_it(tmp_path: Path, capsy
     assert {path: path.read_bytes() for path in tmp_path.iterdir() if path in before} == before
 
 
-def test_rows_are_not_replaced_by_a_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_table_does_not_overwrite_the_rows(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     where = ["--json", str(tmp_path / "table.md"), "--out", str(tmp_path)]
     assert main(["evaluate", "--policy", "brake", "--layout", "open", *where]) == 2
     assert "the rows go there" in capsys.readouterr().err
@@ -96,8 +96,8 @@ def test_rows_are_not_replaced_by_a_table(tmp_path: Path, capsys: pytest.Capture
 WRITERS = {"warehouse_env/files.py", "train/reporting/rows.py"}
 
 
-def test_outputs_are_written_through_one_door() -> None:
-    """Rows are appended, and jobs' files go to a folder of their own."""
+def test_only_listed_modules_write_files() -> None:
+    """Row files have their own writer, since rows are appended; all others go through files.py."""
     root = Path(__file__).parents[2]
     own = [path for folder in ("warehouse_env", "agents", "train") for path in (root / folder).rglob("*.py")]
     words = (".write_text(", ".write_bytes(", 'open("w', 'open("a', 'open("x', "os.replace(")
@@ -111,7 +111,7 @@ def test_outputs_are_written_through_one_door() -> None:
     assert complete_file.__module__ == "warehouse_env.files"
 
 
-def test_a_map_with_its_directions_and_a_policy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_jobs_carry_maps_directions_and_policies(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     occupied = np.zeros((6, 8), bool)
     occupied[2, 2] = True
@@ -140,13 +140,13 @@ def test_a_map_with_its_directions_and_a_policy(tmp_path: Path, monkeypatch: pyt
 
 @pytest.mark.usefixtures("registries")
 @pytest.mark.parametrize("name", ["mine.py:Mine", "mine:Mine"])
-def test_code_of_ones_own(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_jobs_carry_user_code(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from agents import POLICIES
     from warehouse_env.plugins import LOADED
 
     monkeypatch.chdir(tmp_path)
     home, _, _ = name.partition(":")
-    beside = f"beside_{home.replace('.', '_')}"  # of its own: what was imported of a files stays imported
+    beside = f"beside_{home.replace('.', '_')}"  # one module per case: imports persist between cases
     Path("mine.py").write_text(f"from {beside} import Mine\n")
     Path(f"{beside}.py").write_text("from agents.rules import Follow as Mine\n")
     take_in([("policy", name)])

@@ -1,4 +1,4 @@
-"""Kinds of robots by share: the fleets of any number of robots that they make, and the file that says them."""
+"""Test kinds of robots by share: fleets of any size, and the file of kinds."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ SMALL = RobotSpec(length=0.5, width=0.4, wheelbase=0.3)
 
 
 def shares(*given: float) -> Kinds:
-    """The kinds of LONG, SMALL and others that differ in their mass."""
+    """Return kinds with these shares: LONG, SMALL and others that differ in mass."""
     kinds = [LONG, SMALL, *(RobotSpec(mass=100.0 + k) for k in range(len(given)))]
     return Kinds(tuple(KindPart(robot, share=share) for robot, share in zip(kinds, given, strict=False)))
 
 
-def counted(kinds: Kinds, robots: int, first: int = 0) -> Counter[RobotSpec]:
+def count_by_kind(kinds: Kinds, robots: int, first: int = 0) -> Counter[RobotSpec]:
     return Counter(EnvConfig(num_agents=robots, **kinds.of(robots, first)).robots)
 
 
-def test_a_fleet_of_one_kind_is_that_kind_for_every_number() -> None:
+def test_single_kind_fills_fleets_of_any_size() -> None:
     for robots in (1, 2, 1000):
         assert shares(1.0).of(robots) == {"robot": LONG, "fleet": ()}
     assert shares(1.0).words == "1.4 x 0.6 m, up to 0.8 m/s, braking at 1 m/s²"
@@ -35,22 +35,22 @@ def test_a_fleet_of_one_kind_is_that_kind_for_every_number() -> None:
 def test_shares_by_hand() -> None:
     quarter = shares(0.25)
     assert quarter.of(8) == {"robot": RobotSpec(), "fleet": (FleetPart(2, LONG),)}
-    assert [counted(quarter, robots)[LONG] for robots in range(1, 11)] == [0, 0, 1, 1, 1, 1, 2, 2, 2, 2]
-    assert shares(0.6, 0.4).of(5) == {"robot": LONG, "fleet": (FleetPart(2, SMALL),)}  # none is left for others
-    tenths = shares(*[0.1] * 10)  # which make more than 1, or less, where they are not taken as they are written
-    assert set(counted(tenths, 10).values()) == {1}
+    assert [count_by_kind(quarter, robots)[LONG] for robots in range(1, 11)] == [0, 0, 1, 1, 1, 1, 2, 2, 2, 2]
+    assert shares(0.6, 0.4).of(5) == {"robot": LONG, "fleet": (FleetPart(2, SMALL),)}  # no share left for the default
+    tenths = shares(*[0.1] * 10)  # their float sum is not exactly 1
+    assert set(count_by_kind(tenths, 10).values()) == {1}
     assert tenths.of(10)["robot"] == LONG
     assert quarter.each() == {"robot": RobotSpec(), "fleet": (FleetPart(1, LONG),), "num_agents": 2}
     assert quarter.words.startswith("2 kinds: 75% of 0.9 x 0.6 m, up to 1.5 m/s, braking at 1 m/s²; 25% of 1.4 x 0.6 m")
 
 
 @pytest.mark.parametrize("given", [(0.25,), (0.3, 0.3), (0.43, 0.43, 0.14), (0.05, 0.05, 0.45, 0.45), (0.001,)])
-def test_a_larger_fleet_is_a_smaller_one_and_more(given: tuple[float, ...]) -> None:
-    """Largest remainders fail: of 0.43, 0.43, 0.14 they give the last kind 2 of 10 and 1 of 11."""
+def test_larger_fleets_extend_smaller_ones(given: tuple[float, ...]) -> None:
+    """Largest remainders would fail: with 0.43, 0.43, 0.14 the last kind has 2 of 10 but 1 of 11."""
     kinds, before = shares(*given), Counter[RobotSpec]()
     wanted = dict(zip([LONG, SMALL, RobotSpec(mass=100.0), RobotSpec(mass=101.0)], given, strict=False))
     for robots in range(1, 300):
-        found = counted(kinds, robots)
+        found = count_by_kind(kinds, robots)
         assert found.total() == robots
         assert found >= before
         assert all(abs(found[robot] - share * robots) < 1.0 for robot, share in wanted.items())
@@ -66,14 +66,14 @@ def test_a_larger_fleet_is_a_smaller_one_and_more(given: tuple[float, ...]) -> N
         ('[{"share": 1, "count": 1, "robot": {}}]', "unknown KindPart parameter 'count'"),
     ],
 )  # fmt: skip
-def test_a_file_that_cannot_be_used_is_said_in_one_sentence(text: str, why: str, tmp_path: Path) -> None:
+def test_wrong_fleet_file_is_one_sentence(text: str, why: str, tmp_path: Path) -> None:
     path = tmp_path / "fleet.json"
     path.write_text(text, encoding="utf-8")
     with pytest.raises(ConfigError, match=f"fleet .*fleet.json.*{why}"):
         read_fleet(path)
 
 
-def test_the_option_is_by_number_of_robots(tmp_path: Path) -> None:
+def test_fleet_option_scales_with_the_number_of_robots(tmp_path: Path) -> None:
     path = tmp_path / "fleet.json"
     path.write_text('[{"share": 0.5, "robot": {"length": 1.4, "max_speed": 0.8}}]', encoding="utf-8")
     found = Evaluate(policy=("brake",), robots=(4, 9), layout=("open",), fleet=path).experiments()

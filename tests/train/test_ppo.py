@@ -1,4 +1,4 @@
-"""Both PPOs: the export has the library's distribution; our clipped loss by hand, draws, and every row once a pass."""
+"""Test both PPOs: exported distribution, clipped loss by hand, draws, and one use of every row per pass."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from train.ppo import Ppo
 
 @pytest.fixture
 def config(tmp_path: Path) -> PPOConfig:
-    """Return a training of some seconds: three worlds on the open floor, two updates."""
+    """Return a training of a few seconds: three worlds on the open floor, two updates."""
     return PPOConfig(out=tmp_path, steps=8 * 8 * 2, **SMALL | {"rollout": 8, "minibatch": 32, "hidden": (24, 20)})
 
 
@@ -33,8 +33,8 @@ def observations(trainer: Ppo) -> NDArray[np.float32]:
     return rng.normal(size=(50, trainer.network.observation_size)).astype(np.float32)
 
 
-def in_double(trainer: Ppo, observation: NDArray[np.float32]) -> NDArray[np.float64]:
-    """The logits of the library's network in float64, where two orders of summing do not tell."""
+def logits_in_float64(trainer: Ppo, observation: NDArray[np.float32]) -> NDArray[np.float64]:
+    """Return the library's logits in float64, where the order of summation does not matter."""
     policy = copy.deepcopy(trainer.model.policy).double()
     with torch.no_grad():
         hidden = policy.mlp_extractor.forward_actor(torch.from_numpy(observation).double())
@@ -42,7 +42,7 @@ def in_double(trainer: Ppo, observation: NDArray[np.float32]) -> NDArray[np.floa
 
 
 @pytest.mark.parametrize("action_type", ["discrete", "continuous"])
-def test_the_export_has_the_librarys_distribution(config: PPOConfig, tmp_path: Path, action_type: Any) -> None:
+def test_export_has_the_librarys_distribution(config: PPOConfig, tmp_path: Path, action_type: Any) -> None:
     trainer = Ppo(replace(config, action_type=action_type))
     trainer.update(0, 0.0)
     observation = observations(trainer)
@@ -60,8 +60,8 @@ def test_the_export_has_the_librarys_distribution(config: PPOConfig, tmp_path: P
         ours_value = net.value(torch.from_numpy(observation))
     assert torch.equal(ours_value, value)
     if action_type == "discrete":
-        # held against the library in float64: its float32 logits are as far off as ours, to the other side at times
-        truth = in_double(trainer, observation)
+        # compare in float64: the library's float32 logits have errors like ours, sometimes of opposite sign
+        truth = logits_in_float64(trainer, observation)
         assert output - output.max(-1, keepdims=True) == pytest.approx(truth - truth.max(-1, keepdims=True), abs=1e-5)
         assert torch.allclose(log_probability, theirs.log_prob(action), atol=1e-5)
         assert torch.allclose(entropy, theirs.entropy(), atol=1e-5)
@@ -70,7 +70,7 @@ def test_the_export_has_the_librarys_distribution(config: PPOConfig, tmp_path: P
         assert torch.allclose(log_probability, theirs.log_prob(action).sum(-1), atol=1e-5)
 
 
-def test_a_checkpoint_puts_networks_and_optimizer_back(config: PPOConfig) -> None:
+def test_checkpoint_restores_networks_and_optimizer(config: PPOConfig) -> None:
     trainer = Ppo(config)
     trainer.update(0, 0.0)
     other = Ppo(replace(config, seed=5))
@@ -81,7 +81,7 @@ def test_a_checkpoint_puts_networks_and_optimizer_back(config: PPOConfig) -> Non
     assert all(np.array_equal(ours[name], theirs[name]) for name in ours)
 
 
-def test_the_schedules_reach_the_library_and_the_worlds(config: PPOConfig) -> None:
+def test_schedules_reach_the_library_and_the_worlds(config: PPOConfig) -> None:
     trainer = Ppo(replace(config, collision_first=-5.0, collision_last=-20.0, learning_rate=1e-3, entropy_last=0.5))
     trainer.update(0, 1.0)
     assert trainer.model.policy.optimizer.param_groups[0]["lr"] == pytest.approx(5e-5)
@@ -91,11 +91,11 @@ def test_the_schedules_reach_the_library_and_the_worlds(config: PPOConfig) -> No
 
 @pytest.fixture
 def threaded(tmp_path: Path) -> ThreadedPPOConfig:
-    """Return a training of some seconds: worlds on the open floor, four updates."""
+    """Return a training of a few seconds: worlds on the open floor, four updates."""
     return ThreadedPPOConfig(out=tmp_path, steps=16 * 6 * 4, **SMALL | {"rows": 16, "threads": 2})
 
 
-def test_the_clipped_loss_by_hand() -> None:
+def test_clipped_loss_by_hand() -> None:
     ratio, advantage = torch.tensor([1.0, 1.5, 0.5, 1.5, 0.5]), torch.tensor([2.0, 1.0, 1.0, -1.0, -1.0])
     log_ratio = ratio.log().requires_grad_()
     loss, held = clipped_loss(log_ratio, torch.zeros(5), advantage, 0.2)
@@ -110,7 +110,7 @@ def test_the_clipped_loss_by_hand() -> None:
 
 @pytest.mark.parametrize("device", [None, "cpu"])
 @pytest.mark.parametrize("discrete", [True, False])
-def test_a_draw_comes_with_its_log_probability(discrete: bool, device: str | None) -> None:
+def test_draws_match_their_log_probability(discrete: bool, device: str | None) -> None:
     torch.manual_seed(0)
     net = ActorCritic(Network(5, 3, discrete, (16,)), np.array([1.0, -1.0, 0.0], np.float32))
     observation = 3.0 * torch.randn(2, 5).repeat(10_000, 1)
@@ -126,7 +126,7 @@ def test_a_draw_comes_with_its_log_probability(discrete: bool, device: str | Non
         assert drawn.std(0).tolist() == pytest.approx(net.log_std.exp().tolist(), rel=0.03)
 
 
-def test_every_pass_takes_every_row_once(threaded: ThreadedPPOConfig, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_pass_uses_every_row_once(threaded: ThreadedPPOConfig, monkeypatch: pytest.MonkeyPatch) -> None:
     trainer, taken = ThreadedTrainer(replace(threaded, epochs=3)), []
     gradient = trainer.gradient
 

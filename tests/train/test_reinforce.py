@@ -1,4 +1,4 @@
-"""Our policy gradient by hand, resuming to the bit; trainings that are killed, run out of disk, or go wrong."""
+"""Test our policy gradient by hand, resuming to the bit, and killed, full-disk and diverging trainings."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ from warehouse_env.traffic_spec import TRAFFIC
 
 @pytest.fixture
 def config(tmp_path: Path) -> ReinforceConfig:
-    """Return a training of some seconds: two worlds on the open floor, four updates."""
+    """Return a training of a few seconds: two worlds on the open floor, four updates."""
     return ReinforceConfig(out=tmp_path, steps=8 * 6 * 4, **SMALL)
 
 
-def test_the_gradient_of_one_step_is_the_hand_computed_one() -> None:
+def test_gradient_of_one_step_by_hand() -> None:
     net = ActorCritic(Network(2, 3, True, ()), np.array([0.5, 0.0, -0.5], np.float32))
     observation, action, advantage = np.array([0.3, -0.7], np.float32), 1, 2.0
     log_probability, entropy = net.judge(net.output(torch.from_numpy(observation[None])), torch.tensor([action]))
@@ -52,7 +52,7 @@ def test_the_gradient_of_one_step_is_the_hand_computed_one() -> None:
     assert gradient.numpy() == pytest.approx(np.outer(by_logit, observation), abs=1e-6)
 
 
-def test_advantages_have_the_bits_of_the_formula_in_numpy() -> None:
+def test_advantages_equal_the_numpy_formula_to_the_bit() -> None:
     reward, value, last = np.random.default_rng(0).standard_normal((3, 10, 50), dtype=np.float32)
     ended, carried = last > 1.0, np.zeros(50, np.float32)
     got = advantages(*map(torch.from_numpy, (reward[:9], value, ended[:9], last[:9])), gamma=0.98, gae_lambda=0.95)
@@ -62,7 +62,7 @@ def test_advantages_have_the_bits_of_the_formula_in_numpy() -> None:
         assert np.array_equal(got[t], carried)
 
 
-def test_a_training_leaves_a_policy_that_acts(config: ReinforceConfig) -> None:
+def test_training_saves_a_usable_policy(config: ReinforceConfig) -> None:
     folder = train(config)
     assert folder == config.out / "policy"
     env = policy_config(folder, EnvConfig(layout="open"))
@@ -76,8 +76,8 @@ def test_a_training_leaves_a_policy_that_acts(config: ReinforceConfig) -> None:
     assert not [path.name for path in folder.rglob(".*")]
 
 
-def test_contacts_go_on_in_worlds_that_are_brought_back() -> None:
-    """A contact episode that lasts is not counted once more, though a first episode began with some age."""
+def test_contacts_continue_in_restored_worlds() -> None:
+    """A lasting contact is not counted again, although the first episode started with some age."""
     config = EnvConfig(num_agents=16, layout="paper46", planner="astar", max_steps=900)
     make = partial(TrainingSimulator, jam_seconds=1e6, shared=0.0)
     worlds, twin = (TrainingWorlds(make, [(config, 3)], [0]) for _ in range(2))
@@ -94,7 +94,7 @@ def test_contacts_go_on_in_worlds_that_are_brought_back() -> None:
         twin.step(onwards)
 
 
-def test_a_finished_run_is_not_overwritten(config: ReinforceConfig) -> None:
+def test_finished_training_is_not_overwritten(config: ReinforceConfig) -> None:
     folder = train(config)
     before = (folder / "weights.safetensors").read_bytes()
     with pytest.raises(ConfigError, match=r"holds a training already: go on with --resume"):
@@ -104,7 +104,7 @@ def test_a_finished_run_is_not_overwritten(config: ReinforceConfig) -> None:
     assert (folder / "weights.safetensors").read_bytes() == before
 
 
-def test_resuming_from_nothing_or_from_damage_is_one_sentence(config: ReinforceConfig, tmp_path: Path) -> None:
+def test_resuming_without_a_valid_checkpoint_is_one_sentence(config: ReinforceConfig, tmp_path: Path) -> None:
     with pytest.raises(WeightsError, match="holds no checkpoint"):
         train(ReinforceConfig(resume=tmp_path / "nowhere"))
     folder = train(config)
@@ -120,7 +120,7 @@ def test_resuming_from_nothing_or_from_damage_is_one_sentence(config: ReinforceC
         train(ReinforceConfig(resume=folder))
 
 
-def test_the_tally_counts_what_the_episode_counts() -> None:
+def test_tally_equals_the_episode_metrics() -> None:
     config = EnvConfig(layout="open", num_agents=8, planner="astar", max_steps=10**6)
     simulator = TrainingSimulator(config, 1, jam_seconds=1e6, shared=0.0)
     simulator.reset(seed=1)
@@ -135,8 +135,8 @@ def test_the_tally_counts_what_the_episode_counts() -> None:
     assert set(figures_of([tally], 0.1).values()) == {0.0}
 
 
-def test_robots_that_are_stuck_and_worlds_that_jam_are_told_apart_from_goals() -> None:
-    """Nobody moves: after a second all are stuck, after two a world has jammed; the last ends before, by its age."""
+def test_stuck_robots_and_jammed_worlds_are_counted() -> None:
+    """No robot moves: all are stuck after 1 s, worlds jam after 2 s, and the last world ends earlier by its age."""
     config = EnvConfig(layout="open", num_agents=5, planner="astar", max_steps=100, stuck_after=1.05)
     worlds = TrainingWorlds(partial(TrainingSimulator, jam_seconds=2.05, shared=0.0), [(config, 4)], [0, 0])
     stand = torch.full((worlds.rows,), 5)  # 0 m/s
@@ -148,13 +148,13 @@ def test_robots_that_are_stuck_and_worlds_that_jam_are_told_apart_from_goals() -
     for _ in range(12):
         worlds.step(stand)
     figures = figures_of([worlds.tally], 0.1)
-    # steps 11 to 21 of three worlds of four count as stuck (the 21st ends them), 6 to 12 of the other
+    # stuck: steps 11 to 21 of three of four worlds (the 21st ends them), 6 to 12 of the other
     assert figures["stuck"] == pytest.approx((3 * 11 + 7) / (4 * 12))
     assert (figures["worlds_jammed"], figures["worlds_ended"]) == (pytest.approx(3 / 4), 4.0)
-    assert figures_of([worlds.tally], 0.1)["worlds_jammed"] == pytest.approx(3 / 4)  # of the last that ended
+    assert figures_of([worlds.tally], 0.1)["worlds_jammed"] == pytest.approx(3 / 4)  # of the last ended worlds
 
 
-def test_training_worlds_end_spread_and_draw_seeds_below_the_held_out_ones(config: ReinforceConfig) -> None:
+def test_training_worlds_spread_ends_and_avoid_held_out_seeds(config: ReinforceConfig) -> None:
     make = partial(TrainingSimulator, jam_seconds=100.0, shared=0.0)
     worlds = TrainingWorlds(make, [(config.env("open", 2), 5)], [0, 0])
     ends = []
@@ -164,7 +164,7 @@ def test_training_worlds_end_spread_and_draw_seeds_below_the_held_out_ones(confi
     assert max(worlds._world_seed(world) for world in range(5)) < HELD_OUT_SEED
 
 
-def test_of_a_shared_reward_a_part_is_the_mean_of_those_near() -> None:
+def test_shared_reward_mixes_in_the_mean_of_nearby_robots() -> None:
     config = EnvConfig(layout="open", num_agents=3, planner="astar")
     alone, sharing = (TrainingSimulator(config, 1, 60.0, shared) for shared in (0.0, 0.25))
     for simulator in (alone, sharing):
@@ -182,7 +182,7 @@ def test_of_a_shared_reward_a_part_is_the_mean_of_those_near() -> None:
 
 
 def test_late_braking_costs_by_the_metre() -> None:
-    """One robot drives fast at another that stands; when it can no longer stop clear, each metre costs."""
+    """A robot drives fast at a standing one; once it cannot stop clear, each metre costs."""
     config = EnvConfig(layout="open", num_agents=2, planner="astar", sensor=SensorSpec(predictions=True))
     priced, plain = (TrainingSimulator(config, 1, 1e6, 0.0, late_braking=price) for price in (-40.0, 0.0))
     stand = config.speed_levels.index(0.0) * len(config.lateral_offsets)
@@ -197,7 +197,7 @@ def test_late_braking_costs_by_the_metre() -> None:
     np.testing.assert_allclose(priced.reward - plain.reward, [[-40.0 * metres, 0.0]], rtol=1e-4)
 
 
-def test_the_policy_asks_for_right_of_way_that_its_training_goes_without(config: ReinforceConfig) -> None:
+def test_policy_adds_the_right_of_way_omitted_in_training(config: ReinforceConfig) -> None:
     config = replace(config, traffic="assist:right_of_way_after=6", steps=8 * 6)
     assert not config.env("open", 2).traffic_spec.right_of_way
     directory = train(config)
@@ -218,14 +218,14 @@ def weights(folder: Path) -> dict[str, np.ndarray[Any, Any]]:
 
 
 @pytest.mark.nightly
-def test_killed_again_and_again_commands_come_to_the_same_files() -> None:
+def test_repeatedly_killed_commands_give_the_same_files() -> None:
     command = [sys.executable, "-m", "tests.kills", "--kills", "8"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert "to the same files as undisturbed" in done.stdout
 
 
-def test_weights_that_are_no_numbers_are_not_saved(tmp_path: Path) -> None:
+def test_non_finite_weights_are_not_saved(tmp_path: Path) -> None:
     begun = train(PPOConfig(out=tmp_path, steps=8 * 6, **SMALL))
     good = weights(begun)
     saved = checkpoint.read(begun / "checkpoint")
@@ -242,9 +242,7 @@ def test_weights_that_are_no_numbers_are_not_saved(tmp_path: Path) -> None:
     make_policy(begun, policy_config(begun, EnvConfig()))
 
 
-def test_a_full_disk_is_one_sentence_and_the_last_checkpoint_stays(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_full_disk_is_one_sentence_and_keeps_the_checkpoint(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder = train(ReinforceConfig(out=tmp_path, steps=8 * 6, **SMALL))
     before = (folder / "checkpoint" / "state.json").read_bytes()
     saved = checkpoint.read(folder / "checkpoint")

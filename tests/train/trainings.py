@@ -1,4 +1,4 @@
-"""The options of a training of some seconds: two small worlds on the open floor."""
+"""Options of a training of a few seconds: small worlds on the open floor."""
 
 from __future__ import annotations
 

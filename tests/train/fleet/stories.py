@@ -1,4 +1,4 @@
-"""Short stories of robots: one made by hand, and episodes that were driven."""
+"""Provide short stories of robots: a hand-made one and a driven episode."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ ORIGIN = (100.0, -20.0)
 
 @lru_cache(maxsize=1)
 def episode_story() -> Story:
-    """Seven robots in a tight hall, of whom some touch each other and shelves."""
+    """Return seven robots in a tight hall with contacts between robots and with shelves."""
     return story_of(driven())
 
 
 def story() -> Story:
-    """One robot, 1 m/s, a moment a second: 4 m east, then another route 5 m north to its goal, then the next, west."""
+    """Return a robot at 1 m/s, a frame per second: 4 m east, a new route 5 m north to its goal, the next route west."""
     places = [(0, 0), (1, 0), (2, 0), (3, 0), (4, 0), (4, 1), (4, 2), (4, 3), (4, 4), (4, 5), (3, 5), (2, 5)]
     frames = len(places)
     pose = np.zeros((frames, 1, 3), np.float32)
@@ -61,11 +61,11 @@ def sent(of: Story, name: str) -> list[Message]:
 
 
 def lines(path: Path) -> list[dict[str, Any]]:
-    """Return the lines of a log."""
+    """Return the entries of a log."""
     return [json.loads(line) for line in path.read_text().splitlines()]
 
 
 def write_lines(path: Path, entries: list[Any]) -> Path:
-    """Write lines of a log."""
+    """Write entries to a log."""
     path.write_text("".join(json.dumps(entry) + "\n" for entry in entries))
     return path

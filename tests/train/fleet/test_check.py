@@ -1,4 +1,4 @@
-"""Orders and states of a story by hand; the check passes them, and finds each rule broken once; the command."""
+"""Test orders and states of a hand-made story, the check with each rule broken once, and the command."""
 
 from __future__ import annotations
 
@@ -22,22 +22,22 @@ from warehouse_env.errors import ConfigError, WarehouseError
 
 def test_orders_stitch_where_a_route_is_replaced() -> None:
     orders = [message.payload for message in sent(story(), "order")]
-    said = [
+    sent_orders = [
         (one["orderId"], one["orderUpdateId"],
          [(node["nodeId"], node["sequenceId"], node["released"]) for node in one["nodes"]])
         for one in orders
     ]  # fmt: skip
-    # 9 m east with a node every 2 m, and one after 4 m, where the route is replaced: the base ends there.
-    assert said[0] == ("00000-1", 0, [
+    # 9 m east with a node every 2 m; the base ends after 4 m, where the route is replaced.
+    assert sent_orders[0] == ("00000-1", 0, [
         ("100.500,-19.500", 0, True), ("102.500,-19.500", 2, True), ("104.500,-19.500", 4, True),
         ("104.500,-19.500", 6, False), ("106.500,-19.500", 8, False), ("108.500,-19.500", 10, False),
         ("109.500,-19.500", 12, False)])  # fmt: skip
-    # The update continues from the last node of the base, 5 m north.
-    assert said[1] == ("00000-1", 1, [
+    # The update continues 5 m north from the last node of the base.
+    assert sent_orders[1] == ("00000-1", 1, [
         ("104.500,-19.500", 4, True), ("104.500,-17.500", 6, True), ("104.500,-15.500", 8, True),
         ("104.500,-14.500", 10, True)])  # fmt: skip
-    assert said[2][:2] == ("00000-2", 0)
-    assert said[2][2][0] == ("104.500,-14.500", 0, True)
+    assert sent_orders[2][:2] == ("00000-2", 0)
+    assert sent_orders[2][2][0] == ("104.500,-14.500", 0, True)
     assert [one["nodes"][-1]["actions"] for one in orders[1:]] == [
         [{"actionType": kind, "actionId": f"00000-{k}", "blockingType": "HARD"}]
         for k, kind in ((1, "pick"), (2, "drop"))
@@ -45,7 +45,7 @@ def test_orders_stitch_where_a_route_is_replaced() -> None:
     assert [message.seconds for message in sent(story(), "order")] == [0.0, 4.0, 9.0]
 
 
-def test_states_tell_what_is_left_and_what_is_carried() -> None:
+def test_states_list_remaining_nodes_and_loads() -> None:
     states = {(message.seconds, message.payload["orderId"]): message.payload for message in sent(story(), "state")}
     first = states[0.0, "00000-1"]
     assert [node["sequenceId"] for node in first["nodeStates"]] == [2, 4, 6, 8, 10, 12]
@@ -60,7 +60,7 @@ def test_states_tell_what_is_left_and_what_is_carried() -> None:
     }  # fmt: skip
 
 
-def test_what_is_written_is_faultless(tmp_path: Path) -> None:
+def test_written_log_passes_the_check(tmp_path: Path) -> None:
     one = episode_story()
     count = write_log(messages_of(one, NAMES), tmp_path)
     found = check_log(tmp_path)
@@ -71,7 +71,7 @@ def test_what_is_written_is_faultless(tmp_path: Path) -> None:
     assert found.messages["state"] > found.messages["order"] >= 7
 
 
-def test_a_robot_that_stands_sends_a_state_every_half_minute() -> None:
+def test_standing_robot_sends_a_state_every_28_s() -> None:
     still = story()
     still.replay.pose[:] = still.replay.pose[0]
     for values in (still.replay.route, still.replay.along, still.replay.speed):
@@ -81,7 +81,7 @@ def test_a_robot_that_stands_sends_a_state_every_half_minute() -> None:
     assert [message.seconds for message in sent(still, "state")] == [0.0, 28.0, 56.0]
 
 
-def test_a_file_is_the_same_each_time_and_positions_may_come_more_seldom(tmp_path: Path) -> None:
+def test_log_is_reproducible_and_positions_may_be_rarer(tmp_path: Path) -> None:
     for name in "ab":
         write_log(messages_of(story(), NAMES, 2.0), tmp_path / name)
     first, second = ((tmp_path / name / "messages.jsonl").read_bytes() for name in "ab")
@@ -158,17 +158,17 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.parametrize(("major", "what"), [*((2, what) for what in BREAKS), *((3, what) for what in BREAKS_3)])
-def test_each_rule_bites(major: int, what: str, tmp_path: Path) -> None:
+def test_check_finds_each_broken_rule(major: int, what: str, tmp_path: Path) -> None:
     write_log(messages_of(story(), replace(NAMES, major=major)), tmp_path)
     assert check_log(tmp_path).total == 0
     entries = lines(tmp_path / "messages.jsonl")
-    spoil, says = (BREAKS if major == 2 else BREAKS_3)[what]
+    spoil, message = (BREAKS if major == 2 else BREAKS_3)[what]
     spoil(entries)
     found = check_log(write_lines(tmp_path / "log.jsonl", entries))
-    assert any(says in fault.sentence for fault in found.faults), [fault.sentence for fault in found.faults]
+    assert any(message in fault.sentence for fault in found.faults), [fault.sentence for fault in found.faults]
 
 
-def test_version_3_tells_the_same(log: Path, tmp_path: Path) -> None:
+def test_version_3_holds_the_same_content(log: Path, tmp_path: Path) -> None:
     one = episode_story()
     heard = []
     for major in (2, 3):
@@ -182,15 +182,15 @@ def test_version_3_tells_the_same(log: Path, tmp_path: Path) -> None:
         assert (other.reports == vehicle.reports).all()
         assert (other.told, other.connected) == (vehicle.told, vehicle.connected)
         assert body_of(other.factsheet) == body_of(vehicle.factsheet)
-    said = lines(tmp_path / "3" / "messages.jsonl")
-    assert {entry["topic"].split("/")[1] for entry in said} == {"v3"}
-    assert {entry["payload"]["version"] for entry in said} == {"3.0.0"}
-    about = _of(said, "factsheet")["typeSpecification"]  # extensible, so no schema knows a wrong word
+    entries = lines(tmp_path / "3" / "messages.jsonl")
+    assert {entry["topic"].split("/")[1] for entry in entries} == {"v3"}
+    assert {entry["payload"]["version"] for entry in entries} == {"3.0.0"}
+    about = _of(entries, "factsheet")["typeSpecification"]  # extensible, so the schema cannot check its words
     assert (about["mobileRobotKinematics"], about["navigationTypes"]) == ("THREE_WHEEL", ["FREELY_NAVIGATING"])
     assert Sender(replace(NAMES, major=3), "1").last_will().payload["connectionState"] == "CONNECTION_BROKEN"
 
 
-def test_an_order_may_be_cancelled(log: Path, tmp_path: Path) -> None:
+def test_cancelled_order_may_be_replaced(log: Path, tmp_path: Path) -> None:
     entries = lines(log)
     last = [k for k, entry in enumerate(entries) if entry["topic"].endswith("/order")][1]
     head = {**entries[last]["payload"], "headerId": 0}
@@ -203,7 +203,7 @@ def test_an_order_may_be_cancelled(log: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("version", ["4.0.0", "1.1.0"])
-def test_a_log_of_another_version_is_refused_in_one_sentence(version: str, log: Path, tmp_path: Path) -> None:
+def test_log_of_another_version_is_refused_in_one_sentence(version: str, log: Path, tmp_path: Path) -> None:
     entries = lines(log)
     for entry in entries:
         entry["payload"]["version"] = version
@@ -215,7 +215,7 @@ def test_a_log_of_another_version_is_refused_in_one_sentence(version: str, log: 
     assert [(fault.kind, fault.line) for fault in mixed.faults] == [("version", len(entries) + 1)]
 
 
-def test_an_odd_version_below_a_deep_interface_is_one_fault_of_a_vehicle(log: Path, tmp_path: Path) -> None:
+def test_odd_version_is_one_fault_per_vehicle(log: Path, tmp_path: Path) -> None:
     entries = lines(log)
     for entry in entries:
         entry["topic"] = f"plant/hall 1/{entry['topic']}"
@@ -226,14 +226,14 @@ def test_an_odd_version_below_a_deep_interface_is_one_fault_of_a_vehicle(log: Pa
 
 
 @pytest.mark.parametrize(("major", "broken"), [(2, "CONNECTIONBROKEN"), (3, "CONNECTION_BROKEN")])
-def test_a_vehicle_that_was_gone_owes_no_state(major: int, broken: str, tmp_path: Path) -> None:
-    """Neither does a will that is as old as the connection break the order of time."""
+def test_disconnected_vehicle_owes_no_state(major: int, broken: str, tmp_path: Path) -> None:
+    """A will as old as the connection does not break the order of times either."""
     write_log(messages_of(story(), replace(NAMES, major=major)), tmp_path)
     entries = lines(tmp_path / "messages.jsonl")
-    said = [(broken, "2025-12-31T23:59:59Z"), ("ONLINE", "2026-01-01T00:09:00Z"),
-            ("OFFLINE", "2026-01-01T00:09:01Z")]  # fmt: skip
+    connections = [(broken, "2025-12-31T23:59:59Z"), ("ONLINE", "2026-01-01T00:09:00Z"),
+                   ("OFFLINE", "2026-01-01T00:09:01Z")]  # fmt: skip
     last = entries.pop()
-    for number, (state, moment) in enumerate(said, start=1):
+    for number, (state, moment) in enumerate(connections, start=1):
         payload = last["payload"] | {"headerId": number, "connectionState": state, "timestamp": moment}
         entries.append(last | {"payload": payload})
     assert [fault.sentence for fault in check_log(write_lines(tmp_path / "log.jsonl", entries)).faults] == []
@@ -247,16 +247,16 @@ def test_version_3_has_more_topics(log: Path, tmp_path: Path) -> None:
         assert check_log(write_lines(tmp_path / "log.jsonl", [*lines(log), other])).total == faults
 
 
-def test_what_a_broker_says_again_is_no_fault(log: Path, tmp_path: Path) -> None:
+def test_repeated_broker_messages_are_no_fault(log: Path, tmp_path: Path) -> None:
     entries = lines(log)
     away, online = entries[-1] | {"retain": 1}, entries[0]
-    kept = [away, online, online, *entries[1:]]  # from before, and delivered twice, as its quality of service allows
+    kept = [away, online, online, *entries[1:]]  # a retained message, and one delivered twice, as QoS 1 allows
     found = check_log(write_lines(tmp_path / "log.jsonl", kept))
     assert (found.total, found.messages["connection"]) == (0, 2)
 
 
 @pytest.mark.parametrize("vda", ["2", "3"])
-def test_there_and_back(vda: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_episode_round_trips_through_the_commands(vda: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     episode, folder = tmp_path / "e.npz", tmp_path / "fleet"
     driven().save(episode)
     assert main(["fleet", str(episode), "--out", str(folder), "--vda", vda]) == 0
@@ -277,7 +277,7 @@ def test_there_and_back(vda: str, tmp_path: Path, capsys: pytest.CaptureFixture[
     assert "cannot be run again" in capsys.readouterr().err
 
 
-def test_a_fault_is_an_exit_code(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_fault_sets_the_exit_code(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     log = write_lines(tmp_path / "log.jsonl", [{"topic": "uagv/v2/A/1/state", "payload": {}}])
     assert main(["fleet", "--check", str(log), "--json", str(tmp_path / "c.jsonl")]) == 1
     assert "line 1, A/1: schema: in this state" in capsys.readouterr().out

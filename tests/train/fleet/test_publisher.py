@@ -1,4 +1,4 @@
-"""A fleet over MQTT with a broker in this process: what is published is heard, and failures are explained."""
+"""Test publishing a fleet over MQTT to a broker in this process, and errors of failed connections."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def free_port() -> int:
 
 @contextlib.contextmanager
 def running(anonymous: bool) -> Iterator[Any]:
-    """Run amqtt in a thread, at a free port; anonymous: it admits clients without a user."""
+    """Run amqtt in a thread at a free port; anonymous: admit clients without a user."""
     loop = asyncio.new_event_loop()
     thread = threading.Thread(target=loop.run_forever, daemon=True)
     thread.start()
@@ -52,7 +52,7 @@ def port_of(made: Any) -> int:
     return int(made._servers["default"].instance.sockets[0].getsockname()[1])
 
 
-def answering(reply: bytes) -> int:
+def fake_broker(reply: bytes) -> int:
     """Answer one client's first packet and hang up; return the port."""
     server = socket.create_server(("127.0.0.1", 0))
 
@@ -66,8 +66,8 @@ def answering(reply: bytes) -> int:
 
 
 @contextlib.contextmanager
-def hearing(broker: Broker, interface: str) -> Iterator[list[Any]]:
-    """Subscribe to all vehicles of an interface; yield what it hears up to the first OFFLINE, complete at the end."""
+def subscription(broker: Broker, interface: str) -> Iterator[list[Any]]:
+    """Subscribe to all vehicles of an interface; yield the messages up to the first OFFLINE."""
     heard: list[Any] = []
     ready = threading.Event()
 
@@ -76,7 +76,7 @@ def hearing(broker: Broker, interface: str) -> Iterator[list[Any]]:
             await client.subscribe(f"{interface}/#", 1)
             ready.set()
             async for message in client.messages:
-                if not message.retain:  # by an earlier test
+                if not message.retain:  # from an earlier test
                     heard.append(message)
                     if b"OFFLINE" in message.payload:
                         return
@@ -93,57 +93,57 @@ FAST = 40.0
 
 @pytest.fixture(scope="module")
 def brokers() -> Iterator[Any]:
-    """amqtt at an open port."""
+    """Run amqtt for clients without a user."""
     with running(anonymous=True) as made:
         yield made
 
 
-def told(messages: list[Message]) -> list[tuple[str, Any]]:
+def sent_contents(messages: list[Message]) -> list[tuple[str, Any]]:
     return [(message.topic, message.payload) for message in messages]
 
 
-def told_to(heard: list[Any]) -> list[tuple[str, Any]]:
+def received_contents(heard: list[Any]) -> list[tuple[str, Any]]:
     return [(str(message.topic), json.loads(message.payload)) for message in heard]
 
 
-def test_what_is_published_is_heard(brokers: Any) -> None:
+def test_published_messages_are_received(brokers: Any) -> None:
     broker, messages = Broker("127.0.0.1", port_of(brokers)), list(messages_of(story(), NAMES))
-    with hearing(broker, NAMES.interface) as heard:
+    with subscription(broker, NAMES.interface) as heard:
         assert publish(broker, messages, NAMES, ["00000"], FAST).messages == len(messages)
-    assert told_to(heard) == told(messages)
+    assert received_contents(heard) == sent_contents(messages)
 
 
-def test_a_stopped_publisher_says_offline(brokers: Any) -> None:
+def test_stopped_publisher_sends_offline(brokers: Any) -> None:
     def stopped() -> Iterator[Message]:
         yield from [message for message in messages_of(story(), NAMES) if message.seconds < 2]
         raise KeyboardInterrupt
 
     broker = Broker("127.0.0.1", port_of(brokers))
-    with hearing(broker, NAMES.interface) as heard, pytest.raises(KeyboardInterrupt):
+    with subscription(broker, NAMES.interface) as heard, pytest.raises(KeyboardInterrupt):
         publish(broker, stopped(), NAMES, ["00000"], FAST)
-    topic, payload = told_to(heard)[-1]
+    topic, payload = received_contents(heard)[-1]
     assert (topic[-10:], payload["connectionState"]) == ("connection", "OFFLINE")
 
 
-def test_a_broker_that_goes_away_is_an_error() -> None:
-    where = Broker("127.0.0.1", answering(b"\x20\x02\x00\x00"), timeout=1.0)
+def test_lost_broker_is_an_error() -> None:
+    where = Broker("127.0.0.1", fake_broker(b"\x20\x02\x00\x00"), timeout=1.0)
     with pytest.raises(LostError, match=r"no longer answers .*messages were sent"):
         publish(where, messages_of(story(), NAMES), NAMES, ["00000"], 1.0)
 
 
-def test_failed_connections_are_explained() -> None:
+def test_failed_connections_state_the_cause() -> None:
     bridge = "publish to a local broker that bridges to it"
     with socket.create_server(("127.0.0.1", 0)) as mute, running(anonymous=False) as guarded:
-        for port, says in (
+        for port, message in (
             (free_port(), "cannot be reached: "),
             (mute.getsockname()[1], f"does not answer: check host and port; if the port needs TLS, {bridge}"),
             (port_of(guarded), f"refuses clients without a password; {bridge}"),
         ):
-            with pytest.raises(WarehouseError, match=rf"broker localhost:{port} {says}"):
+            with pytest.raises(WarehouseError, match=rf"broker localhost:{port} {message}"):
                 publish(Broker("localhost", port, timeout=0.3), messages_of(story(), NAMES), NAMES, ["00000"], 1.0)
 
 
-def test_brokers_are_named_as_hosts_with_ports() -> None:
+def test_broker_is_named_by_host_and_port() -> None:
     assert broker_of("plant")[:2] == ("plant", 1883)
     assert broker_of("10.0.0.1:99")[:2] == ("10.0.0.1", 99)
     assert broker_of("[::1]:1884")[:2] == ("::1", 1884)

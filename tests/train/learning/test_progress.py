@@ -1,4 +1,4 @@
-"""What a training shows: the line of its progress, what TensorBoard finds in its log, and evaluations now and then."""
+"""Test what a training shows: progress lines, TensorBoard's log, and periodic evaluations."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def log_of(folder: Path) -> Any:
     return log
 
 
-def test_the_line_tells_standing_touching_and_jams_beside_goals(
+def test_progress_line_shows_stuck_robots_collisions_and_jams(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(progress, "LOG_SECONDS", 0.0)
@@ -50,29 +50,27 @@ OTHERS = Reference(
 )  # fmt: skip
 
 
-def test_other_trainings_stand_beside_it_after_as_many_steps(
+def test_progress_shows_reference_trainings_at_equal_steps(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """In every line, and in one at the end where a bar showed the rest."""
+    """The reference appears in every line, or once at the end after a progress bar."""
     monkeypatch.setattr(progress, "LOG_SECONDS", 0.0)
     for beside, lines, seconds in ((OTHERS, 2, 0.0), (OTHERS, 1, 1e9), (None, 0, 1e9)):
         monkeypatch.setattr(progress, "LINE_SECONDS", seconds)
         with ProgressLog(tmp_path, False, 0, {}, beside) as log:
             for steps, spent in ((100, 0.3), (300, 1.0)):
                 log.update(steps, 60.0, spent, lambda: ROW, {"entropy": 1.0})
-        said = capsys.readouterr().err.splitlines()
-        assert len(said) == lines
+        printed = capsys.readouterr().err.splitlines()
+        assert len(printed) == lines
         if lines:
-            assert said[-1].startswith("100% after 60 s")
-            assert said[-1].endswith(
+            assert printed[-1].startswith("100% after 60 s")
+            assert printed[-1].endswith(
                 "; the middle 90% of 5 shipped trainings: 2 goals/robot-h, 2.00 collisions/km, 200.0% stuck to "
                 "6 goals/robot-h, 6.00 collisions/km, 600.0% stuck"
             )
 
 
-def test_tensorboard_has_figures_evaluations_settings_and_others(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_tensorboard_shows_figures_settings_and_references(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(training_run, "reference_of", lambda config: OTHERS)
     config = ReinforceConfig(out=tmp_path, steps=8 * 6 * 4, **SMALL)
     folder = train(config) / "tensorboard"
@@ -83,19 +81,19 @@ def test_tensorboard_has_figures_evaluations_settings_and_others(
     tags = set(log.Tags()["scalars"])
     assert {f"train/{name}" for name in (*ROW, "entropy", "steps_per_second")} <= tags
     assert {f"held_out/{name}" for name in FIGURES} <= tags
-    assert [event.step for event in log.Scalars("held_out/stuck")] == [0, 192]  # the start, and what was learned
+    assert [event.step for event in log.Scalars("held_out/stuck")] == [0, 192]  # at the start and at the end
     (settings,) = log.Tensors("settings/text_summary")
     assert b"- traffic: routes" in settings.tensor_proto.string_val[0]
 
 
-def test_what_a_broken_run_wrote_of_later_steps_is_hidden(tmp_path: Path) -> None:
+def test_resumed_board_hides_later_steps_of_the_broken_run(tmp_path: Path) -> None:
     for done, values in ((0, ((10, 1.0), (20, 2.0), (30, 3.0))), (20, ((30, 4.0),))):
         board = open_board(tmp_path, {"seed": 0}, done)
         for step, value in values:
             board.add_scalar("train/reward", value, step)
         board.close()
         (written,) = tmp_path.glob("events.out.tfevents.[1-9]*")
-        written.rename(tmp_path / f"events.out.tfevents.0{done}")  # read in the order of the names, which tell seconds
+        written.rename(tmp_path / f"events.out.tfevents.0{done}")  # read in the order of names, which hold seconds
     found = [(event.step, event.value) for event in log_of(tmp_path).Scalars("train/reward")]
     assert found == [(10, 1.0), (20, 2.0), (30, 4.0)]
 
@@ -105,10 +103,10 @@ TRAINERS = [ReinforceConfig, ThreadedPPOConfig, PPOConfig]
 
 
 @pytest.mark.parametrize("options", TRAINERS)
-def test_what_is_learned_does_not_depend_on_them(
+def test_evaluations_do_not_change_training(
     options: type[TrainingConfig], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(progress, "SHARE", 1e9)  # one after every update
+    monkeypatch.setattr(progress, "SHARE", 1e9)  # an evaluation after every update
     driven = []
 
     def counted(config: TrainingConfig) -> dict[str, float]:
@@ -127,8 +125,8 @@ class Log:
     def evaluated(self, figures: dict[str, float], steps: int, seconds: float) -> None: ...
 
 
-def test_one_that_takes_long_waits_long(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two threads work all the time, and the evaluations take one of them 6 s, the first 3 s more."""
+def test_long_evaluations_wait_longer(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two threads work all the time; evaluations take one thread 9, 6 and 0.75 s."""
     now, worked = [0.0], [0.0]
     monkeypatch.setattr(progress.time, "monotonic", lambda: now[0])
     monkeypatch.setattr(progress.time, "process_time", lambda: worked[0])
@@ -147,8 +145,8 @@ def test_one_that_takes_long_waits_long(monkeypatch: pytest.MonkeyPatch) -> None
         while not made.due:
             now[0], worked[0] = now[0] + 1.0, worked[0] + 2.0
         waits.append(now[0] - ended)
-    assert waits == [150.0, 100.0, 60.0]  # 3% of 300 and of 200 s of work; the last as often as was asked for
+    assert waits == [150.0, 100.0, 60.0]  # 3% of 300 and 200 s of work; then the requested interval
     before = now[0]
     made.run(2, 0, Log())  # type: ignore[arg-type]
-    assert now[0] == before  # driven already
+    assert now[0] == before  # evaluated already
     assert not Evaluations(ReinforceConfig(evaluation_seconds=0.0), drive, None).due

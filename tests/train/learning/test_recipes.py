@@ -1,4 +1,4 @@
-"""Recipes: what ships is what is trained by default; the command line, the card, and trainings beside one."""
+"""Test recipes: shipped policies match them, and so do commands, cards and reference trainings."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ from warehouse_env.config import EnvConfig, SensorSpec
 from warehouse_env.old_names import POLICIES as OLD
 
 SHIPPED = [path.parent.name for path in WEIGHTS_FOLDER.glob("*/config.json")]
-# What a user chooses anew: where it goes, for how long, on what machine, and what shows itself or is judged.
+# Options of a single run that are not part of a recipe: place, duration, machine, display and evaluations.
 FREE = {
     "out", "seed", "minutes", "threads", "device", "progress", "resume", "evaluation_seconds", "floor_episodes",
     "recipe",
 }  # fmt: skip
 
-# options than some weights, which had them off
+# options newer than some weights, with their values at that time
 NEWER = {
     "fleet": None, "device": None, "late_braking": 0.0, "start": None, "tasks": "lifelong", "sensor": None,
 }  # fmt: skip
@@ -49,12 +49,12 @@ def test_every_shipped_policy_has_a_recipe_and_every_recipe_a_command() -> None:
 
 
 @pytest.mark.parametrize("name", SHIPPED)
-def test_the_recipe_is_what_the_shipped_weights_were_trained_by(name: str) -> None:
+def test_recipe_equals_the_training_of_the_shipped_weights(name: str) -> None:
     config, record = by_recipe(name), read_record(WEIGHTS_FOLDER / name)
     assert (record.algorithm, config.name) == (config.algorithm, name)
     given, made = config.upgraded(record.training["config"]), config.to_dict()
     made = {key: list(value) if isinstance(value, tuple) else value for key, value in made.items()}
-    made["steps"] = config.total_steps  # left out where a default says them
+    made["steps"] = config.total_steps  # absent if the default applies
     newer = {key: made.pop(key) for key in NEWER.keys() & made.keys() - given.keys()}
     assert newer == {key: NEWER[key] for key in newer}
     assert {key for key in made if key not in FREE} == {key for key in given if key not in FREE}
@@ -62,7 +62,7 @@ def test_the_recipe_is_what_the_shipped_weights_were_trained_by(name: str) -> No
 
 
 @pytest.mark.parametrize("name", [name for name, (kind, _) in RECIPES.items() if issubclass(kind, ThreadedConfig)])
-def test_a_recipe_can_begin(name: str) -> None:
+def test_recipe_can_start(name: str) -> None:
     config = by_recipe(name, **{"device": "cpu"} if RECIPES[name][1].get("rows", 0) > 10_000 else {})
     env = config.env("open", config.robots[0])
     net = first_net(config, env)
@@ -70,11 +70,11 @@ def test_a_recipe_can_begin(name: str) -> None:
         first = policy_tensors(config.start, policy_config(config.start, env))["actor.0.weight"]
         own = net.state_dict()["actor.0.weight"].numpy()
         assert np.array_equal(own[:, : first.shape[1]], first)
-        assert not own[:, first.shape[1] :].any()  # the shield's slice, which the start did not observe
+        assert not own[:, first.shape[1] :].any()  # the shield's slice, unknown to the start policy
 
 
 @pytest.mark.parametrize("name", [name for name in RECIPES if name.startswith("fixed_routes")])
-def test_with_fixed_routes_all_is_left_to_the_policy(name: str) -> None:
+def test_fixed_routes_recipes_use_no_traffic_rules(name: str) -> None:
     config = by_recipe(name)
     env = config.driven(config.env("open", 2))
     assert (env.traffic, config.shared) == ("none", 0.0)
@@ -88,7 +88,7 @@ DESCRIBED = {
 }
 
 
-def test_a_command_has_the_defaults_and_the_trainer_of_its_recipe(
+def test_command_has_its_recipes_defaults_and_trainer(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     ran: list[Train] = []
@@ -102,7 +102,7 @@ def test_a_command_has_the_defaults_and_the_trainer_of_its_recipe(
 
 
 @pytest.mark.parametrize(("old", "new"), OLD.items())
-def test_a_policys_old_name_still_drives_and_trains(old: str, new: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_old_policy_names_still_drive_and_train(old: str, new: str, monkeypatch: pytest.MonkeyPatch) -> None:
     ran: list[Train] = []
     monkeypatch.setattr(Train, "run", lambda self: ran.append(self))
     for name in (old, new):
@@ -118,7 +118,7 @@ def test_a_policys_old_name_still_drives_and_trains(old: str, new: str, monkeypa
     np.testing.assert_array_equal(first, second)
 
 
-def test_a_recipe_that_is_none_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+def test_unknown_recipe_suggests_a_near_match(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["train", "carefull"]) == 2
     assert "unknown train command 'carefull'; did you mean careful?" in capsys.readouterr().err
 
@@ -128,14 +128,14 @@ NAMES = ("goals_per_robot_hour", "collisions_per_km", "stuck", "reward", "entrop
 
 
 def run_of(goals: float) -> list[dict[str, float]]:
-    """Return the rows of a training of 200 steps, whose goals grow by 1 a row."""
+    """Return the rows of a training of 200 steps; goals grow by 1 per row."""
     return [
         {"steps": k, "spent": k / 200, **dict.fromkeys(NAMES, 0.5), "goals_per_robot_hour": goals + k}
         for k in range(1, 201)
     ]
 
 
-def test_quantiles_are_over_the_rows_of_all_trainings_in_a_part_of_the_budget() -> None:
+def test_quantiles_cover_all_trainings_per_part_of_the_budget() -> None:
     made = summary([run_of(0.0), run_of(100.0), run_of(300.0)], {})
     assert (made.trainings, made.steps) == (3, list(range(10, 201, 10)))
     # rows 11 to 20 of three trainings: 11 to 20, 111 to 120, 311 to 320
@@ -149,7 +149,7 @@ def test_quantiles_are_over_the_rows_of_all_trainings_in_a_part_of_the_budget() 
 
 
 @pytest.mark.parametrize("name", MEASURED)
-def test_shipped_curves_come_from_several_whole_trainings_of_the_recipe(name: str) -> None:
+def test_reference_covers_several_complete_trainings(name: str) -> None:
     config = by_recipe(name)
     shipped = reference_of(config)
     assert shipped is not None, "the recipe has changed: renew or delete curves.json (train/learning/recipes.py)"
@@ -161,7 +161,7 @@ def test_shipped_curves_come_from_several_whole_trainings_of_the_recipe(name: st
     assert (WEIGHTS_FOLDER / name / "curves.json").stat().st_size < 6000
 
 
-def test_only_a_training_by_the_same_options_has_a_reference(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_only_equal_options_have_a_reference(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(recipes, "WEIGHTS_FOLDER", tmp_path)
     usual = by_recipe("careful", seed=3)
     assert reference_of(usual) is None
@@ -190,7 +190,7 @@ def folder(tmp_path: Path) -> Path:
     return save_policy(tmp_path, PolicyRecord("reinforce", network, env, "sample", training), tensors)
 
 
-def test_the_card_says_how_it_was_trained(folder: Path) -> None:
+def test_card_states_the_training(folder: Path) -> None:
     text = write_card(folder).read_text()
     for part in (
         "10.0 minutes",
@@ -205,7 +205,7 @@ def test_the_card_says_how_it_was_trained(folder: Path) -> None:
     assert "reward 0.5" in text
 
 
-def test_the_card_tells_the_beginning(folder: Path) -> None:
+def test_card_states_the_start_policy(folder: Path) -> None:
     record = read_record(folder)
     record = replace(record, training=record.training | {"config": {"start": "ppo"}})
     text = write_card(save_policy(folder, record, read_tensors(folder, record.network))).read_text()

@@ -1,4 +1,4 @@
-"""What REINFORCE and our PPO share: mixes dealt to threads, resuming to the bit, starts, floors drawn, plans ahead."""
+"""Test what REINFORCE and our PPO share: thread mixes, resuming to the bit, starts, drawn floors, plan tables."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ SIXTEEN = SMALL | {"rows": 16, "steps": 16 * 6 * 8, "traffic": "none:shield=true
 
 @pytest.mark.parametrize(("threads", "device"), [(2, None), (3, None), (1, "cpu")])
 @pytest.mark.parametrize("options", [ReinforceConfig, ThreadedPPOConfig])
-def test_a_resumed_run_gives_the_same_bits_as_an_unbroken_one(
+def test_resumed_training_equals_an_unbroken_one_to_the_bit(
     options: type[ThreadedConfig], threads: int, device: str | None, tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
@@ -65,7 +65,7 @@ def test_a_resumed_run_gives_the_same_bits_as_an_unbroken_one(
     assert 0.0 <= held_out(replace(config, name="parts"))["stuck"] <= 1.0
 
 
-def test_whole_mixes_are_dealt_out_where_they_go_round() -> None:
+def test_mixes_are_dealt_evenly_to_threads() -> None:
     config = ReinforceConfig(layouts=("open", "narrow"), robots=(8, 16, 32), rows=384, threads=2)
     dealt = [[(env.layout, env.num_agents, worlds) for env, worlds in share] for share in shares(config)]
     assert dealt == [
@@ -76,14 +76,14 @@ def test_whole_mixes_are_dealt_out_where_they_go_round() -> None:
     assert [[(env.num_agents, worlds) for env, worlds in share] for share in halves] == [[(8, 24)], [(8, 24)]]
 
 
-def test_a_device_trains_in_the_worlds_of_the_cpu() -> None:
-    """The same observations, rewards and counts until a world ends; a jam ends it at the end of its round."""
+def test_device_worlds_equal_cpu_worlds() -> None:
+    """Observations, rewards and counts agree until a world ends; on a device a jam ends its round."""
     env = ReinforceConfig(planner="astar_turns", traffic="none:shield=true", episode_seconds=60.0).env("narrow", 8)
     here = TrainingWorlds(partial(TrainingSimulator, jam_seconds=8.0, shared=0.3), [(env, 3)], [5])
     there = DeviceWorlds(partial(TrainingDevice, jam_seconds=8.0, shared=0.3), [(env, 3)], [5], "cpu")
     actions = torch.full((24,), int(here.simulators[0].cruise_action))
     mine: object = None
-    actions[8:] = 5  # two worlds stand
+    actions[8:] = 5  # the robots of two worlds stand
     for worlds in (here, there):
         worlds.set_reward(RewardWeights(progress=2.0, collision=-7.0))
     while not mine:
@@ -107,7 +107,7 @@ def test_a_device_trains_in_the_worlds_of_the_cpu() -> None:
 
 
 @pytest.mark.parametrize("errors", [UncertaintySpec(), UncertaintySpec(pose_error=0.05, actuation_error=0.1)])
-def test_a_training_on_a_device_judges_robots_as_they_are_now(errors: UncertaintySpec) -> None:
+def test_device_training_reads_the_present_states(errors: UncertaintySpec) -> None:
     worlds = TrainingDevice(EnvConfig(num_agents=4, layout="paper46", uncertainty=errors), 2, 0.0, 0.0, "cpu")
     worlds.reset(0)
     for _ in range(5):
@@ -118,17 +118,17 @@ def test_a_training_on_a_device_judges_robots_as_they_are_now(errors: Uncertaint
 
 @pytest.fixture
 def config(tmp_path: Path) -> ThreadedPPOConfig:
-    """Return a training of some seconds."""
+    """Return a training of a few seconds."""
     return ThreadedPPOConfig(out=tmp_path, steps=16 * 6 * 4, **SMALL | {"rows": 16, "threads": 1})
 
 
 def saved(trainer: ThreadedTrainer, config: ThreadedPPOConfig, folder: Path) -> Path:
-    """Save what a trainer has learned."""
+    """Save a trainer's policy."""
     record = PolicyRecord("ours", trainer.network, config.driven(trainer.env))
     return save_policy(folder, record, trainer.policy_tensors())
 
 
-def test_a_training_begins_with_a_policy(config: ThreadedPPOConfig, tmp_path: Path) -> None:
+def test_training_starts_from_a_policy(config: ThreadedPPOConfig, tmp_path: Path) -> None:
     first = ThreadedTrainer(config)
     first.update(0, 0.0)
     seen = torch.randn(10, first.network.observation_size)
@@ -144,16 +144,16 @@ def test_a_training_begins_with_a_policy(config: ThreadedPPOConfig, tmp_path: Pa
         ThreadedTrainer(replace(config, start="brake"))
 
 
-def test_a_policy_of_other_senses_is_no_beginning(config: ThreadedPPOConfig, tmp_path: Path) -> None:
+def test_start_policy_with_other_observations_is_refused(config: ThreadedPPOConfig, tmp_path: Path) -> None:
     folder = saved(ThreadedTrainer(replace(config, predictions=False)), config, tmp_path / "blind")
     with pytest.raises(WeightsError, match=r"112|112 values|made for"):
         ThreadedTrainer(replace(config, start=str(folder)))
 
 
-def test_the_update_judges_the_decisions_of_the_rollout(
+def test_update_reproduces_the_rollouts_probabilities(
     config: ThreadedPPOConfig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Until the first step the probabilities are those of the draws."""
+    """Before the first step the probabilities equal those of the draws."""
     trainer = ThreadedTrainer(replace(config, minibatch=1000))
 
     def compared(log_probability: Tensor, old: Tensor, advantage: Tensor) -> tuple[Tensor, Tensor]:
@@ -170,7 +170,7 @@ def test_the_update_judges_the_decisions_of_the_rollout(
 
 
 def _worlds(seed: int = 3) -> TrainingWorlds:
-    """Return worlds on one fixed floor and on two drawn ones, each of these for two episodes of 15 steps."""
+    """Return worlds on one fixed and two drawn floors; a drawn floor lasts for two episodes of 15 steps."""
     layouts = ("open", "aisles:seed=new,rows=24")
     mixes = ThreadedPPOConfig(**SMALL | {"layouts": layouts, "robots": (16,), "traffic": "none"}).worlds(256)
     return TrainingWorlds(partial(TrainingSimulator, jam_seconds=60.0, shared=0.0), mixes, [seed, 0], 2)
@@ -181,12 +181,12 @@ def _floors(worlds: TrainingWorlds) -> list[str]:
 
 
 def _drive(worlds: TrainingWorlds, steps: int) -> list[list[int]]:
-    """Return the rows whose episodes ended with each step."""
+    """Return the rows whose episodes end, per step."""
     onwards = torch.full((worlds.rows,), int(worlds.simulators[0].cruise_action))
     return [[row for rows, _ in worlds.step(onwards) for row in rows.tolist()] for _ in range(steps)]
 
 
-def test_floors_change_in_turn_and_leave_nothing_behind() -> None:
+def test_floors_change_in_turn_and_free_their_memory() -> None:
     worlds = _worlds()
     seen, kept = [_floors(worlds)], books._books.copy()
     book, fixed = weakref.ref(worlds.simulators[1].route_book), worlds.simulators[0]
@@ -194,9 +194,9 @@ def test_floors_change_in_turn_and_leave_nothing_behind() -> None:
         last = _drive(worlds, 15)[-1]
         seen.append(_floors(worlds))
         changed = [number for number in (1, 2) if seen[-1][number] != seen[-2][number]]
-        assert changed == [2 - len(seen) % 2]  # the second after 15 and 45 steps, the first after 30 and 60
+        assert changed == [2 - len(seen) % 2]  # the second floor after 15 and 45 steps, the first after 30 and 60
         first = 64 * (1 + changed[0])
-        assert set(range(first, first + 64)) <= set(last)  # all its episodes end
+        assert set(range(first, first + 64)) <= set(last)  # all episodes of the changed floor end
     drawn = {layout for floors in seen for layout in floors[1:]}
     assert len(drawn) == 6
     assert all(1_000_000 <= int(layout.split("=")[1].split(",")[0]) < 900_000_000 for layout in drawn)
@@ -208,8 +208,8 @@ def test_floors_change_in_turn_and_leave_nothing_behind() -> None:
 
 
 @pytest.mark.parametrize("steps", [0, 5, 15, 20, 47])
-def test_worlds_are_brought_back_on_their_floors(steps: int) -> None:
-    """Worlds that replay a history go on as those that it is of; so do worlds of the same seed after no step."""
+def test_history_restores_worlds_and_floors(steps: int) -> None:
+    """Worlds that replay a history continue like the original ones, also after an empty history."""
     worlds, twin = _worlds(), _worlds()
     _drive(worlds, steps)
     twin.replay(worlds.history())
@@ -222,7 +222,7 @@ def test_worlds_are_brought_back_on_their_floors(steps: int) -> None:
 
 
 @pytest.mark.parametrize(("steps", "traffic"), [(10**9, "none"), (1000, "none"), (10**9, "routes")])
-def test_a_training_makes_the_plan_table_of_a_floor_where_it_pays(
+def test_training_makes_plan_tables_only_if_they_pay(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, steps: int, traffic: str
 ) -> None:
     monkeypatch.setenv("WAREHOUSE_CACHE_DIR", str(tmp_path))
@@ -231,6 +231,6 @@ def test_a_training_makes_the_plan_table_of_a_floor_where_it_pays(
     floor.write_text("type octile\nheight 3\nwidth 4\nmap\n....\n.@@.\n....\n")
     config = TrainingConfig(layouts=(str(floor),), robots=(1, 2), steps=steps, traffic=traffic, planner="pf_aco")
     plan_ahead(config)
-    pays = steps > 1000 and traffic == "none"  # live routes of pf_aco need no plans
+    pays = steps > 1000 and traffic == "none"  # live routes of pf_aco use no plan table
     assert books.book_of(config.env(str(floor), 1)).has_table == pays
     assert len(list(tmp_path.glob("plans-*.npz"))) == pays

@@ -1,4 +1,4 @@
-"""A live world and its drive: pace, messages and their order, figures, what is refused; nothing touches the bits."""
+"""Test a live world and its drive: pace, message order, figures, refusals; none of them changes the bits."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from warehouse_env.errors import ConfigError, WarehouseError
 
 
 class Clock:
-    """Time that stands still unless it is moved."""
+    """Clock that moves only by assignment."""
 
     def __init__(self) -> None:
         self.now = 100.0
@@ -34,8 +34,8 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
     return found
 
 
-def go(one: WorldDrive, clock: Clock, seconds: float) -> None:
-    """Let a drive do what is due, for this time."""
+def run_for(one: WorldDrive, clock: Clock, seconds: float) -> None:
+    """Run everything due in a drive for `seconds`."""
     end = clock.now + seconds
     while (wait := one.due_in()) <= end - clock.now:
         clock.now += max(wait, 0.0)
@@ -43,30 +43,30 @@ def go(one: WorldDrive, clock: Clock, seconds: float) -> None:
     clock.now = end
 
 
-def test_the_pace_is_kept(clock: Clock) -> None:
+def test_drive_keeps_its_pace(clock: Clock) -> None:
     one = WorldDrive(world(), Listeners())
-    go(one, clock, 2.05)
-    assert one.world.steps == 21  # one at once, then ten a second
+    run_for(one, clock, 2.05)
+    assert one.world.steps == 21  # one step at once, then ten a second
     one.obey(Speed(4.0))
-    go(one, clock, 1.02)
+    run_for(one, clock, 1.02)
     assert one.world.steps == 21 + 41
     one.obey(Play(False))
-    go(one, clock, 5.0)
+    run_for(one, clock, 5.0)
     assert one.world.steps == 62
     one.obey(Step())
-    go(one, clock, 5.0)
+    run_for(one, clock, 5.0)
     assert one.world.steps == 63
     one.obey(Play(True))
-    go(one, clock, 0.24)
+    run_for(one, clock, 0.24)
     assert one.world.steps == 63 + 10
 
 
-def test_a_pace_that_cannot_be_kept_starts_anew(clock: Clock) -> None:
+def test_drive_does_not_catch_up_missed_time(clock: Clock) -> None:
     one = WorldDrive(world(), Listeners())
     one.turn()
     clock.now += 60.0  # the machine slept
     before = one.world.steps
-    go(one, clock, 1.0)
+    run_for(one, clock, 1.0)
     assert one.world.steps - before <= 11 + 3
 
 
@@ -74,7 +74,7 @@ def test_pages_get_all_moments_in_order(clock: Clock) -> None:
     everybody = Listeners()
     one = WorldDrive(world(), everybody)
     with everybody.joined() as early:
-        go(one, clock, 3.0)
+        run_for(one, clock, 3.0)
         with everybody.joined() as late:
             for _ in range(260):
                 one.obey(Step())
@@ -97,7 +97,7 @@ def test_pages_get_all_moments_in_order(clock: Clock) -> None:
 def test_a_late_page_gets_earlier_samples(clock: Clock) -> None:
     everybody = Listeners()
     one = WorldDrive(world(), everybody)
-    go(one, clock, 5.05)
+    run_for(one, clock, 5.05)
     with everybody.joined() as late:
         one.turn()
         ((header, _), *_) = messages(late.take(0.0))
@@ -106,7 +106,7 @@ def test_a_late_page_gets_earlier_samples(clock: Clock) -> None:
     assert header["seconds"] == 0.1
 
 
-def test_pages_hear_that_a_world_is_made(clock: Clock) -> None:
+def test_pages_are_notified_of_a_new_world(clock: Clock) -> None:
     everybody = Listeners()
     one = WorldDrive(world(), everybody)
     with everybody.joined() as page:
@@ -124,7 +124,7 @@ def test_pages_hear_that_a_world_is_made(clock: Clock) -> None:
         assert making == [drive.MAKING, None]
 
 
-def test_neither_pace_nor_pages_touch_the_bits(clock: Clock) -> None:
+def test_pace_and_pages_do_not_change_the_bits(clock: Clock) -> None:
     plain = world()
     for _ in range(60):
         plain.step()
@@ -139,7 +139,7 @@ def test_neither_pace_nor_pages_touch_the_bits(clock: Clock) -> None:
 
 
 def driven(steps: int, **setting: object) -> World:
-    """Return a world after so many steps."""
+    """Return a world after `steps` steps."""
     one = world(**setting)
     for _ in range(steps):
         one.step()
@@ -167,7 +167,7 @@ def test_any_setting_restarts_the_world() -> None:
 
 
 @pytest.mark.parametrize(
-    ("asked", "why"),
+    ("setting", "why"),
     [
         (Make(policy="agents/weights/ppo"), "unknown policy"),
         (Make(floor="aisles:seed=7"), "unknown floor"),
@@ -175,10 +175,10 @@ def test_any_setting_restarts_the_world() -> None:
         (Make(floor="open", robots=256), "num_agents=256"),
     ],
 )
-def test_impossible_settings_are_refused(asked: Make, why: str) -> None:
+def test_impossible_settings_are_refused(setting: Make, why: str) -> None:
     one, same = driven(1), driven(2)
     with pytest.raises(WarehouseError, match=why):
-        one.make(asked)
+        one.make(setting)
     one.step()
     assert (one.made, bits(one)) == (1, bits(same))
 
@@ -209,7 +209,7 @@ def test_messages_are_commands(message: dict[str, object], command: object) -> N
         (b'{"do": "step"' + b" " * MOST_BYTES + b"}", "at most 65,536 bytes"),
     ],
 )
-def test_what_is_no_command_is_told_in_one_sentence(message: bytes, why: str) -> None:
+def test_invalid_command_is_one_sentence(message: bytes, why: str) -> None:
     with pytest.raises(ConfigError) as refused:
         read_command(message)
     assert why in str(refused.value)
@@ -224,7 +224,7 @@ def moment(goals: int, contacts: int = 0, waits: tuple[int, ...] = (-1, -1), spe
     }  # fmt: skip
 
 
-def test_a_sample_a_second_with_means_of_its_steps() -> None:
+def test_samples_average_the_steps_of_a_second() -> None:
     figures = LiveFigures()
     assert figures.add(0.5, moment(0, waits=(1, -1), speed=(0.0, 1.0))) is None
     sample = figures.add(1.0, moment(1, contacts=3, speed=(0.0, 0.0)))
@@ -233,7 +233,7 @@ def test_a_sample_a_second_with_means_of_its_steps() -> None:
     assert figures.add(2.0, moment(1)) == Sample(2.0, pytest.approx(900.0), 0.0, 0.0, 0)
 
 
-def test_goals_an_hour_are_those_of_the_last_two_minutes() -> None:
+def test_goals_per_hour_cover_the_last_two_minutes() -> None:
     figures = LiveFigures()
     for second in range(1, 301):
         figures.add(float(second), moment(goals=min(second, 100)))
@@ -249,7 +249,7 @@ def test_parked_robots_neither_wait_nor_stand() -> None:
     assert (sample.waiting, sample.standing) == (1.0, 1.0)
 
 
-def test_a_slow_page_begins_again_with_a_whole_world(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_slow_page_restarts_with_a_whole_world(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("train.live.messages.MOST_WAITING", 2)
     listener = Listener()
     listener.put(b"lost")

@@ -1,4 +1,4 @@
-"""The server admits only its page and explains refusals; the page works in a browser; the command ends by Ctrl-C."""
+"""Test that the server admits only its page and explains refusals, the page in a browser, and Ctrl-C."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ from warehouse_env.errors import ConfigError
 from warehouse_env.render.pages import LivePage, live_page
 
 
-class Asked:
-    """A runner that carries nothing out."""
+class CommandRecorder:
+    """Runner that records commands without running them."""
 
     def __init__(self) -> None:
         self.listeners = Listeners()
@@ -55,14 +55,14 @@ def serving(runner: Any, page: LivePage) -> Iterator[Server]:
 
 @pytest.fixture
 def server() -> Iterator[Server]:
-    with serving(Asked(), live_page("title", 0.1, {})) as running:
+    with serving(CommandRecorder(), live_page("title", 0.1, {})) as running:
         yield running
 
 
 def answer(
     server: Server, method: str = "GET", what: str = "", body: bytes | None = None, **headers: str
 ) -> tuple[int, Any, http.client.HTTPResponse]:
-    """Ask behind the token; headers with _ for -. Returns the status, what JSON says or the text, and the response."""
+    """Send a request below the token; headers with _ for -. Return status, JSON or text, and response."""
     connection = http.client.HTTPConnection("127.0.0.1", server.server_port, timeout=10)
     path = what if what.startswith("/") else f"/{server.token}/{what}"
     connection.request(method, path, body, {name.replace("_", "-"): value for name, value in headers.items()})
@@ -72,7 +72,7 @@ def answer(
     return response.status, json.loads(text) if text.startswith("{") else text, response
 
 
-def test_the_page_is_given_with_all_that_keeps_others_off(server: Server) -> None:
+def test_page_has_protective_headers(server: Server) -> None:
     assert server.server_address[0] == "127.0.0.1"
     assert len(server.token) >= 32
     status, text, response = answer(server)
@@ -90,19 +90,19 @@ def test_the_page_is_given_with_all_that_keeps_others_off(server: Server) -> Non
 @pytest.mark.parametrize(
     ("headers", "status"),
     [
-        ({"Host": "evil.example"}, 421),  # a name that was led to 127.0.0.1
+        ({"Host": "evil.example"}, 421),  # a foreign name that resolves to 127.0.0.1
         ({"Origin": "http://evil.example"}, 403),
         ({"Origin": "null"}, 403),
         ({"Host": "localhost:{port}", "Origin": "http://localhost:{port}"}, 200),
         ({"Origin": "http://127.0.0.1:{port}", "Sec_Fetch_Site": "same-origin"}, 200),
     ],
 )
-def test_pages_of_other_sites_are_refused(server: Server, headers: dict[str, str], status: int) -> None:
+def test_requests_of_other_sites_are_refused(server: Server, headers: dict[str, str], status: int) -> None:
     headers = {name: value.format(port=server.server_port) for name, value in headers.items()}
     for method, what, body in (("GET", "", None), ("POST", "commands", b'{"do": "step"}')):
-        got, said, _ = answer(server, method, what, body, **headers, Content_Type="application/json")
+        got, reply, _ = answer(server, method, what, body, **headers, Content_Type="application/json")
         assert got == status
-        assert status == 200 or "\n" not in said["error"]
+        assert status == 200 or "\n" not in reply["error"]
     assert len(server.runner.commands) == (status == 200)  # type: ignore[attr-defined]
 
 
@@ -116,7 +116,7 @@ def test_a_link_on_another_site_opens_only_the_page(server: Server) -> None:
 
 
 @pytest.mark.parametrize("path", ["/", "/x/commands", "/{token}x/", "/states", "/{token}%C3%A9/"])
-def test_without_the_token_there_is_nothing(server: Server, path: str) -> None:
+def test_requests_without_token_are_refused(server: Server, path: str) -> None:
     path = path.format(token=server.token)
     assert answer(server, "GET", path)[0] == 403
     assert answer(server, "POST", path, b'{"do": "step"}', Content_Type="application/json")[0] == 403
@@ -126,7 +126,7 @@ def test_other_addresses_and_methods_do_not_exist(server: Server) -> None:
     assert answer(server, "GET", "other")[0] == 404
     assert answer(server, "GET", "commands")[0] == 404
     assert answer(server, "POST", "states", b"{}", Content_Type="application/json")[0] == 404
-    for method in ("PUT", "DELETE", "OPTIONS"):  # OPTIONS: no other site's page gets leave to send JSON
+    for method in ("PUT", "DELETE", "OPTIONS"):  # no OPTIONS: other sites' pages get no permission to send JSON
         assert answer(server, method)[0] == 501
 
 
@@ -134,7 +134,7 @@ def test_other_addresses_and_methods_do_not_exist(server: Server) -> None:
     ("body", "headers", "status", "why"),
     [
         (b'{"do": "step"}', {}, 200, None),
-        (b'{"do": "step"}', {"Content_Type": "text/plain"}, 415, "application/json"),  # as a form could send
+        (b'{"do": "step"}', {"Content_Type": "text/plain"}, 415, "application/json"),  # as an HTML form could send
         (b'{"do": "plai"}', {}, 400, "did you mean play"),
         (b"\x00", {}, 400, "JSON object"),
         (b'{"do": "play", "playing": false}', {}, 409, "it never pauses"),
@@ -145,9 +145,9 @@ def test_other_addresses_and_methods_do_not_exist(server: Server) -> None:
 def test_commands_are_bounded_and_answered(
     server: Server, body: bytes, headers: dict[str, str], status: int, why: str | None
 ) -> None:
-    got, said, _ = answer(server, "POST", "commands", body, **{"Content_Type": "application/json", **headers})
+    got, reply, _ = answer(server, "POST", "commands", body, **{"Content_Type": "application/json", **headers})
     assert got == status
-    assert why is None or why in said["error"]
+    assert why is None or why in reply["error"]
 
 
 def test_a_stream_gives_messages_until_the_end(server: Server) -> None:
@@ -157,7 +157,7 @@ def test_a_stream_gives_messages_until_the_end(server: Server) -> None:
     known = server.runner.listeners
     (listener,) = known.now()
     message = note({"playing": True})
-    listener.put(message)  # before the whole of a world nothing is of use
+    listener.put(message)  # dropped: no whole world was sent before
     listener.put(message, world=True)
     known.put(message)
     assert response.read(2 * len(message)) == 2 * message
@@ -166,22 +166,22 @@ def test_a_stream_gives_messages_until_the_end(server: Server) -> None:
     connection.close()
 
 
-def test_no_more_pages_look_than_may(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_number_of_pages_is_limited(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(messages, "MOST", 0)
-    status, said, _ = answer(server, "GET", "states")
+    status, reply, _ = answer(server, "GET", "states")
     assert status == 503
-    assert "close one of them" in said["error"]
+    assert "close one of them" in reply["error"]
 
 
 LIVE = "live --layout open --policy greedy --planner astar_turns --robots 4 --seed 7"
 
 
 def _take_ctrl_c() -> None:
-    """Let SIGINT reach a child process, even if its parent ignores it, as in the background of a shell."""
+    """Restore SIGINT in a child process, since a shell's background jobs ignore it."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
-def test_ctrl_c_ends_it_with_one_sentence() -> None:
+def test_ctrl_c_ends_live_with_one_sentence() -> None:
     command = [sys.executable, "-m", "train.cli", *LIVE.split()]
     pipes: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     with subprocess.Popen(command, preexec_fn=_take_ctrl_c, **pipes) as running:
@@ -207,12 +207,12 @@ def test_ctrl_c_ends_it_with_one_sentence() -> None:
 
 @pytest.fixture
 def open_live(browser: Any) -> Iterator[Opener]:
-    """Return an opener of pages of four robots on the open floor, which are not ready at once."""
+    """Yield a function that opens pages of four robots on the open floor and waits for them."""
     runner = WorldRunner(world)
     about = about_live(LiveFloors("open"), "greedy", 4)
     with serving(runner, live_page("Live warehouse", 0.1, about)) as server:
         runner.start()
-        # a refused command is an answer with an error's status, of which the browser tells; kernels may be compiled
+        # the browser logs the error status of refused commands; kernels may have to compile
         with opening(browser, server.address, "window.live !== undefined", 6000, "Failed to load resource") as open_at:
             yield lambda: open_at(server.address)
         runner.stop(30.0)
@@ -221,12 +221,12 @@ def open_live(browser: Any) -> Iterator[Opener]:
 
 @needs_chromium
 @pytest.mark.nightly
-def test_it_shows_and_steers_a_world(open_live: Opener) -> None:
+def test_page_shows_and_steers_a_world(open_live: Opener) -> None:
     page, other = open_live(), open_live()
     assert page.inner_text("figcaption b") == "greedy"
     before = page.evaluate("live.seconds()")
     until(page, f"live.seconds() > {before} + 0.5")
-    page.fill("#speed", "8")  # as fast as it goes
+    page.fill("#speed", "8")  # as fast as possible
     until(page, "live.pace().speed === null")
     until(page, "live.goals() > 0")
     until(other, "live.goals() > 0 && live.pace().speed === null")

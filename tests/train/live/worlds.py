@@ -1,4 +1,4 @@
-"""Small live worlds, and the messages that they send, read again."""
+"""Provide small live worlds and read their messages."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ SETTING = WorldSetting("greedy", "open", 4, 7, "astar_turns")
 
 
 def world(**changes: Any) -> World:
-    """Return a world of four robots under right of way on the open floor, or another one."""
+    """Return a world of four robots with right of way on the open floor, with changes."""
     setting = WorldSetting(**{**SETTING.__dict__, **changes})
     return World(setting, LiveFloors(setting.floor))
 
 
 def messages(stream: bytes) -> Iterator[tuple[dict[str, Any], bytes]]:
-    """Yield the header and the arrays of each message of a stream, all of which must be whole."""
+    """Yield header and arrays of each message of a stream; all messages must be whole."""
     while stream:
         (size,) = struct.unpack_from("<I", stream)
         message, stream = stream[4 : 4 + size], stream[4 + size :]

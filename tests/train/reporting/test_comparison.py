@@ -1,4 +1,4 @@
-"""Runs side by side, groups of trainings: intervals by hand and by simulation, what pairs with what, the commands."""
+"""Test comparisons of runs and groups: intervals by hand and by simulation, pairing, and the commands."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def test_only_common_episodes_count() -> None:
     assert goals.row()["difference_low"] == pytest.approx(10 - 2.4841, abs=1e-3)
 
 
-def test_single_policies_pair_whatever_they_are_called() -> None:
+def test_single_policies_pair_under_any_name() -> None:
     other = [{**one, "policy": "greedy"} for one in AFTER]
     line = lines_of(BEFORE, other)["goals_per_robot_hour"]
     assert (line.ours.policy, line.other.policy) == ("greedy", "ppo")
@@ -65,7 +65,7 @@ def test_single_policies_pair_whatever_they_are_called() -> None:
 
 
 def test_differing_settings_are_listed() -> None:
-    """By today's names, flat, with the version; floors and robots stand in the table."""
+    """Settings have present names and include the version; floors and robots are in the table."""
     old = [{**one, "config": {"reroute": True, "num_agents": 8}} for one in BEFORE]
     new = [{**one, "config": {"planner": "astar", "reward": {"contact": -2.0}}, "version": "2"} for one in AFTER]
     found = lines_of(old, new)["goals_per_robot_hour"].differing
@@ -80,7 +80,7 @@ def test_differing_settings_are_listed() -> None:
     )
 
 
-def test_in_one_run_policies_are_compared_with_the_first() -> None:
+def test_policies_of_one_run_are_compared_with_the_first() -> None:
     rows = [*BEFORE, *({**one, "policy": "greedy"} for one in AFTER)]
     lines = compare([ComparedRun("one", rows)])
     assert {(line.ours.policy, line.other.policy) for line in lines} == {("greedy", "ppo")}
@@ -95,14 +95,14 @@ def test_in_one_run_policies_are_compared_with_the_first() -> None:
         ("nonsense\n", "line 1: not a JSON object"),
     ],
 )
-def test_what_is_no_run_is_named(content: str, reason: str, tmp_path: Path) -> None:
+def test_invalid_run_is_named(content: str, reason: str, tmp_path: Path) -> None:
     write_rows(tmp_path / "good.jsonl", BEFORE)
     (tmp_path / "bad.jsonl").write_text(content)
     with pytest.raises(WarehouseError, match=reason):
         read_runs([tmp_path / "good.jsonl", tmp_path / "bad.jsonl"])
 
 
-def test_a_seed_twice_is_refused_and_so_is_a_single_run(tmp_path: Path) -> None:
+def test_duplicate_seeds_and_single_runs_are_refused(tmp_path: Path) -> None:
     write_rows(tmp_path / "twice.jsonl", [*BEFORE, BEFORE[0]])
     with pytest.raises(WarehouseError, match="2 rows of ppo with seed 1 on hall"):
         read_runs([tmp_path / "twice.jsonl", tmp_path / "other.jsonl"])
@@ -112,7 +112,7 @@ def test_a_seed_twice_is_refused_and_so_is_a_single_run(tmp_path: Path) -> None:
         compare([ComparedRun("before", BEFORE)])
 
 
-def test_the_command_writes_table_and_rows(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_compare_writes_table_and_rows(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write_rows(tmp_path / "before.jsonl", BEFORE)
     write_rows(tmp_path / "after.jsonl", AFTER)
     runs = [str(tmp_path / name) for name in ("before.jsonl", "after.jsonl")]
@@ -124,7 +124,7 @@ def test_the_command_writes_table_and_rows(tmp_path: Path, capsys: pytest.Captur
     assert (first["measure"], first["episodes"], first["verdict"]) == ("goals_per_robot_hour", 3, "better")
 
 
-def test_an_interval_over_trainings_and_episodes_by_hand() -> None:
+def test_crossed_interval_by_hand() -> None:
     # rows 1, 3 and 3, 9: grand mean 4; trainings' means 2, 6: variance 8 / 2 = 4; episodes' means 2, 6: 4;
     # rest 1, -1, -1, 1: 4 / (1 * 1) / 4 = 1; 4 + 4 - 1 = 7 with 49 / (16 + 16) degrees of freedom
     found = crossed_interval(np.array([[1.0, 3.0, np.nan], [3.0, 9.0, 1.0]]))
@@ -132,14 +132,14 @@ def test_an_interval_over_trainings_and_episodes_by_hand() -> None:
     assert found == pytest.approx((4.0, 4.0 - half, 4.0 + half, 2))
     same = crossed_interval(np.array([[1.0, 5.0], [1.0, 5.0]]), np.array([[0.0, 4.0]]))
     assert same == (1.0, 1.0, 1.0, 2)
-    one = crossed_interval(np.array([[1.0, 2.0, 6.0]]))  # a single policy: Student's t over episodes
+    one = crossed_interval(np.array([[1.0, 2.0, 6.0]]))  # one training: Student's t over episodes
     assert one == pytest.approx(mean_interval([1.0, 2.0, 6.0]))
 
 
 @pytest.mark.parametrize("scales", [(1.0, 1.0, 1.0), (1.0, 0.0, 1.0), (0.3, 1.0, 1.0), (0.1, 2.0, 0.1)])
 @pytest.mark.parametrize("others", [0, 1, 4])
 def test_simulated_intervals_cover_the_truth(scales: tuple[float, float, float], others: int) -> None:
-    """Standard deviations: of trainings, of episodes (shared by all), of single episodes; others: trainings."""
+    """scales: deviations of trainings, of shared episodes, and of the rest; others: number of other trainings."""
     rng, (training, episode, rest), covered = np.random.default_rng(3), scales, 0
     for _ in range(1000):
         shared = rng.normal(0.0, episode, 10)
@@ -152,7 +152,7 @@ def test_simulated_intervals_cover_the_truth(scales: tuple[float, float, float],
     assert 925 <= covered <= 995
 
 
-def test_rows_of_a_group_stand_under_its_name() -> None:
+def test_group_rows_get_the_groups_name() -> None:
     rows = [
         row(name, seed, 10.0 * k + seed) for k, name in enumerate(("runs/a", "runs/b", "greedy")) for seed in (1, 2)
     ]
@@ -164,8 +164,8 @@ def test_rows_of_a_group_stand_under_its_name() -> None:
     gain = crossed_interval(np.array([[1.0, 2.0], [11.0, 12.0]]), np.array([[21.0, 22.0]]))
     assert difference_of(mine, greedy, goals) == pytest.approx(gain)
     assert len(regrouped(rows, read_groups(["mine=runs/a,runs/b"]), alone=["runs/b"])) == 8
-    for text, said in (("mine=a", "two or more"), ("greedy=runs/a,runs/b", "greedy must"), ("mine=runs/a,c", "c must")):
-        with pytest.raises(ConfigError, match=said):
+    for text, why in (("mine=a", "two or more"), ("greedy=runs/a,runs/b", "greedy must"), ("mine=runs/a,c", "c must")):
+        with pytest.raises(ConfigError, match=why):
             regrouped(rows, read_groups([text]))
 
 

@@ -1,4 +1,4 @@
-"""Means, intervals and tables by hand; files of rows and their locks; pages."""
+"""Test means, intervals and tables by hand, row files and their locks, and pages."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def test_wilson_interval_by_hand() -> None:
     assert wilson_interval(1000, 1000).high == 1.0
 
 
-def test_an_interval_by_hand_leaves_out_what_is_missing() -> None:
+def test_mean_interval_ignores_missing_values() -> None:
     # mean 2, standard deviation 1, half width 4.3027 / sqrt(3) = 2.4841
     assert mean_interval([1, None, 2, math.nan, 3]) == pytest.approx((2.0, -0.4841, 4.4841, 3), abs=1e-4)
     one = mean_interval([5.0, None])
@@ -65,7 +65,7 @@ def test_intervals_are_shown_only_where_there_is_spread() -> None:
 
 
 def row(policy: str, collisions: float, **changes: object) -> dict[str, object]:
-    """One episode: 2 km driven, one shelf contact, the rest robots."""
+    """Return an episode of 2 km with one shelf contact; all other contacts are with robots."""
     return {
         "policy": policy, "layout": "paper46", "robots": 16, "tasks": "lifelong", "planner": "astar", "episode": 0,
         "robot_km": 2.0, "collisions_robot": collisions - 1, "collisions_shelf": 1.0, "near_misses": 4.0,
@@ -84,7 +84,7 @@ def test_summary_by_hand() -> None:
     assert follow["robot_collisions_per_km"] == pytest.approx((10.5, 8.0159, 12.9841, 3), abs=1e-4)
     assert follow["near_misses_per_km"] == pytest.approx((2, 2, 2, 3))
     (line,) = summarise([row("follow", 2, stuck=0.5), row("follow", 20, stuck=1.0)])
-    assert (line["collisions_per_km"].low, line["stuck"].high) == (0.0, 1.0)  # cut at what is possible
+    assert (line["collisions_per_km"].low, line["stuck"].high) == (0.0, 1.0)  # clipped at the possible range
 
 
 def test_table_has_success_only_where_tasks_end() -> None:
@@ -94,7 +94,7 @@ def test_table_has_success_only_where_tasks_end() -> None:
     assert "one_shot" in table.title
 
 
-def test_the_table_says_what_each_policy_drove_with() -> None:
+def test_table_note_states_each_policys_traffic() -> None:
     rules, shield = {"config": {"traffic": "rules"}}, {"config": {"traffic": {**vars(TrafficSpec(shield=True))}}}
     note = evaluation_table([row("follow", 2, **shield), row("runs/mine", 2, **rules), row("greedy", 0, **rules)]).note
     assert "traffic none:shield=true (follow), rules (mine, greedy); planner pf_aco; decision interval" in note
@@ -103,7 +103,7 @@ def test_the_table_says_what_each_policy_drove_with() -> None:
     assert "traffic" not in evaluation_table([row("follow", 2)]).note
 
 
-def test_the_table_says_why_a_robot_stood_longest() -> None:
+def test_table_note_states_the_longest_standing_robot() -> None:
     waits = "robot 3 waits for 1, which drives"
     short, long = row("greedy", 0) | {"longest_standing_s": 59.0}, row("follow", 2) | {"longest_standing_s": 534.4}
     long |= {"longest_standing_why": waits, "robots": 64, "seed": 9}
@@ -121,10 +121,10 @@ def test_markdown_and_print(capsys: pytest.CaptureFixture[str]) -> None:
     assert all(text in printed for text in ("Speeds", "simulator", "10.0", "A note."))
 
 
-def test_rows_survive_the_file(tmp_path: Path) -> None:
+def test_rows_round_trip_through_the_file(tmp_path: Path) -> None:
     path = tmp_path / "deep" / "rows.jsonl"
     file = RowFile(path)
-    assert not path.exists()  # nothing is touched before the first row
+    assert not path.exists()  # no file before the first row
     file.add([{"a": np.float32(0.5), "b": np.arange(2), "c": math.nan, "d": path, "e": (1, math.inf)}])
     file.add([{"a": 2}])
     assert read_rows(path) == [{"a": 0.5, "b": [0, 1], "c": None, "d": str(path), "e": [1, None]}, {"a": 2}]
@@ -142,7 +142,7 @@ def test_share_of_free_flow_by_hand() -> None:
     # 75 +- 12.706 * 5 of 100 +- 0
     assert together["free_flow_share"] == pytest.approx((0.75, 0.114690, 1.385310, 2), abs=1e-4)
     assert alone["free_flow_share"] == pytest.approx((1, 1, 1, 2))
-    assert "free_flow_share" not in other  # that policy was not seen alone
+    assert "free_flow_share" not in other  # no row of brake with one robot
     table = evaluation_table(rows)
     column = table.header.index("free flow %")
     assert [line[column].split(" ")[0] for line in table.cells] == ["100", "75", "-"]
@@ -150,14 +150,14 @@ def test_share_of_free_flow_by_hand() -> None:
 
 
 class Terminal(io.StringIO):
-    """What Table.print takes for a terminal, as wide as COLUMNS says."""
+    """Stream that Table.print takes for a terminal of COLUMNS characters."""
 
     def isatty(self) -> bool:
         return True
 
 
 def plain(terminal: Terminal) -> str:
-    """Return what is shown, without what makes it bold."""
+    """Return the shown text without control sequences."""
     return re.sub(r"\x1b\[[\d;]*m", "", terminal.getvalue())
 
 
@@ -183,7 +183,7 @@ def test_no_cell_is_cut_at_any_width(width: int, monkeypatch: pytest.MonkeyPatch
             assert cell in whole if numeric else set(cell.split()) <= {word for one in whole for word in one.split()}
 
 
-def test_rows_are_replaced_only_where_that_is_said(tmp_path: Path) -> None:
+def test_rows_are_replaced_only_on_request(tmp_path: Path) -> None:
     path = tmp_path / "rows.jsonl"
     RowFile(path).add([{"a": 1}, {"a": 2}])
     with pytest.raises(WarehouseError, match=r"rows.jsonl holds 2 rows already: --resume .* --overwrite"):
@@ -197,14 +197,14 @@ def test_rows_are_replaced_only_where_that_is_said(tmp_path: Path) -> None:
     assert [one["a"] for one in read_rows(path)] == [4]
 
 
-def test_a_file_with_a_torn_last_line_grows_by_whole_rows(tmp_path: Path) -> None:
+def test_torn_last_line_is_dropped_before_new_rows(tmp_path: Path) -> None:
     path = tmp_path / "rows.jsonl"
     path.write_text('{"a": 1}\n{"a": 2')
     RowFile(path, keep=True).add([{"a": 3}])
     assert read_rows(path) == [{"a": 1}, {"a": 3}]
 
 
-def test_a_damaged_line_is_named_and_left_in_the_file(tmp_path: Path) -> None:
+def test_damaged_line_is_named_and_kept(tmp_path: Path) -> None:
     path = tmp_path / "rows.jsonl"
     path.write_text('{"a": 1}\n[1]\n')
     with pytest.raises(WarehouseError, match="line 2"):
@@ -215,12 +215,12 @@ def test_a_damaged_line_is_named_and_left_in_the_file(tmp_path: Path) -> None:
 ROOT = Path(__file__).parents[3]
 
 
-def test_a_held_lock_names_its_process_and_goes_when_released(tmp_path: Path) -> None:
+def test_held_lock_names_its_process_and_is_removed_on_release(tmp_path: Path) -> None:
     lock = tmp_path / "new" / ".lock"
     with held(lock, tmp_path):
         with pytest.raises(WarehouseError, match=rf"{tmp_path} is in use by process {os.getpid()}, since 2\d\d\d-"):
             held(lock, tmp_path).__enter__()
-        assert lock.exists()  # which the other one left alone
+        assert lock.exists()  # the refused process keeps the lock file
     assert not lock.exists()
     assert not lock.parent.exists()
     with held(lock, tmp_path):
@@ -228,13 +228,13 @@ def test_a_held_lock_names_its_process_and_goes_when_released(tmp_path: Path) ->
     assert [path.name for path in lock.parent.iterdir()] == ["file"]
 
 
-def test_a_file_of_rows_has_one_writer(tmp_path: Path) -> None:
+def test_row_file_has_one_writer(tmp_path: Path) -> None:
     path = tmp_path / "rows.jsonl"
     with RowFile(path), pytest.raises(WarehouseError, match=rf"{path} is in use by process {os.getpid()}, since"):
         RowFile(path, keep=True).__enter__()
 
 
-def test_a_killed_process_holds_nothing(tmp_path: Path) -> None:
+def test_killed_process_releases_its_lock(tmp_path: Path) -> None:
     lock = tmp_path / ".lock"
     body = "import os, sys; from pathlib import Path; from train.reporting.rows import held\n"
     body += "with held(Path(sys.argv[1]), Path('it')): os.kill(os.getpid(), 9)"
@@ -244,7 +244,7 @@ def test_a_killed_process_holds_nothing(tmp_path: Path) -> None:
         assert lock.read_text().startswith(f"process {os.getpid()},")
 
 
-def test_a_file_system_without_locks_is_written_to(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_file_system_without_locks_is_accepted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(*_: object) -> None:
         raise OSError(errno.ENOLCK, "No locks available")
 
@@ -254,7 +254,7 @@ def test_a_file_system_without_locks_is_written_to(tmp_path: Path, monkeypatch: 
     assert (tmp_path / "rows.jsonl").read_text() == '{"a": 1}\n'
 
 
-def test_a_page_holds_all_that_it_is_given(tmp_path: Path) -> None:
+def test_page_holds_all_parts(tmp_path: Path) -> None:
     table = Table(
         "T", ("name", "figure", "verdict"), (("a<b", "1.5", "better"), ("c", "-2", "may be chance")), "a note"
     )

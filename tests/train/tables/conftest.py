@@ -1,4 +1,4 @@
-"""A study of two tiny floors whose answers are known, as the catalogue's only one; rows as a run would give them."""
+"""Make a study of two tiny floors the only one of the catalogue, and provide rows like those of a run."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from warehouse_env.maps.grid_map import GridMap
 
 
 def settings() -> tuple[TableSetting, ...]:
-    """An open floor of 5 x 5, and two floors of 6 x 6 with one shelf each."""
+    """Return an open floor of 5 x 5 and two floors of 6 x 6 with one shelf each."""
     shelves = []
     for row in (2, 3):
         occupied = np.zeros((6, 6), dtype=np.bool_)
@@ -48,7 +48,7 @@ claims = [{ text = "ants are as good", ours = "ants", other = "dijkstra", measur
 
 
 def row(setting: str, system: str, length: float | None, run: int = 0, number: int = 0, **more: Any) -> dict[str, Any]:
-    """A row of the toy study with an optimum of 10; length None: no path."""
+    """Return a row of the toy study with an optimum of 10; length None means no path."""
     found = length is not None
     return {
         "study": "toy", "setting": setting, "system": system, "number": number, "run": run, "success": found,

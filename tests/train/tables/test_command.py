@@ -1,4 +1,4 @@
-"""The command tables: what papers, planners and floors write, how they go on after a stop, what they refuse."""
+"""Test `warehouse tables`: output of papers, planners and floors, resuming, and refusals."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ def tables(folder: Path, *options: str) -> int:
 
 
 @pytest.fixture
-def counted(monkeypatch: pytest.MonkeyPatch) -> list[PlanBlock]:
-    """The blocks that were run, in their order."""
+def blocks(monkeypatch: pytest.MonkeyPatch) -> list[PlanBlock]:
+    """Return a list that records the blocks in the order they run."""
     done: list[PlanBlock] = []
     run = PlanBlock.run
 
@@ -59,13 +59,13 @@ def test_rows_tables_and_verdicts(tmp_path: Path, capsys: pytest.CaptureFixture[
 
 
 @pytest.mark.usefixtures("toy")
-def test_goes_on_where_it_stopped(
-    tmp_path: Path, counted: list[PlanBlock], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+def test_tables_resume_after_a_stop(
+    tmp_path: Path, blocks: list[PlanBlock], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run = PlanBlock.run
 
     def stopped(block: PlanBlock, tick: Tick) -> Result:
-        if len(counted) == 2:
+        if len(blocks) == 2:
             raise KeyboardInterrupt
         return run(block, tick)
 
@@ -74,34 +74,34 @@ def test_goes_on_where_it_stopped(
         assert tables(tmp_path) == 130
     assert "6 rows are kept" in capsys.readouterr().err
     path = tmp_path / "rows.jsonl"
-    path.write_text(path.read_text()[:-30])  # as a kill may leave it
-    counted.clear()
+    path.write_text(path.read_text()[:-30])  # as after a kill
+    blocks.clear()
     assert tables(tmp_path) == 2
     assert "--resume keeps them and goes on" in capsys.readouterr().err
     assert tables(tmp_path, "--resume") == 0
-    assert len(counted) == 6 - 1
+    assert len(blocks) == 6 - 1
     assert tables(tmp_path, "--resume") == 0
-    assert len(counted) == 5
+    assert len(blocks) == 5
     assert tables(tmp_path, "--overwrite") == 0
-    assert len(counted) == 11
+    assert len(blocks) == 11
     assert len(read_rows(path)) == 18
 
 
 @pytest.mark.usefixtures("toy")
-def test_rows_of_other_code_maps_parameters_or_seeds_are_not_reused(tmp_path: Path, counted: list[PlanBlock]) -> None:
+def test_rows_of_other_code_maps_parameters_or_seeds_are_not_reused(tmp_path: Path, blocks: list[PlanBlock]) -> None:
     assert tables(tmp_path, "--runs", "2") == 0
     path = tmp_path / "rows.jsonl"
     for name in ("code", "version", "map", "parameters"):
         rows = [{**row, name: "other"} if row["system"] == "ants" else row for row in read_rows(path)]
         path.write_text("".join(json.dumps(row) + "\n" for row in rows))
-        counted.clear()
+        blocks.clear()
         assert tables(tmp_path, "--runs", "2", "--resume") == 0
-        assert [block.system for block in counted] == ["ants"] * 3
+        assert [block.system for block in blocks] == ["ants"] * 3
     assert tables(tmp_path, "--runs", "2", "--seed", "1", "--resume") == 0
-    assert len(counted) == 3 + 6
+    assert len(blocks) == 3 + 6
 
 
-def test_check_tells_each_line_from_the_published_one(
+def test_check_compares_each_line_with_the_published_one(
     toy: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     lines = tmp_path / "published.jsonl"
@@ -115,37 +115,37 @@ def test_check_tells_each_line_from_the_published_one(
     ]  # fmt: skip
     capsys.readouterr()
 
-    def told(changed: dict[str, Any], *options: str) -> tuple[int, list[str]]:
+    def check(changed: dict[str, Any], *options: str) -> tuple[int, list[str]]:
         write_rows(lines, [{**known[0], "figures": {**known[0]["figures"], **changed}}, *known[1:]])
         code = tables(tmp_path, "--check", *options)
         shown = capsys.readouterr().out
         return code, [line for line in shown.splitlines() if "│ toy" in line]
 
-    code, shown = told({}, "--resume")
+    code, shown = check({}, "--resume")
     assert (code, len(shown)) == (0, 4)
     assert all("same" in line for line in shown)
     length = known[0]["figures"]["mean"][0]
-    code, shown = told({"mean": [length + 0.1, length, length + 0.2]}, "--resume")
+    code, shown = check({"mean": [length + 0.1, length, length + 0.2]}, "--resume")
     assert code == 0
     assert "mean length 5.657 against 5.757 [5.657, 5.857]: no interval" in shown[0]  # three equal runs
-    code, shown = told({"mean": [length + 0.3] * 3}, "--resume")
+    code, shown = check({"mean": [length + 0.3] * 3}, "--resume")
     assert code == 1
     assert "outside" in shown[0]
-    code, shown = told({"best": [1.0, None, None]}, "--resume")
+    code, shown = check({"best": [1.0, None, None]}, "--resume")
     assert code == 0
     assert "best length 5.657 against 1: no interval" in shown[0]
-    code, shown = told({"turns": [None, None, None]}, "--runs", "2", "--overwrite")
+    code, shown = check({"turns": [None, None, None]}, "--runs", "2", "--overwrite")
     assert code == 1
     assert "against -: outside" in shown[0]
 
 
 @pytest.mark.parametrize(("mean", "word"), [(10.3, "within"), (10.5, "outside"), (9.5, "outside"), (np.nan, "outside")])
-def test_a_figure_is_within_twice_the_interval_of_the_difference(mean: float, word: str) -> None:
-    """Half widths of 0.12 and 0.16 make 0.2 together."""
+def test_figures_agree_within_twice_the_differences_interval(mean: float, word: str) -> None:
+    """Half widths of 0.12 and 0.16 combine to 0.2."""
     assert published._word(Interval(mean, mean - 0.12, mean + 0.12, 5), Interval(10.0, 9.84, 10.16, 9)) == word
 
 
-def test_published_lines_are_those_of_todays_tables() -> None:
+def test_published_lines_match_the_present_tables() -> None:
     known = {(line["study"], line["setting"], line["system"]): line for line in read_rows(published.PUBLISHED)}
     wanted: dict[tuple[str, ...], tuple[set[str], int]] = {}
     for file in catalogue.PAPERS:
@@ -156,9 +156,7 @@ def test_published_lines_are_those_of_todays_tables() -> None:
     assert {place: (set(line["figures"]), line["runs"]) for place, line in known.items()} == wanted
 
 
-def test_papers_that_are_not_asked_for_keep_their_rows(
-    tmp_path: Path, toy: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_other_papers_keep_their_rows(tmp_path: Path, toy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     other = toy.read_text().replace('"toy"\ntitle = "A', '"toy_2"\ntitle = "Another')
     toy.with_stem("toy_2").write_text(other)
     monkeypatch.setattr(runner, "PAPERS", ("toy", "toy_2"))
@@ -170,7 +168,7 @@ def test_papers_that_are_not_asked_for_keep_their_rows(
     assert len(read_rows(tmp_path / "rows.jsonl")) == 2 * 6
 
 
-def test_planners_on_pairs_of_cells(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_planners_table_on_pairs_of_cells(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(catalogue, "PLANNERS", {name: PLANNERS[name] for name in ("astar", "dijkstra", "apf")})
     monkeypatch.setattr(settings, "PAIRS", 2)
     catalogue.studies_of.cache_clear()
@@ -207,19 +205,19 @@ ROWS = [
 ]
 
 
-def test_the_table_by_hand() -> None:
+def test_floors_table_by_hand() -> None:
     table = floors_table(ROWS, ["ppo"])
     rule, ours = (dict(zip(table.header, line, strict=True)) for line in table.cells)
     assert (rule["floor"], rule["robots"], rule["policy"]) == ("drawn at random", "4", "greedy")
     assert (rule["% of alone"], rule["above the rule"], rule["stood s"], rule["km"]) == ("70", "", "33", "5")
-    assert rule["late goals/h"] == "70 [0, 197]"  # 60 and 80, +- 12.706 * 14.14 / 1.414; fewer than none cannot be
+    assert rule["late goals/h"] == "70 [0, 197]"  # 60 and 80, +- 12.706 * 14.14 / 1.414, clipped at 0
     # paired 6 and 8: 7 +- 12.706 * 1.414 / 1.414 = 12.7
     assert ours["above the rule"] == "+7.0 [-5.7, 19.7], may be chance"
     assert (ours["% of alone"], ours["stuck %"], ours["contacts"]) == ("77", "12", "2")
-    assert len(floors_table(ROWS, ["greedy", "ppo"]).cells) == 2  # the rule once
+    assert len(floors_table(ROWS, ["greedy", "ppo"]).cells) == 2  # the rule appears once
 
 
-def test_every_floor_has_the_same_seeds_for_the_rule_and_the_policies(tmp_path: Path) -> None:
+def test_rule_and_policies_share_the_seeds_of_a_floor(tmp_path: Path) -> None:
     made = list(FloorsTable(out=tmp_path, policy=("ppo", "brake")).experiments())
     seeds: dict[tuple[str, int], set[tuple[int, ...]]] = {}
     for one in made:
@@ -231,7 +229,7 @@ def test_every_floor_has_the_same_seeds_for_the_rule_and_the_policies(tmp_path: 
     assert all(one.seed >= floors.SEED for one in made)
 
 
-def test_the_whole_study_small(
+def test_small_floors_study_runs_and_resumes(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(floors, "SECONDS", 8.0)
@@ -241,9 +239,9 @@ def test_the_whole_study_small(
         "--out", str(tmp_path), "--processes", "1", "--resume",
     ]  # fmt: skip
     assert main(asked) == 0
-    assert main(asked) == 0  # plays nothing again
+    assert main(asked) == 0  # runs no episode again
     rows = read_rows(tmp_path / "floors" / "rows.jsonl")
-    assert len(rows) == (3 + 2) * 2 + (3 + 2)  # alone, and driven by both, on the one floor twice as often
+    assert len(rows) == (3 + 2) * 2 + (3 + 2)  # one robot alone, and both policies; one floor runs twice as often
     assert "drawn at random" in (tmp_path / "floors" / "README.md").read_text()
     assert main([*asked, "--maps", "aisle:seed=3"]) != 0
     assert "aisles" in capsys.readouterr().err

@@ -1,4 +1,4 @@
-"""Figures and verdicts, against values computed by hand."""
+"""Test figures and verdicts against values computed by hand."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ def runs(system: str, lengths: list[float | None], setting: str = "open", number
     return [row(setting, system, length, run, number) for run, length in enumerate(lengths)]
 
 
-def test_one_map_has_its_interval_over_runs() -> None:
+def test_interval_of_one_map_is_over_runs() -> None:
     """Lengths 10, 11, 12: mean 11, standard error 1/sqrt 3, t(2) = 4.3027."""
     found = figures(*runs("ants", [10.0, 11.0, 12.0])).figure("open", "ants", "mean")
     assert (found.mean, found.samples) == (11.0, 3)
     assert found.high - found.mean == pytest.approx(4.302653 / math.sqrt(3), rel=1e-5)
 
 
-def test_several_maps_have_their_interval_over_maps() -> None:
+def test_interval_of_several_maps_is_over_maps() -> None:
     """Means 11 and 13 of two maps: t(1) = 12.7062 times the standard error 1; never below zero."""
     rows = [*runs("ants", [10.0, 12.0], number=0), *runs("ants", [13.0, 13.0], number=1)]
     found = figures(*rows).figure("open", "ants", "mean")
@@ -97,11 +97,11 @@ NEAR_TEN: list[float | None] = [9.9, 10.0, 10.1, 10.0]
         ([8.0, 8.0, 8.1, 8.0] * 5, [8.0, 12.0, 16.0, 8.0] * 5, claim(measure="sd"), "holds"),
     ],
 )
-def test_the_rule(ours: list[float | None], other: list[float | None], one: Claim, word: str) -> None:
+def test_verdicts_by_hand(ours: list[float | None], other: list[float | None], one: Claim, word: str) -> None:
     assert verdict(ours, other, one) == word
 
 
-def test_a_claim_for_two_settings_that_holds_in_one() -> None:
+def test_claim_that_holds_in_one_of_two_settings_holds_in_part() -> None:
     rows = [
         *runs("ants", NEAR_EIGHT), *runs("dijkstra", NEAR_TEN),
         *runs("ants", NEAR_TEN, "shelves"), *runs("dijkstra", NEAR_TEN, "shelves"),
@@ -112,7 +112,7 @@ def test_a_claim_for_two_settings_that_holds_in_one() -> None:
 
 
 def test_maps_are_compared_in_pairs() -> None:
-    """Maps differ by far more than the systems, and each map agrees: a difference of 1 on each of four maps."""
+    """Maps differ far more than systems, but on each of four maps the difference is 1."""
     rows = []
     for number, length in enumerate((10.0, 20.0, 30.0, 40.0)):
         rows += [*runs("ants", [length - 1], number=number), *runs("dijkstra", [length], number=number)]
@@ -137,15 +137,15 @@ def test_claims_on_milliseconds_are_marked_and_counted_apart() -> None:
     assert quick[1].shown == "**holds**, by this machine's clock"
 
 
-def test_verdict_names_figures_and_failures() -> None:
+def test_verdict_states_figures_and_failures() -> None:
     why = judge(figures(*runs("ants", [8.0, 8.0]), *runs("dijkstra", [10.0, None])), claim()).why
     assert why == "open: 8 against 10 (found 50%), -20.0%"
 
 
-def test_printed_figures_reached_or_named() -> None:
+def test_verdict_names_printed_figures_not_reached() -> None:
     printed = (
-        PrintedLine("open", "theirs", {"mean": 10.0, "turns": 2, "ms": 0.1}, "ants"),  # ms: of another machine's clock
-        PrintedLine("open", "theirs", {"mean": 1.0}),  # beside none of ours
+        PrintedLine("open", "theirs", {"mean": 10.0, "turns": 2, "ms": 0.1}, "ants"),  # ms: from another machine
+        PrintedLine("open", "theirs", {"mean": 1.0}),  # no system of ours beside it
     )
     known = figures(*runs("ants", [9.0, 10.99]))
     found = judge(known, Claim("reached", "ants", check="reaches_print"), printed)
@@ -153,7 +153,7 @@ def test_printed_figures_reached_or_named() -> None:
     assert found.why == "1 of 2 figures reached; not: open, turns: 3 against 2 in print"
 
 
-def test_the_best_of_all_runs_is_the_optimum() -> None:
+def test_best_of_all_runs_must_reach_the_optimum() -> None:
     def found(*lengths: float) -> ClaimVerdict:
         rows = [row("open", "ants", length, run % 2, run // 2) for run, length in enumerate(lengths)]
         return judge(figures(*rows), Claim("finds it", "ants", check="finds_optimum"))
@@ -163,7 +163,7 @@ def test_the_best_of_all_runs_is_the_optimum() -> None:
 
 
 @pytest.mark.parametrize(("length", "word"), [(2.0, HOLDS), (3.0, IN_PART), (6.0, FAILS)])
-def test_a_figure_below_one_in_print(length: float, word: str) -> None:
+def test_figure_is_compared_with_a_share_of_the_printed_one(length: float, word: str) -> None:
     below = Claim("half", "ants", "", "mean", -0.5, ("open",), "below_print", printed=5.0)
     assert judge(figures(*runs("ants", [length] * 4)), below).word == word
 
@@ -179,7 +179,7 @@ def test_a_cost_is_judged_by_the_upper_end_of_its_interval() -> None:
     assert judged(0.015) == (HOLDS, "open: +1.5%")
     assert judged(0.016)[0] == FAILS
     assert judged(0.01, 0.011, 0.012)[0] == HOLDS
-    assert judged(0.0, 0.0, 0.03)[0] == FAILS  # mean 1%, but not told from 5%
+    assert judged(0.0, 0.0, 0.03)[0] == FAILS  # mean 1%, but 5% is within the interval
     assert judged()[0] == OPEN
 
 
@@ -194,7 +194,7 @@ def test_all_robots_must_arrive_untouched() -> None:
     assert judged([row("open", "ants", 9.0, contacts=1)], "open").word == FAILS
 
 
-def test_percent() -> None:
+def test_percent_shows_the_interval() -> None:
     one = figures(*runs("ants", [8.0]), *runs("dijkstra", [10.0])).relative("open", "ants", "dijkstra", "mean")
     assert percent(one) == "-20.0%"
     assert percent(one._replace(low=-0.25, high=-0.15)) == "-20.0% [-25.0, -15.0]"
@@ -202,7 +202,7 @@ def test_percent() -> None:
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new", "message"),
     [
         ('"dijkstra", planner', '"ants", planner', "two systems have one label"),
         ('"best"', '"lenght"', "measure 'lenght'"),
@@ -212,9 +212,9 @@ def test_percent() -> None:
         ("note =", "nota =", "TableStudy parameter 'nota'; did you mean note"),
     ],
 )
-def test_a_wrong_study_is_refused(toy: Path, old: str, new: str, said: str) -> None:
+def test_a_wrong_study_is_refused(toy: Path, old: str, new: str, message: str) -> None:
     toy.write_text(toy.read_text().replace(old, new, 1))
-    with pytest.raises(ConfigError, match=said):
+    with pytest.raises(ConfigError, match=message):
         studies_of("toy")
 
 

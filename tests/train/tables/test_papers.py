@@ -1,4 +1,4 @@
-"""Papers 001 and 002: coordinated robots and an obstacle that comes into the way, by hand and by property."""
+"""Test papers 001 and 002: coordinated robots and moving obstacles, by hand and by property."""
 
 from __future__ import annotations
 
@@ -37,24 +37,24 @@ def open_floor(rows: int, columns: int) -> GridMap:
     return GridMap(np.zeros((rows, columns), dtype=np.bool_))
 
 
-def test_how_near_two_robots_come_within_a_step() -> None:
-    assert nearest((0, 0), (0, 1), (0, 1), (0, 0)) == 0.0  # change places
+def test_nearest_distance_within_a_step() -> None:
+    assert nearest((0, 0), (0, 1), (0, 1), (0, 0)) == 0.0  # swap
     assert nearest((0, 0), (1, 1), (0, 1), (1, 0)) == 0.0  # crossing diagonals
     assert nearest((0, 0), (0, 1), (1, 0), (0, 0)) == pytest.approx(sqrt(0.5))  # round a corner
     assert nearest((0, 0), (0, 1), (0, 1), (0, 2)) == 1.0  # one behind the other
-    assert nearest((0, 0), (1, 1), (1, 0), (0, 0)) == pytest.approx(sqrt(0.2))  # across a cell that is being left
+    assert nearest((0, 0), (1, 1), (1, 0), (0, 0)) == pytest.approx(sqrt(0.2))  # across a cell while its robot leaves
     assert nearest((0, 0), (0, 0), (3, 4), (3, 4)) == 5.0
 
 
 def drive(grid: GridMap, *ends: tuple[Cell, Cell]) -> tuple[list[float], list[Path]]:
-    """Drive by all rules; all must arrive without a clash."""
+    """Drive with all rules; all robots must arrive without contact."""
     paths, arrived = Coordinator(grid, planned(grid, *ends)).drive()
     assert arrived
     assert clashes(paths) == 0
     return times(paths), paths
 
 
-def test_at_a_node_the_robot_with_the_longer_way_left_waits_a_step() -> None:
+def test_robot_with_the_longer_way_left_waits_at_a_node() -> None:
     ends = ((2, 0), (2, 6)), ((0, 2), (4, 2))  # both on (2, 2) in step 2
     assert clashes(planned(open_floor(5, 7), *ends)) == 1
     took, paths = drive(open_floor(5, 7), *ends)
@@ -62,15 +62,15 @@ def test_at_a_node_the_robot_with_the_longer_way_left_waits_a_step() -> None:
     assert paths[0][:3] == [(2, 0), (2, 1), (2, 1)]
 
 
-def test_head_on_it_steps_aside_by_two_diagonals() -> None:
+def test_head_on_robot_steps_aside_by_two_diagonals() -> None:
     took, paths = drive(open_floor(3, 9), ((1, 0), (1, 8)), ((1, 6), (1, 0)))  # both on (1, 3) in step 3
     assert took == pytest.approx([8 + 2 * sqrt(2) - 2, 6.0])
     assert paths[0][3][0] != 1  # beside its row
 
 
-def test_in_an_aisle_it_takes_a_new_route_and_without_one_waits_for_ever() -> None:
+def test_robot_in_an_aisle_takes_a_new_route_or_waits() -> None:
     ring = drawn_map(".......\n.#####.\n.......", "ring")
-    # Three steps to (0, 3) would meet: it turns back on (0, 2), and comes from below.
+    # Three steps to (0, 3) would cause contact: the robot turns back on (0, 2) and takes the lower aisle.
     assert drive(ring, ((0, 0), (0, 6)), ((0, 6), (0, 1)))[0] == [2 + 2 + 2 + 6 + 2, 5.0]
     aisle = drawn_map("########\n#......#\n########", "aisle")
     paths, arrived = Coordinator(aisle, planned(aisle, ((1, 1), (1, 6)), ((1, 6), (1, 2)))).drive()
@@ -78,14 +78,14 @@ def test_in_an_aisle_it_takes_a_new_route_and_without_one_waits_for_ever() -> No
     assert clashes(paths) == 0
 
 
-def test_arrived_robots_are_driven_round() -> None:
-    # Down beside it, since a diagonal would cut its corner, two on, and up again by a diagonal.
+def test_robots_drive_round_arrived_ones() -> None:
+    # Down beside the robot (a diagonal would cut its corner), two ahead, and up by a diagonal.
     assert drive(open_floor(3, 7), ((1, 0), (1, 6)), ((1, 4), (1, 3)))[0] == pytest.approx([2 + 3 + sqrt(2) + 1, 1.0])
 
 
 @settings(max_examples=25, deadline=None)
 @given(st.integers(0, 10_000), st.integers(2, 7), st.booleans(), st.booleans())
-def test_no_fleet_ever_touches_or_breaks_the_rules_of_the_map(seed: int, robots: int, aside: bool, new: bool) -> None:
+def test_fleets_avoid_contact_and_make_legal_moves(seed: int, robots: int, aside: bool, new: bool) -> None:
     rng = np.random.default_rng(seed)
     grid = GridMap(rng.random((7, 8)) < 0.25)
     cells = path_of(rng.permutation(grid.free_cells))
@@ -98,7 +98,7 @@ def test_no_fleet_ever_touches_or_breaks_the_rules_of_the_map(seed: int, robots:
         validate(grid, moved, start, goal if arrived else moved[-1])
 
 
-def test_the_printed_experiment() -> None:
+def test_printed_experiment_is_reproduced() -> None:
     task = printed_task()
     alone = planned(task.grid, *task.ends)
     for paths, line in zip(
@@ -132,13 +132,13 @@ def walked(task: TableTask, label: str) -> Row:
     return avoidance.avoid(task, make_planner("astar_turns"), np.random.default_rng(0), answer=avoidance.ANSWERS[label])
 
 
-def test_steps_in_which_two_robots_meet() -> None:
-    assert avoidance.met_at([(0, 0), (0, 1), (0, 2)], [(0, 3), (0, 2), (0, 1)]) == 1  # change places
+def test_meeting_step_by_hand() -> None:
+    assert avoidance.met_at([(0, 0), (0, 1), (0, 2)], [(0, 3), (0, 2), (0, 1)]) == 1  # swap
     assert avoidance.met_at([(0, 0), (0, 1), (0, 2)], [(2, 1), (1, 1), (0, 1)]) is None  # one behind the other
     assert avoidance.met_at([(0, 0), (0, 1)], [(0, 2), (0, 1)]) == 0
 
 
-def test_tasks_are_what_they_say_and_a_heedless_robot_is_touched() -> None:
+def test_obstacle_tasks_hit_robots_that_ignore_them() -> None:
     planner = make_planner("astar_turns")
     for seed in range(4):
         for kind, task in avoidance.obstacles(seed).items():
@@ -154,13 +154,13 @@ def test_tasks_are_what_they_say_and_a_heedless_robot_is_touched() -> None:
             assert not touched["success"]
 
 
-def test_answers_to_an_obstacle_that_comes_head_on_stands_or_crosses() -> None:
+def test_answers_to_oncoming_standing_and_crossing_obstacles() -> None:
     head_on, stands = open_task((4, 0), (4, 12), (4, 12), (4, 0)), open_task((4, 0), (4, 12), (4, 6))
     assert not walked(head_on, "waits")["success"]
     assert walked(head_on, "new route")["success"]
     row = walked(stands, "new route")
-    assert row["apart"] == 2.0  # round its neighbours, too
-    # Three straight to where it replans, a diagonal, one up beside the corner, four along, two diagonals, two on.
+    assert row["apart"] == 2.0  # also clear of its neighbours
+    # Three cells to the replanning, a diagonal, one up beside the corner, four along, two diagonals, two ahead.
     assert row["length"] == pytest.approx(10 + 3 * 2**0.5)
     assert not walked(stands, "waits")["success"]
     crossing = walked(open_task((4, 2), (4, 12), (0, 6), (8, 6)), "waits")  # both on (4, 6) in step 4
@@ -169,16 +169,16 @@ def test_answers_to_an_obstacle_that_comes_head_on_stands_or_crosses() -> None:
     assert crossing["last"] > 10.0
 
 
-def test_the_force_repels_when_near_and_attracts_when_far() -> None:
+def test_force_repels_nearby_and_attracts_afar() -> None:
     robot = avoidance.Avoider(open_task((4, 4), (4, 12), (0, 0)), make_planner("astar_turns"))
     assert robot.pushed((4, 5), (4, 12), 1.0) == (4, 3)
-    # At 3 cells: the push is 60 (1/3 - 1/4) / 9 = 0.56, for n = 1 times 8 to the goal, under the pull of 8.
+    # At 3 cells the push is 60 (1/3 - 1/4) / 9 = 0.56, times 8 to the goal for n = 1, below the pull of 8.
     assert (avoidance.GAIN, avoidance.REACH) == (60.0, 4.0)
     assert robot.pushed((4, 7), (4, 12), 1.0) == robot.pushed((4, 7), (4, 12), 0.0) == (4, 5)
 
 
 @pytest.mark.parametrize("label", [label for label in avoidance.ANSWERS if label != "follows its path"])
-def test_the_robot_never_steps_onto_the_obstacle(label: str) -> None:
+def test_robot_never_steps_onto_the_obstacle(label: str) -> None:
     robot = avoidance.Avoider(open_task((4, 4), (4, 12), (0, 0)), make_planner("astar_turns"))
     for obstacle in ((3, 4), (5, 5), (4, 5)):
         assert avoidance.ANSWERS[label](robot, obstacle) != obstacle

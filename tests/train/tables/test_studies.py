@@ -1,4 +1,4 @@
-"""All studies: names agree, maps are the same every time and as the papers describe them, claims can be judged."""
+"""Test all studies: consistent names, reproducible maps that match the papers, judgeable claims."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def shortest(task: TableTask) -> float:
 
 
 @pytest.mark.parametrize(("file", "study"), EVERY, ids=[study.name for _, study in EVERY])
-def test_study(file: str, study: TableStudy) -> None:
+def test_study_is_consistent_and_reproducible(file: str, study: TableStudy) -> None:
     built = settings_of(file, study.name)
     settings_of.cache_clear()
     named = {line.setting for line in study.printed} | {name for claim in study.claims for name in claim.settings}
@@ -44,14 +44,14 @@ def test_study(file: str, study: TableStudy) -> None:
     assert set(empty) <= {OPEN}
 
 
-def test_choosing() -> None:
+def test_papers_table_chooses_studies() -> None:
     names = [study.name for _, study in EVERY]
     assert len(set(names)) == len(names)
     assert [study.name for _, study in PapersTable(papers=("003",)).chosen()] == ["003_table_5", "003_more_maps"]
 
 
 def verdicts_at(speeds: Sequence[float], file: str, study: TableStudy) -> list[ClaimVerdict]:
-    """The verdicts on made-up runs of a study, where each system takes its own milliseconds."""
+    """Return the verdicts on synthetic runs of a study; each system has its own milliseconds."""
     rng = np.random.default_rng(0)
     rows = [
         row(setting, system.label, rng.uniform(10, 12), run, number, study=study.name, turn_angle=90.0, clearance=1.0,
@@ -65,7 +65,7 @@ def verdicts_at(speeds: Sequence[float], file: str, study: TableStudy) -> list[C
     return [judge(TableFigures(study.name, rows), claim, study.printed) for claim in study.claims]
 
 
-def test_only_verdicts_that_are_not_counted_differ_between_machines() -> None:
+def test_only_verdicts_by_clock_differ_between_machines() -> None:
     apart = []
     for file, study in EVERY:
         speeds = np.geomspace(1.0, 1000.0, len(study.systems)).tolist()
@@ -77,7 +77,7 @@ def test_only_verdicts_that_are_not_counted_differ_between_machines() -> None:
 
 
 def test_paper_000_has_the_printed_optima() -> None:
-    """Path 4's printed 26.6820 is no lattice length, so ours is shorter."""
+    """The printed 26.6820 of path 4 is no lattice length, so our optimum is shorter."""
     optima = [
         shortest(setting.tasks[0])
         for table in ("000_table_1", "000_table_2")
@@ -95,7 +95,7 @@ def test_paper_000_has_the_printed_optima() -> None:
          {"20x20 20%": 0.2, "20x20 25%": 0.25, "20x20 30%": 0.3, "20x20 35%": 0.35, "30x30 20%": 0.2}),
     ],
 )  # fmt: skip
-def test_random_floors_have_the_size_share_and_ends_of_the_paper(
+def test_random_floors_match_the_papers_size_share_and_ends(
     study: str, maps: int, ends: Any, shares: dict[str, float]
 ) -> None:
     found = settings_of(study[:3], study)
@@ -118,7 +118,7 @@ def test_paper_004_has_floors_of_the_printed_lengths() -> None:
     assert {setting: OPTIMA[setting] for setting in printed} == pytest.approx(printed, abs=5e-3)
 
 
-def test_a_share_that_leaves_no_path_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_share_without_a_path_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(papers_settings, "_TRIES", 99)
     with pytest.raises(ConfigError, match="no path"):
         clutter_task(4, 0.85, 0)
