@@ -158,7 +158,7 @@ def inputs(count: int) -> Callable[[Any], Any]:
     return settings(max_examples=count * TIMES, derandomize=TIMES == 1, suppress_health_check=list(HealthCheck))
 
 
-def works_or_says(make: Callable[[], Any]) -> None:
+def works_or_raises_one_sentence(make: Callable[[], Any]) -> None:
     """Check that `make` works or raises a WarehouseError of one sentence within LONGEST."""
     message = "it works"
     faulthandler.dump_traceback_later(LONGEST, exit=True)
@@ -187,7 +187,7 @@ def written(files: dict[str, bytes]) -> Iterator[Path]:
 @pytest.mark.parametrize("name", sorted(READERS))
 @inputs(15)
 @given(st.data())
-def test_damaged_files(name: str, data: st.DataObject) -> None:
+def test_damaged_files_work_or_raise_one_sentence(name: str, data: st.DataObject) -> None:
     content = READERS[name].good()
     ways = [damaged(content)]
     with contextlib.suppress(ValueError):
@@ -198,7 +198,7 @@ def test_damaged_files(name: str, data: st.DataObject) -> None:
             lambda some: "\n".join(map(json.dumps, some)).encode()
         ))  # fmt: skip
     with written({name: data.draw(st.one_of(ways))}) as folder:
-        works_or_says(lambda: READERS[name].read(folder / name))
+        works_or_raises_one_sentence(lambda: READERS[name].read(folder / name))
 
 
 HOW = ("", "cell=0.5", "keepout=k.yaml", "speed=k.yaml", "lanes=l.json", "lanes=l.geojson",
@@ -212,7 +212,7 @@ HOW = ("", "cell=0.5", "keepout=k.yaml", "speed=k.yaml", "lanes=l.json", "lanes=
 )
 def test_damaged_halls_work_or_raise_one_sentence(file: tuple[str, bytes], how: str) -> None:
     with written({**HALL, file[0]: file[1]}) as folder:
-        works_or_says(lambda: _hall(folder, f"{folder}/h.yaml" + (f":{how}" if how else "")))
+        works_or_raises_one_sentence(lambda: _hall(folder, f"{folder}/h.yaml" + (f":{how}" if how else "")))
 
 
 def _hall(folder: Path, name: str) -> None:
@@ -241,7 +241,7 @@ def test_damaged_episodes(data: st.DataObject) -> None:
             if held is not None:
                 archive.writestr(zipfile.ZipInfo(one), held)
     with written({"e.npz": content.getvalue()}) as folder:
-        works_or_says(lambda: list(Episode.load(folder / "e.npz").replay()))
+        works_or_raises_one_sentence(lambda: list(Episode.load(folder / "e.npz").replay()))
 
 
 NEEDED: dict[Any, dict[str, Any]] = {
@@ -255,7 +255,7 @@ NEEDED: dict[Any, dict[str, Any]] = {
 @given(st.data())
 def test_configurations(kind: Any, data: st.DataObject) -> None:
     parts = data.draw(options([*fields(kind), "zz"]))
-    works_or_says(lambda: repr(from_plain(kind, {**NEEDED.get(kind, {}), **parts})))
+    works_or_raises_one_sentence(lambda: repr(from_plain(kind, {**NEEDED.get(kind, {}), **parts})))
 
 
 def _plain(made: Any) -> Any:
@@ -274,7 +274,7 @@ def test_stored_configurations(kind: Any, data: st.DataObject) -> None:
         made = from_plain(kind, stored)
         assert from_plain(kind, json.loads(json.dumps(_plain(made), allow_nan=False))) == made
 
-    works_or_says(take)
+    works_or_raises_one_sentence(take)
 
 
 MAP = ["occupied", "height", "cell_size", "picks", "stations", "name", "one_way", "origin", "discs", "walls"]
@@ -283,7 +283,7 @@ MAP = ["occupied", "height", "cell_size", "picks", "stations", "name", "one_way"
 @inputs(50)
 @given(options(MAP))
 def test_grid_maps(parts: dict[str, Any]) -> None:
-    works_or_says(lambda: _use(GridMap(**{"occupied": np.zeros((4, 5)), **parts})))
+    works_or_raises_one_sentence(lambda: _use(GridMap(**{"occupied": np.zeros((4, 5)), **parts})))
 
 
 @inputs(10)
@@ -294,7 +294,7 @@ def test_layouts(data: st.DataObject) -> None:
     sized = data.draw(st.dictionaries(st.sampled_from(names), st.integers(0, 60) | VALUES, max_size=2))
     key, value = data.draw(st.sampled_from(names)), data.draw(st.text(max_size=8) | st.integers(0, 50))
     asked = data.draw(st.sampled_from([name, f"{name}:{key}={value}"]) | VALUES)
-    works_or_says(lambda: make_layout(asked, **sized))
+    works_or_raises_one_sentence(lambda: make_layout(asked, **sized))
 
 
 CELLS = VALUES | st.tuples(st.integers(0, 6), st.integers(0, 6))
@@ -306,17 +306,17 @@ def test_planners(data: st.DataObject) -> None:
     known = data.draw(st.sampled_from(sorted(PLANNERS)))
     given = data.draw(st.just({}) | options([*inspect.signature(PLANNERS[known]).parameters, "zz"]))
     name = data.draw(st.sampled_from([known, f"{known}:{data.draw(st.text(max_size=8))}"]) | VALUES)
-    works_or_says(lambda: make_planner(name, **given))
+    works_or_raises_one_sentence(lambda: make_planner(name, **given))
     start, goal, grid = data.draw(CELLS), data.draw(CELLS), GridMap(np.zeros((4, 5)))
-    works_or_says(lambda: grid.distance_to(start))
-    works_or_says(lambda: make_planner("astar").plan(grid, start, goal, np.random.default_rng(0)))
+    works_or_raises_one_sentence(lambda: grid.distance_to(start))
+    works_or_raises_one_sentence(lambda: make_planner("astar").plan(grid, start, goal, np.random.default_rng(0)))
 
 
 @pytest.mark.parametrize("make", [parallel_env, single_env, functools.partial(vec_env, num_worlds=1)])
 @inputs(5)
 @given(options([*fields(EnvConfig), "grid", "config", "render_mode", "num_worlds", "zz"]))
 def test_environments(make: Any, given: dict[str, Any]) -> None:
-    works_or_says(lambda: make(**{**SMALL, **given}))
+    works_or_raises_one_sentence(lambda: make(**{**SMALL, **given}))
 
 
 @functools.cache
@@ -382,13 +382,13 @@ def test_actions_seeds_and_poses(action_type: str, act: str, what: Any) -> None:
         assert np.isfinite(simulator.observation).all()
 
     with np.errstate(all="ignore"):
-        works_or_says(take)
+        works_or_raises_one_sentence(take)
 
 
 @inputs(200)
 @given(st.sampled_from(LIVE).flatmap(json_bytes))
 def test_messages_of_live_pages(message: bytes) -> None:
-    works_or_says(lambda: read_command(message))
+    works_or_raises_one_sentence(lambda: read_command(message))
 
 
 def _simulator() -> Simulator:

@@ -28,8 +28,8 @@ from warehouse_env.maps.movingai import read_scen
 
 LARGEST = 2**28  # [bytes] of a file
 _MOST_ACTIONS = 100_000_000  # of all robots, since runs of actions are short texts
-_STEP = re.compile(r"(\d+):((?:\(\d+,\d+\),?)+)")
-_AGENT = re.compile(r"Agent(\d+):((?:\(\d+,\d+(?:,\d+)?\)(?:->)?)+)")
+_STEP = re.compile(r"(\d{1,9}):((?:\(\d{1,9},\d{1,9}\),?)+)")
+_AGENT = re.compile(r"Agent(\d{1,9}):((?:\(\d{1,9},\d{1,9}(?:,\d{1,9})?\)(?:->)?)+)")
 _BEGUN = re.compile(r"\d+:|Agent")  # such a line; headers are passed over
 _CELL = re.compile(r"\((\d+),(\d+)(?:,(\d+))?\)")
 _RUN = re.compile(r"([FRCW]) (\d{1,7})")
@@ -107,7 +107,7 @@ def _tracked(text: str, path: Path, scen: Path | None) -> GridPlan:
         raise PlanError(f"{path} holds {len(rows)} plans: keep its heading and the row of one plan")
     if scen is None:
         raise PlanError(f"{path} holds moves without starts: name their scenarios with --scen FILE.scen")
-    lines = next(rows[0][name] or "" for name in _COLUMNS if name in rows[0]).split()
+    lines = next((rows[0][name] or "" for name in _COLUMNS if name in rows[0]), "").split()
     tasks = read_scen(scen)[: len(lines)]
     if not 1 <= len(lines) <= len(tasks):
         raise PlanError(f"{path} has moves of {len(lines)} robots, {scen} starts of {len(tasks)}")
@@ -139,19 +139,19 @@ def _league(data: Any, path: Path) -> GridPlan:
             raise PlanError(f"{path}: robots take more than {_MOST_ACTIONS:,} actions")
         actions = [_actions(text) for text in paths]
         starts = [(int(row), int(column), "ESWN".index(towards)) for row, column, towards in data["start"]]
-        cells = [np.array(list(_driven(*one, ticks))) for one in zip(starts, actions, strict=True)]
+        cells = [np.array(list(_driven(*one, ticks)), np.int64) for one in zip(starts, actions, strict=True)]
         tasks: list[list[int]] = [[] for _ in cells]
         for step, robot in _finishes(data.get("events", [])):
             tasks[robot].append(int(step))
     except PlanError:  # which is a ValueError
         raise
-    except (KeyError, ValueError, TypeError, IndexError, AttributeError):
+    except (KeyError, ValueError, TypeError, IndexError, AttributeError, OverflowError):
         raise PlanError(
             f"{path} is JSON without `start` and `actualPaths` as the League of Robot Runners' output has them"
         ) from None
     if len(set(map(len, cells))) != 1:
         raise PlanError(f"{path}: `actualPaths` must have as many actions for each robot")
-    plan = GridPlan(np.array(cells, np.int64).transpose(1, 0, 2), tuple(map(tuple, tasks)), ticks)
+    plan = GridPlan(np.array(cells).transpose(1, 0, 2), tuple(map(tuple, tasks)), ticks)
     return plan if any(tasks) else finished(plan.cells)._replace(ticks=ticks)
 
 
