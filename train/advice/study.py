@@ -40,11 +40,7 @@ class TrialRuns:
         """Return the rows of each team in the order of the seeds; drive those that are missing."""
         missing = self._missing(teams, seeds)
         plan, floors = self.plan, self.floors
-        asked = [
-            trial
-            for (policy, robots, floor), seed in missing
-            for trial in plan.trials(floors[floor], policy, robots, [seed], floor)
-        ]
+        asked = [plan.trial(floors[floor], policy, robots, seed, floor) for (policy, robots, floor), seed in missing]
         for key, row in zip(missing, self._drive(asked) if asked else [], strict=True):
             self._rows[key] = row
             spent, episodes = self._took.get(row["robots"], (0.0, 0))

@@ -51,25 +51,12 @@ GOALS = Aim("goals", FELL)
 ORDERS = Aim("orders", 0.0)  # the number of orders is random, so fewer orders in other episodes do not mean a jam
 
 
-class OrdersSoFar:
-    """A watcher of one world that counts orders in both halves of an episode."""
-
-    def __init__(self, middle: int) -> None:
-        """middle: steps after which the second half begins."""
-        self._middle = middle
-        self._before = 0.0  # orders done then
-
-    def __call__(self, simulator: Simulator, steps: int) -> None:
-        """Note the orders at half time."""
-        if steps == self._middle:
-            self._before = simulator.episode_metrics(0)["orders_done"]
-
-    def row(self, row: Row, hours: float) -> Row:
-        """Return the fields that `ORDERS` reads, from an episode's row and the hours of its second half."""
-        return {
-            "late_orders_per_robot_hour": (row["orders_done"] - self._before) / hours / row["robots"],
-            "orders_per_robot_hour": row["orders_per_hour"] / row["robots"],
-        }
+def orders_of(row: Row, before: float, hours: float) -> Row:
+    """Return what `ORDERS` reads, from an episode's row, the orders done by half time and the hours from then on."""
+    return {
+        "late_orders_per_robot_hour": (row["orders_done"] - before) / hours / row["robots"],
+        "orders_per_robot_hour": row["orders_per_hour"] / row["robots"],
+    }
 
 
 BLOCK = 1_000  # seeds of each use, so a choice is confirmed on seeds of their own
@@ -128,13 +115,17 @@ class Trial(Job):
         env = EnvConfig(num_agents=self.robots, planner=self.planner)
         experiment = make_experiment(self.policy, env, 1, self.seconds, self.seed, self.work)
         places, begin = PlaceNotes(experiment), time.perf_counter()
-        half = experiment.config.max_steps // 2
-        orders = [OrdersSoFar(half)] if "orders" in self.work else []
-        (row,) = run(experiment, [places, *orders], self.grid)
+        half, before = experiment.config.max_steps // 2, dict[str, float]()
+
+        def note_half(simulator: Simulator, steps: int) -> None:
+            if steps == half:
+                before.update(simulator.episode_metrics(0))
+
+        (row,) = run(experiment, [places, note_half], self.grid)
         (note,) = places.rows()
-        for one in orders:
+        if "orders" in self.work:
             rest = (experiment.config.max_steps - half) * env.time_step * experiment.config.action_repeat
-            row |= one.row(row, rest / 3600.0)
+            row |= orders_of(row, before["orders_done"], rest / 3600.0)
         kept = {name: value for name, value in {**note, **row}.items() if name not in ("layout", "episode")}
         return Result([kept | self.identity | {"took_s": time.perf_counter() - begin}])
 
@@ -177,16 +168,10 @@ class AdvicePlan:
         """The measure of the floor."""
         return ORDERS if "orders" in self.work else GOALS
 
-    def trials(self, grid: GridMap, policy: str, robots: int, seeds: Sequence[int], floor: str = AS_IS) -> list[Trial]:
-        """Return an episode for each seed.
-
-        A robot alone is of each kind in turn, in proportion to the fleet's shares.
-        """
-        turns = [(seed - self.seed) % BLOCK if robots == 1 else 0 for seed in seeds]
-        return [
-            Trial(floor, grid, policy, robots, seed, self.seconds, self.planner, self.given(robots, turn))
-            for seed, turn in zip(seeds, turns, strict=True)
-        ]
+    def trial(self, grid: GridMap, policy: str, robots: int, seed: int, floor: str = AS_IS) -> Trial:
+        """Return an episode. A robot alone is of each kind in turn, in proportion to the fleet's shares."""
+        turn = (seed - self.seed) % BLOCK if robots == 1 else 0
+        return Trial(floor, grid, policy, robots, seed, self.seconds, self.planner, self.given(robots, turn))
 
     def given(self, robots: int, first: int = 0) -> dict[str, Any]:
         """Return the fields of EnvConfig that robots have; first: see Kinds.of."""

@@ -15,7 +15,7 @@ from train.advice.answer import asked_text
 from train.advice.capacity import for_kinds, most_with_a_start
 from train.advice.curve import loads
 from train.advice.study import TrialRuns
-from train.advice.trials import ORDERS, AdvicePlan, OrdersSoFar, TimeBudget, Trial, Use
+from train.advice.trials import ORDERS, AdvicePlan, TimeBudget, Trial, Use, orders_of
 from train.cli import main
 from train.commands import advise as command
 from train.kinds import KindPart, Kinds
@@ -40,10 +40,8 @@ def drive_orders(trials: Sequence[Trial]) -> list[dict[str, Any]]:
 
 
 def test_late_orders_are_those_of_the_second_half() -> None:
-    watcher = OrdersSoFar(10)
-    watcher._before = 5.0
     row = {"robots": 4, "orders_done": 25.0, "orders_per_hour": 50.0}
-    read = watcher.row(row, 0.25)
+    read = orders_of(row, 5.0, 0.25)
     assert read == {"late_orders_per_robot_hour": 20.0, "orders_per_robot_hour": 12.5}
     assert ORDERS.made({**row, **read}) == 80.0
 
@@ -117,7 +115,7 @@ RACKS_AND_WAYS = floor_of(
 
 
 def kinds_of(plan: AdvicePlan, robots: int, seeds: range) -> list[tuple[RobotSpec, ...]]:
-    trials = plan.trials(plan.grid, "greedy", robots, seeds)
+    trials = [plan.trial(plan.grid, "greedy", robots, seed) for seed in seeds]
     return [EnvConfig(num_agents=robots, **trial.work).robots for trial in trials]
 
 
@@ -133,8 +131,8 @@ def test_fleets_keep_shares_and_single_robots_cycle_kinds() -> None:
 
 def test_trial_identity_includes_its_robots() -> None:
     plan = plan_of(RACKS, policies=("greedy",), seconds=2.0)
-    (usual,) = plan.trials(RACKS, "greedy", 2, [1])
-    (long,) = dataclasses.replace(plan, kinds=Kinds((KindPart(LONG, share=1.0),))).trials(RACKS, "greedy", 2, [1])
+    usual = plan.trial(RACKS, "greedy", 2, 1)
+    long = dataclasses.replace(plan, kinds=Kinds((KindPart(LONG, share=1.0),))).trial(RACKS, "greedy", 2, 1)
     assert usual.identity["work"] == {}
     assert long.identity["work"]["robot"]["length"] == 1.4
     (row,) = long.run(lambda *_: None).rows
