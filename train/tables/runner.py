@@ -96,23 +96,16 @@ class Studies(TableOptions):
         """Return (file, study) of each requested table."""
         raise NotImplementedError
 
-    def blocks(self, file: str, study: TableStudy) -> list[PlanBlock]:
-        """Return the jobs of a study, in the order of its table."""
-        return [
+    def run(self) -> list[Row]:
+        """Run what is missing and write the page; return the rows."""
+        chosen = self.chosen()
+        blocks = [
             PlanBlock(file, study.name, setting.name, number, system.label, self.runs or study.runs, self.seed)
+            for file, study in chosen
             for setting in settings_of(file, study.name).values()
             for system in study.systems
             for number in range(len(setting.tasks))
         ]
-
-    def run(self) -> None:
-        """Run what is missing, then write the page."""
-        self.made()
-
-    def made(self) -> list[Row]:
-        """Run what is missing and write the page; return the rows."""
-        chosen = self.chosen()
-        blocks = [block for file, study in chosen for block in self.blocks(file, study)]
         rows = self.rows_of(blocks, self.page, mixed=True)
         text, tables, verdicts = f"{INTERVALS}\n\n", list[Table](), list[ClaimVerdict]()
         for _, study in chosen:
@@ -145,14 +138,15 @@ class PapersTable(Studies):
     """Compare each line with the published one; exit code 1 if a figure lies outside its interval. With --resume it
     takes finished rows."""
 
-    def run(self) -> None:
+    def run(self) -> list[Row]:
         """Run what is missing, write the page, and compare it with the published rows if asked to."""
-        rows = self.made()
+        rows = super().run()
         if self.check:
             compared, outside = against_published([study for _, study in self.chosen()], rows)
             compared.print()
             if outside:
                 raise SystemExit(1)
+        return rows
 
     def chosen(self) -> list[tuple[str, TableStudy]]:
         """Return the tables of the named papers; WarehouseError for a wrong name."""
