@@ -169,7 +169,7 @@ def with_picture(path: Path) -> Any:
 
 def with_other_rows(path: Path) -> Any:
     path.with_name("other.jsonl").write_bytes(rows(EVALUATED))
-    return read_runs([path.with_name("other.jsonl"), path])[1].rows
+    return [*read_runs([path.with_name("other.jsonl"), path]).values()][1]
 
 
 def of_checkpoint(path: Path) -> Any:

@@ -1,7 +1,7 @@
 """`warehouse compare RUN [RUN]`: evaluations side by side, with paired differences -> a table, and rows."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -49,11 +49,8 @@ NOTE = (
 )
 
 
-class ComparedRun(NamedTuple):
-    """An evaluation read from a file."""
-
-    name: str
-    rows: list[Row]
+Runs = Mapping[str, list[Row]]
+"""The rows of evaluations by distinct names."""
 
 
 class System(NamedTuple):
@@ -97,8 +94,8 @@ class Line(NamedTuple):
         return {**about, **systems, **numbers, "verdict": self.verdict, "differing": self.differing}
 
 
-def read_runs(paths: Sequence[Path]) -> list[ComparedRun]:
-    """Return the runs in files of rows, or in folders that hold rows.jsonl, under distinct names.
+def read_runs(paths: Sequence[Path]) -> Runs:
+    """Return the runs in files of rows, or in folders that hold rows.jsonl, by distinct names.
 
     Raises WarehouseError for none, for missing files, and for rows that do not come from an evaluation.
     """
@@ -110,7 +107,7 @@ def read_runs(paths: Sequence[Path]) -> list[ComparedRun]:
     names = [name if counts[name] == 1 else str(path) for name, path in zip(names, paths, strict=True)]
     if len(set(names)) < len(names):
         raise WarehouseError(f"{Counter(names).most_common(1)[0][0]} is named twice; a run is compared with another")
-    return [ComparedRun(name, _rows(file)) for name, file in zip(names, files, strict=True)]
+    return {name: _rows(file) for name, file in zip(names, files, strict=True)}
 
 
 def _rows(file: Path) -> list[Row]:
@@ -129,24 +126,22 @@ def _rows(file: Path) -> list[Row]:
     return rows
 
 
-def compare(runs: Sequence[ComparedRun], policies: Sequence[str] = ()) -> list[Line]:
+def compare(runs: Runs, policies: Sequence[str] = ()) -> list[Line]:
     """Compare every further run with the first: each policy with itself, or a single policy with a single one.
 
     In a single run every further policy is compared with the first. policies: those to compare; empty: all. Raises
     WarehouseError if there is nothing to pair.
     """
-    lines, rows = [], {run.name: run.rows for run in runs}
-    for ours, other in _pairs([_systems(run, policies) for run in runs]):
-        mine, theirs = (select(rows[one.run], policy=one.policy) for one in (ours, other))
+    lines, systems = [], []
+    for name, rows in runs.items():
+        names = dict.fromkeys(str(row["policy"]) for row in rows)
+        systems.append([System(name, policy) for policy in names if not policies or policy in policies])
+    for ours, other in _pairs(systems):
+        mine, theirs = (select(runs[one.run], policy=one.policy) for one in (ours, other))
         lines += _lines(ours, other, mine, theirs)
     if not lines:
         raise WarehouseError("the runs have no episode in common: none of the same floor, number of robots and seed")
     return lines
-
-
-def _systems(run: ComparedRun, policies: Sequence[str]) -> list[System]:
-    names = dict.fromkeys(str(row["policy"]) for row in run.rows)
-    return [System(run.name, name) for name in names if not policies or name in policies]
 
 
 def _pairs(systems: Sequence[Sequence[System]]) -> list[tuple[System, System]]:
@@ -229,12 +224,13 @@ class Compare(Checked):
     def run(self) -> None:
         """Read all runs, print the table, write the rows."""
         groups = read_groups(self.group)
-        runs = [one._replace(rows=regrouped(one.rows, groups, self.policy)) for one in read_runs(self.runs)]
-        if missing := groups.keys() - {row["policy"] for run in runs for row in run.rows}:
+        runs = {name: regrouped(rows, groups, self.policy) for name, rows in read_runs(self.runs).items()}
+        every = [row for rows in runs.values() for row in rows]
+        if missing := groups.keys() - {row["policy"] for row in every}:
             raise ConfigError(f"--group {min(missing)}: no run has rows of its policies")
         lines = compare(runs, self.policy)
         file = RowFile(self.json)
-        comparison_table(lines, note_on_groups([row for run in runs for row in run.rows])).print()
+        comparison_table(lines, note_on_groups(every)).print()
         file.add(line.row() for line in lines)
         episodes = sum(line.difference.samples for line in lines if line.measure == lines[0].measure)
         print(f"compared {episodes} pairs of episodes; {file.written()}")

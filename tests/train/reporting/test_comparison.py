@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from train.cli import main
-from train.commands.compare import ComparedRun, Line, compare, comparison_table, read_runs
+from train.commands.compare import Line, compare, comparison_table, read_runs
 from train.reporting.columns import crossed_interval, difference_of, interval_of, read_groups, regrouped
 from train.reporting.rows import Interval, is_significant, mean_interval, read_rows, t_quantile, write_rows
 from warehouse_env.errors import ConfigError, WarehouseError
@@ -27,7 +27,7 @@ AFTER = [row("ppo", seed, goals, hits) for seed, goals, hits in ((2, 131, 1.5), 
 
 
 def lines_of(before: list[dict[str, Any]], after: list[dict[str, Any]]) -> dict[str, Line]:
-    lines = compare([ComparedRun("before", before), ComparedRun("after", after)])
+    lines = compare({"before": before, "after": after})
     return {line.measure.name: line for line in lines}
 
 
@@ -73,16 +73,15 @@ def test_differing_settings_are_listed() -> None:
         "planner": ("astar", "pf_aco"), "traffic": ("none", "routes"), "reward.contact": ("-2.0", "-0.5"),
         "version": ("2", "1"),
     }  # fmt: skip
-    runs = [ComparedRun(name, rows) for name, rows in (("before", old), ("after", new))]
     assert (
         "after / before differ in planner astar / pf_aco; reward.contact -2.0 / -0.5; traffic none / routes;"
-        in comparison_table(compare(runs)).note
+        in comparison_table(compare({"before": old, "after": new})).note
     )
 
 
 def test_policies_of_one_run_are_compared_with_the_first() -> None:
     rows = [*BEFORE, *({**one, "policy": "greedy"} for one in AFTER)]
-    lines = compare([ComparedRun("one", rows)])
+    lines = compare({"one": rows})
     assert {(line.ours.policy, line.other.policy) for line in lines} == {("greedy", "ppo")}
     assert comparison_table(lines).cells[0][3:6:2] == ("greedy", "ppo")
 
@@ -109,7 +108,7 @@ def test_duplicate_seeds_and_single_runs_are_refused(tmp_path: Path) -> None:
     with pytest.raises(WarehouseError, match="is named twice"):
         read_runs([tmp_path / "twice.jsonl", tmp_path / "twice.jsonl"])
     with pytest.raises(WarehouseError, match="name a second run"):
-        compare([ComparedRun("before", BEFORE)])
+        compare({"before": BEFORE})
 
 
 def test_compare_writes_table_and_rows(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
