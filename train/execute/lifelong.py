@@ -5,7 +5,6 @@ A planner is a class made with the floor, with a method `plan`: see GridPlanner.
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
@@ -16,8 +15,10 @@ from train.execute.plan import GridPlan, check_plan
 from warehouse_env import plugins
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, PlanError
+from warehouse_env.maps.distance import distance_field
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.maps.layouts import make_layout
+from warehouse_env.maps.moves import MOVES, beyond
 from warehouse_env.simulation.draws import Draws
 from warehouse_env.simulation.tasks.tasks import Tasks
 
@@ -41,8 +42,9 @@ class Pibt:
     """
 
     def __init__(self, grid: GridMap) -> None:
-        self._free = np.pad(~grid.closed, 1)
-        self._fields: dict[Cell, NDArray[np.int64]] = {}
+        free = ~grid.closed
+        self._legal = beyond(free) & free[..., None] & (np.arange(8) % 2 == 0)  # of MOVES, none of them diagonal
+        self._fields: dict[Cell, NDArray[np.float64]] = {}
         self._goals: list[Cell] = []
         self._age: list[int] = []
         self._last: list[Cell] = []
@@ -91,25 +93,12 @@ class Pibt:
         return found
 
     def _wanted(self, i: int, cell: Cell, goal: Cell) -> list[Cell]:
-        """Return the cells that a robot may take, the best first."""
-        (row, column), field = cell, self._field(goal)
-        cells = [cell, (row, column + 1), (row - 1, column), (row, column - 1), (row + 1, column)]
-        free = [one for one in cells if self._free[one[0] + 1, one[1] + 1]]
-        return sorted(free, key=lambda one: (field[one[0] + 1, one[1] + 1], one != self._last[i], one != cell))
-
-    def _field(self, goal: Cell) -> NDArray[np.int64]:
-        """Return int64[H + 2, W + 2], the steps from each cell to a goal, by breadth-first search."""
+        """Return the cells that a robot may take, the best first: by the steps from there to its goal."""
         if goal not in self._fields:
-            field, queue = np.full(self._free.shape, self._free.size), deque([(goal[0] + 1, goal[1] + 1)])
-            field[queue[0]] = 0
-            while queue:
-                row, column = queue.popleft()
-                for one in ((row, column + 1), (row - 1, column), (row, column - 1), (row + 1, column)):
-                    if self._free[one] and field[one] == self._free.size:
-                        field[one] = field[row, column] + 1
-                        queue.append(one)
-            self._fields[goal] = field
-        return self._fields[goal]
+            self._fields[goal] = distance_field(self._legal, MOVES, *goal)
+        field, (row, column) = self._fields[goal], cell
+        free = [cell, *((row + down, column + right) for down, right in MOVES[self._legal[cell]].tolist())]
+        return sorted(free, key=lambda one: (field[one], one != self._last[i], one != cell))
 
 
 GRID_PLANNERS: dict[str, Callable[..., Any]] = {"pibt": Pibt}
