@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from train.execute.conflicts import NONE
 from train.execute.motions import Curves, Motion, Pose
 from train.execute.order import Order
-from warehouse_env.config import EnvConfig, RobotSpec
+from warehouse_env.config import EnvConfig
 from warehouse_env.kernel import inline, kernel
 from warehouse_env.simulation.driver.driving import ALONG_ARC, BACK_TO_ARC
 from warehouse_env.simulation.record.recording import Recorder
@@ -157,7 +157,10 @@ class Drive:
         self.order, robots, many = order, len(order.own), len(order.motions.robot)
         self._tracks, ends = tracks_of(order.own, curves)
         self._ends = [[0, *own] for own in ends]
-        self._limits = _limits_of(config.robot, config.time_step * config.action_repeat)
+        robot, step = config.robot, config.time_step * config.action_repeat
+        self._limits = Limits(
+            robot.wheelbase, robot.max_speed, -robot.min_speed, robot.max_acceleration, robot.max_steering_rate, step
+        )
         self.simulator = Simulator(config, 1, grid=curves.grid)
         lasts = [motions[-1:] for motions in order.own]
         goals = [
@@ -218,12 +221,6 @@ class Drive:
             if self.done[robot[other]] < len(of) and of[self.done[robot[other]]] <= other:  # it has not ended
                 self.waited[own, other] += 1
                 return
-
-
-def _limits_of(robot: RobotSpec, step: float) -> Limits:
-    return Limits(
-        robot.wheelbase, robot.max_speed, -robot.min_speed, robot.max_acceleration, robot.max_steering_rate, step
-    )  # fmt: skip
 
 
 def _grouped(pairs: NDArray[np.int64], many: int) -> list[NDArray[np.int64]]:

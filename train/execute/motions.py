@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from warehouse_env.errors import PlanError
 from warehouse_env.kernel import kernel
 from warehouse_env.maps.grid_map import Cell
+from warehouse_env.routes.reeds_shepp import rolled
 from warehouse_env.simulation.driver.bodies import SearchArea
 from warehouse_env.simulation.driver.manoeuvre import ARCS, EXACTLY, TRIES, Query, put_goal, search
 from warehouse_env.simulation.driver.scratch import MOST, SHOT, make_search_scratch
@@ -32,7 +33,6 @@ MARGIN = 0.02  # [m] that motions keep from shelves
 _LONGEST = 30.0  # [s] of a curve
 _MANOEUVRE = 15.0  # [s], more than most take
 _AVOIDED = 20.0  # [s] that a choice to be avoided costs
-_STRAIGHT = 1e-9  # [rad]
 _MISSED = 5e-3  # [m]
 
 Pose = tuple[float, float, float]  # front axle x [m], y [m], heading [rad]
@@ -110,16 +110,9 @@ class Curves:
 
     def end(self, pose: Pose, arcs: Arcs) -> Pose:
         """Return the pose at the end of some arcs."""
-        x, y, heading = pose
         for length, steer in arcs.tolist():
-            half = -length * math.tan(steer) / self.robot.wheelbase / 2
-            chord = length * (math.sin(half) / half if abs(half) > _STRAIGHT else 1.0)
-            x, y, heading = (
-                x + chord * math.cos(heading + half),
-                y + chord * math.sin(heading + half),
-                heading + 2 * half,
-            )
-        return x, y, heading
+            pose = rolled(*pose, length, -math.tan(steer) / self.robot.wheelbase)
+        return pose
 
 
 def motions_of(cells: Sequence[Cell], curves: Curves, avoided: Collection[Choice] = ()) -> list[Motion]:
