@@ -127,8 +127,7 @@ def try_curves(task, node, best, traffic, floor, tree):
     t = tree.steps[node] * step
     x, y, heading, met = tree.nodes[node, 0], tree.nodes[node, 1], tree.nodes[node, 2], tree.met[node]
     so_far = t + task.price * met + task.tail_seconds
-    gate = task.gate
-    ahead, left, turn = seen_from(x, y, heading, gate[0], gate[1], gate[2])
+    ahead, left, turn = seen_from(x, y, heading, *task.gate)
     for n in range(WORDS):
         tree.lengths[n] = word(n, ahead, left, turn, floor.radius)[0]
     for _ in range(tries):

@@ -34,8 +34,7 @@ class Limits(NamedTuple):
 @part
 def _to_go(x, y, heading, task, floor):
     """Return the time of the shortest curve to the goal on an empty floor [s]."""
-    gate = task.gate
-    ahead, left, turn = seen_from(x, y, heading, gate[0], gate[1], gate[2])
+    ahead, left, turn = seen_from(x, y, heading, *task.gate)
     return distance(ahead, left, turn, floor.radius) + task.tail_seconds
 
 
@@ -99,7 +98,7 @@ def _write(task, best, route, floor, tree):
         count = _append(route, count, piece_at(t, x, y, heading, 0.0, 0.0, best.wait))
         t += best.wait
     begins = t
-    ahead, left, turn = seen_from(x, y, heading, task.gate[0], task.gate[1], task.gate[2])
+    ahead, left, turn = seen_from(x, y, heading, *task.gate)
     parts = word(best.word, ahead, left, turn, floor.radius)[1:]
     for k in range(SEGMENTS):
         if abs(parts[k]) > _STRAIGHT:
