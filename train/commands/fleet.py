@@ -73,14 +73,13 @@ class FleetCommand(Checked):
         asked = [self.episode is not None, self.check is not None, self.listen is not None]
         if sum(asked) != 1:
             raise ConfigError("name an episode to write, --check LOG or --listen LOG: one of them")
-        for used, names, what in (
-            (self.episode is not None, ("mqtt",), "an episode"),
-            (self.listen is not None, ("layout",), "--listen"),
-            (self.mqtt is not None, ("speed",), "--mqtt HOST"),
+        for used, name, what in (
+            (self.episode is not None, "mqtt", "an episode"),
+            (self.listen is not None, "layout", "--listen"),
+            (self.mqtt is not None, "speed", "--mqtt HOST"),
         ):
-            given = [f"--{name}" for name in names if getattr(self, name)]
-            if given and not used:
-                raise ConfigError(f"{' and '.join(given)} go{'es' * (len(given) == 1)} with {what}")
+            if getattr(self, name) and not used:
+                raise ConfigError(f"--{name} goes with {what}")
         if self.episode is not None:
             self._write(self.episode)
         elif self.check is not None:
