@@ -150,9 +150,8 @@ class Evaluate(Episodes):
         if self.report is not None:
             check_writable(self.report / PAGE)
         with RowFile(self.report and self.report / NOTES, keep=self.resume) as notes:
-            noting = None if self.report is None else notes
-            jobs = [EpisodesJob(one, noted=noting is not None) for one in experiments]
-            rows = self.tabulate(jobs, lambda rows: evaluation_table(shown(rows)), noting)
+            jobs = [EpisodesJob(one, noted=self.report is not None) for one in experiments]
+            rows = self.tabulate(jobs, lambda rows: evaluation_table(shown(rows)), notes)
         if self.pictures:
             from train.evaluation.pictures import evaluation_pictures
 
