@@ -41,18 +41,9 @@ _PRICE = 4.0  # [s] of a meeting in a slot
 _PATIENCE = 4  # rounds without a gain before prices and searches grow
 _MOST = 8  # most robots replanned at once, and most times that prices and searches grow
 _LATE = 1000.0  # [s], price of a meeting if none are allowed
-
-
-class Effort(NamedTuple):
-    """The effort of planning, in nodes of searches."""
-
-    search: int = 400  # of one search
-    repair: int = 3_000  # per robot, until no two meet; then everything starts again
-    starts: int = 4
-    improve: int = 300  # per robot, afterwards
-
-
-_EFFORT = Effort()
+_SEARCH = 400  # nodes of a search among others
+_REPAIR, _STARTS = 3_000, 4  # nodes per robot until no two meet, after which everything starts again; such starts
+_IMPROVE = 300  # nodes per robot, afterwards
 
 
 class Together(NamedTuple):
@@ -169,17 +160,17 @@ def reversed_route(route: Route) -> Route:
     return back
 
 
-def _repair(fleet: _Fleet, budget: int, nodes: int, random: np.random.Generator) -> None:
+def _repair(fleet: _Fleet, random: np.random.Generator) -> None:
     """Replan robots that meet, first one, then more, until none meet or the budget is used up."""
     fleet.look(range(fleet.robots))
-    failed = 0
+    failed, budget = 0, fleet.nodes + _REPAIR * fleet.robots
     while fleet.met.any() and fleet.nodes < budget:
         grown = min(1 + failed // _PATIENCE, _MOST)
         chosen = _who_meet(fleet, grown, random)
         before, met = (np.count_nonzero(fleet.met), fleet.met.sum()), fleet.met.copy()
         kept = dict(zip(chosen, fleet.take_out(chosen), strict=True))
         for i in random.permutation(chosen).tolist():
-            if fleet.find(i, _PRICE * grown, nodes * grown) == math.inf:
+            if fleet.find(i, _PRICE * grown, _SEARCH * grown) == math.inf:
                 fleet.put_in([i], [kept[i]])
         fleet.look(chosen)
         after = np.count_nonzero(fleet.met), fleet.met.sum()
@@ -203,8 +194,9 @@ def _who_meet(fleet: _Fleet, size: int, random: np.random.Generator) -> list[int
     return chosen
 
 
-def _improve(fleet: _Fleet, budget: int, nodes: int, least: NDArray[np.float64], random: np.random.Generator) -> None:
+def _improve(fleet: _Fleet, least: NDArray[np.float64], random: np.random.Generator) -> None:
     """Replan one to four robots around a late one, and keep the routes if they arrive earlier in all."""
+    budget = fleet.nodes + _IMPROVE * fleet.robots
     while fleet.nodes < budget:
         late = np.array([fleet.arrival(i) for i in range(fleet.robots)]) - least
         late = np.where(late > 1e-3, late, 0.0)
@@ -218,15 +210,13 @@ def _improve(fleet: _Fleet, budget: int, nodes: int, least: NDArray[np.float64],
         order, total = random.permutation(chosen).tolist(), 0.0
         for n, i in enumerate(order):
             rest = sum(least[k] for k in order[n + 1 :])
-            total += fleet.find(i, _LATE, nodes, bound=before - 1e-3 - total - rest)
+            total += fleet.find(i, _LATE, _SEARCH, bound=before - 1e-3 - total - rest)
             if total == math.inf:
                 fleet.put_in(chosen, kept)
                 break
 
 
-def plan_together(
-    starts: Sequence[Pose], goals: Sequence[Pose], floor: CarFloor, seed: int = 0, effort: Effort = _EFFORT
-) -> Together:
+def plan_together(starts: Sequence[Pose], goals: Sequence[Pose], floor: CarFloor, seed: int = 0) -> Together:
     """Return routes for all robots from their starts to their goals, x, y and heading each; deterministic by seed."""
     fleet, random = _Fleet(starts, goals, floor), np.random.default_rng(seed)
     robots = range(fleet.robots)
@@ -240,10 +230,10 @@ def plan_together(
     least = np.array([route[-1, END] for route in alone])
     if stranded:
         return Together([], 0, least, stranded, fleet.nodes)
-    for _ in range(effort.starts):
+    for _ in range(_STARTS):
         fleet.put_in(robots, alone)
-        _repair(fleet, fleet.nodes + effort.repair * fleet.robots, effort.search, random)
+        _repair(fleet, random)
         if not fleet.met.any():
-            _improve(fleet, fleet.nodes + effort.improve * fleet.robots, effort.search, least, random)
+            _improve(fleet, least, random)
             break
     return Together(fleet.take_out(robots), int(np.count_nonzero(fleet.met)) // 2, least, [], fleet.nodes)

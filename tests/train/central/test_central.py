@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from train.central.floor import CarBody, CarFloor, floor_of, off_discs, stays_inside
-from train.central.together import Effort, plan_together
+from train.central.together import plan_together
 from train.central.traffic import (
     BEGIN,
     BEND,
@@ -120,6 +120,6 @@ def test_goal_is_reached_through_a_gate() -> None:
 
 def test_enclosed_robot_is_named() -> None:
     ring = [(15.5 + 3.2 * math.cos(a), 15.0 + 3.0 * math.sin(a)) for a in np.linspace(0, 2 * math.pi, 24)]
-    found = plan_together([(15.0, 15.0, 0.0)], [(25.0, 15.0, 0.0)], floor(ring), effort=Effort(search=50))
+    found = plan_together([(15.0, 15.0, 0.0)], [(25.0, 15.0, 0.0)], floor(ring))
     assert found.stranded == [0]
     assert found.routes == []
