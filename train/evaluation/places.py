@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from train.evaluation.rollout import Experiment, centres, pair_centres
@@ -99,13 +100,8 @@ def peaks(heat: NDArray[np.float64], count: int, radius: int) -> list[tuple[int,
     """
     left, found = heat.copy(), []
     for _ in range(count):
-        around = np.pad(left, radius)
-        total = sum(
-            around[i : i + heat.shape[0], j : j + heat.shape[1]]
-            for i in range(2 * radius + 1)
-            for j in range(2 * radius + 1)
-        )
-        total = np.where(left > 0, total, 0.0)
+        squares = sliding_window_view(np.pad(left, radius), (2 * radius + 1, 2 * radius + 1))
+        total = np.where(left > 0, squares.sum(axis=(2, 3)), 0.0)
         hottest = np.isclose(total, total.max(), rtol=1e-9)
         row, column = np.unravel_index(int(np.argmax(np.where(hottest, left, -1.0))), heat.shape)
         if not total[row, column] > 0:
