@@ -149,10 +149,7 @@ class FleetFigures:
         motion, body, apart = self.robots[0]["motion"], self._body, 2.0 * self._body.radius + GAP_HORIZON
         turned = np.stack([motion["cos"], motion["sin"]], axis=-1).astype(np.float64)
         centres = np.stack([motion["x"], motion["y"]], axis=-1).astype(np.float64) - body.back * turned
-        sides = body.half_length, body.half_width
-        outlines = [
-            Outline(x, y, cosine, sine, *sides)
-            for (x, y), (cosine, sine) in zip(centres.tolist(), turned.tolist(), strict=True)
-        ]
+        both = np.hstack([centres, turned]).tolist()
+        outlines = [Outline(x, y, c, s, body.half_length, body.half_width) for x, y, c, s in both]
         for i, j in sorted(cKDTree(centres).query_pairs(apart)):
             yield (i, j), gap(outlines[i], outlines[j])
