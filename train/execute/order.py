@@ -10,7 +10,7 @@ one of the motions is made by another curve, and the order found anew.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,8 +99,7 @@ def _order(
         label = _pass_otherwise(obstacles, motions, rng)
         for p in np.flatnonzero(label != NONE).tolist():
             cycles.setdefault(int(label[p]), []).append(p)
-        directed = _directed(obstacles, obstacles.pairs, np.arange(len(obstacles.pairs)))
-        edges = np.concatenate([_without_implied(directed, motions), edges])
+        edges = np.concatenate([_without_implied(_directed(obstacles, obstacles.pairs), motions), edges])
     return Order(own, starts, of, motions, edges, [*cycles.values(), *([p] for p in over.tolist())])
 
 
@@ -159,8 +158,8 @@ def _rests_swept(
             yield at, pairs[at, mover], neighbours[pairs[at, rest]], mover if end else rest
 
 
-def _directed(obstacles: _Obstacles, pairs: NDArray[np.int64], at: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return pairs int64[K, 2], those numbered `at` [K], the motion first that goes first; both ways if none can."""
+def _directed(obstacles: _Obstacles, pairs: NDArray[np.int64], at: Any = slice(None)) -> NDArray[np.int64]:
+    """Return pairs int64[K, 2], all or those numbered `at`, the motion first that goes first; both ways if none can."""
     group, side, stuck = obstacles.group[at], obstacles.side[at], obstacles.stuck[at]
     lower = obstacles.ahead[group] * side > 0
     return np.concatenate([np.where(lower[:, None], pairs, pairs[:, ::-1]), pairs[stuck], pairs[stuck][:, ::-1]])
@@ -187,12 +186,11 @@ def _cycles(edges: NDArray[np.int64], following: NDArray[np.int64]) -> NDArray[n
 
 def _pass_otherwise(obstacles: _Obstacles, motions: Motions, rng: np.random.Generator) -> NDArray[np.int64]:
     """Pass obstacles on the other side while fewer motions are then in cycles; return which each is in, or NONE."""
-    everywhere = np.arange(len(obstacles.pairs))
-    label, tries = _cycles(_directed(obstacles, obstacles.pairs, everywhere), motions.following), TRIES
+    label, tries = _cycles(_directed(obstacles, obstacles.pairs), motions.following), TRIES
     while (label != NONE).any() and tries > 0:
         before = obstacles.ahead.copy()
         _untangle(obstacles, motions, label, rng)
-        found = _cycles(_directed(obstacles, obstacles.pairs, everywhere), motions.following)
+        found = _cycles(_directed(obstacles, obstacles.pairs), motions.following)
         if (found != NONE).sum() < (label != NONE).sum():
             label = found
         else:
