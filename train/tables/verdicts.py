@@ -3,7 +3,6 @@
 import math
 from collections import Counter
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
 
 from train.reporting.report import number
 from train.reporting.rows import Interval
@@ -20,51 +19,41 @@ RULE = (
 )
 
 
-class SettingVerdict(NamedTuple):
-    """One setting's part of a verdict: whether the difference has the claimed sign, and the claimed size."""
-
-    known: bool
-    clear: bool
-    reaches: bool
-    text: str
-
-
 def judge(figures: TableFigures, claim: Claim, printed: Sequence[PrintedLine] = ()) -> ClaimVerdict:
     """Return the verdict on a claim by RULE or its own check, with the figures of each setting."""
     if claim.why_open:
         return ClaimVerdict(OPEN, claim.why_open)
     if claim.check:
         return CHECKS[claim.check](figures, claim, printed)
-    settings = claim.settings or figures.settings
-    judged = [one for one in (_judge(figures, claim, setting) for setting in settings) if one is not None]
-    why, by_clock = "; ".join(one.text for one in judged), MEASURES[claim.measure].clock
-    if not any(one.known for one in judged):
+    both = claim.ours, claim.other
+    run = [one for one in claim.settings or figures.settings if all(figures.tasks(one, label) for label in both)]
+    judged, by_clock = [_judge(figures, claim, setting) for setting in run], MEASURES[claim.measure].clock
+    words, why = {one.word for one in judged}, "; ".join(one.why for one in judged)
+    if words <= {OPEN}:
         return ClaimVerdict(OPEN, why or "nothing was run for it", by_clock)
-    if all(one.clear and one.reaches for one in judged):
+    if words == {HOLDS}:
         return ClaimVerdict(HOLDS, why, by_clock)
-    return ClaimVerdict(IN_PART if any(one.clear for one in judged) else FAILS, why, by_clock)
+    return ClaimVerdict(IN_PART if words & {HOLDS, IN_PART} else FAILS, why, by_clock)
 
 
-def _judge(figures: TableFigures, claim: Claim, setting: str) -> SettingVerdict | None:
-    if not figures.tasks(setting, claim.ours) or not figures.tasks(setting, claim.other):
-        return None
+def _judge(figures: TableFigures, claim: Claim, setting: str) -> ClaimVerdict:
+    """Return the verdict in one setting: whether the difference has the claimed sign, and the claimed size."""
     relative = figures.relative(setting, claim.ours, claim.other, claim.measure)
     less = MEASURES[claim.measure].better != "more" if claim.by is None else claim.by < 0
     sign = -1.0 if less else 1.0
     best, worst = (relative.low, relative.high) if less else (relative.high, relative.low)
     clear = math.isfinite(worst) and sign * worst > 0 and sign * relative.mean > ROUNDING
     reaches = claim.by is None or (math.isfinite(best) and sign * best >= sign * claim.by - ROUNDING)
-    ours, other = (figures.figure(setting, label, claim.measure).mean for label in (claim.ours, claim.other))
-    measure = MEASURES[claim.measure]
-    shown = [number(measure.factor * value, measure.digits) for value in (ours, other)]
-    found = [figures.figure(setting, label, "found_share").mean for label in (claim.ours, claim.other)]
-    shown = [
-        text + ("" if share == 1 else f" (found {number(100 * share)}%)")
-        for text, share in zip(shown, found, strict=True)
-    ]
+    measure, shown = MEASURES[claim.measure], []
+    for label in (claim.ours, claim.other):
+        mean, share = (figures.figure(setting, label, name).mean for name in (claim.measure, "found_share"))
+        found = "" if share == 1 else f" (found {number(100 * share)}%)"
+        shown.append(f"{number(measure.factor * mean, measure.digits)}{found}")
     unit = " points" if claim.measure.endswith("_share") else "%"
     text = f"{setting}: {shown[0]} against {shown[1]}, {percent(relative, unit)}"
-    return SettingVerdict(math.isfinite(relative.mean), clear, reaches, text)
+    if not math.isfinite(relative.mean):
+        return ClaimVerdict(OPEN, text)
+    return ClaimVerdict(FAILS if not clear else HOLDS if reaches else IN_PART, text)
 
 
 def reaches_print(figures: TableFigures, claim: Claim, printed: Sequence[PrintedLine]) -> ClaimVerdict:
