@@ -110,12 +110,13 @@ def file_digests(names: Iterable[str]) -> FileDigests:
 def unpacked(files: JobFiles) -> Iterator[None]:
     """Write files to a temporary folder, and let their names lead there."""
     with tempfile.TemporaryDirectory(prefix="warehouse-") as folder:
+        homes = {name: Path(folder) / _digest(name.encode()) for name in files}
         for name, content in files.items():
             for file, data in content.items():
-                with complete_file(_home(folder, name) / file) as part:
+                with complete_file(homes[name] / file) as part:
                     part.write_bytes(data)
         before = STAGED.copy()
-        STAGED.update({name: _home(folder, name) / Path(next(iter(own))).parts[0] for name, own in files.items()})
+        STAGED.update({name: homes[name] / Path(next(iter(own))).parts[0] for name, own in files.items()})
         try:
             yield
         finally:
@@ -143,11 +144,6 @@ def _content(name: str) -> dict[str, bytes]:
         home = (found[0] if found and is_hall(name) else whereabouts(name)).parent
         own = {file.relative_to(home).as_posix(): file for file in found}
     return {file: read_bytes(path, "file", MOST) for file, path in own.items()}
-
-
-def _home(folder: str, name: str) -> Path:
-    """Return where the files of a name lie."""
-    return Path(folder) / hashlib.blake2b(name.encode(), digest_size=8).hexdigest()
 
 
 def _digest(data: bytes) -> str:
