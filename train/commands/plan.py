@@ -77,7 +77,7 @@ class PlanCommand(Checked):
             for number, task in enumerate(tasks)
             for run in range(self.runs)
         ]
-        with RowFile(self.json) as file, Runner(file, hear=lambda number, run: kept.append(run)) as run:
+        with RowFile(self.json) as file, Runner(file, hear=kept.append) as run:
             rows = run(jobs)
         table = plan_table(rows)
         table.print()

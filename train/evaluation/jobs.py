@@ -165,14 +165,13 @@ class Runner:
 
     def __init__(
         self, file: RowFile, old: Sequence[Row] = (), workers: Workers | None = None, *, goes_on: str = "",
-        mixed: bool = False, progress: Progress | None = None,
-        hear: Callable[[int, Any], None] = lambda number, more: None,
+        mixed: bool = False, progress: Progress | None = None, hear: Callable[[Any], object] | None = None,
     ) -> None:  # fmt: skip
         """Take a file for the rows, and the rows that it holds already.
 
         workers: this process by default. goes_on: how to resume a stopped command. mixed: shuffle the jobs, always the
         same way, so that the progress bar can estimate the time. progress: a bar on stderr by default. hear: called
-        with a job's number and `Result.more` of a part before its rows are written.
+        with `Result.more` of a part before its rows are written.
         """
         self._file, self._known, self._workers = file, list(old), workers or Here()
         self._goes_on, self._mixed, self._progress, self._hear = goes_on, mixed, progress, hear
@@ -197,7 +196,8 @@ class Runner:
         try:
             with _shown(sum(job.size for _, job in parts), self._progress) as moved:
                 for part, result in self._workers.each(self._in_order([job for _, job in parts]), moved):
-                    self._hear(parts[part][0], result.more)
+                    if self._hear is not None:
+                        self._hear(result.more)
                     self._file.add(result.rows)
                     self._known += result.rows
                     done[part] = result.rows

@@ -80,11 +80,7 @@ class RowOptions(Checked):
         notes: the file for `Result.more`, more rows. mixed: see `Runner`. resumes: see `file`.
         """
         check_writable(page)
-
-        def hear(number: int, more: list[Row]) -> None:
-            if notes is not None:
-                notes.add(more)
-
+        hear = None if notes is None else notes.add
         with (
             self.file(resumes) as file,
             Runner(file, file.old(), self.workers(), goes_on=GOES_ON, mixed=mixed, hear=hear) as run,
