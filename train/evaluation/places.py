@@ -20,7 +20,6 @@ class PlaceNotes:
 
     def __init__(self, experiment: Experiment) -> None:
         self._experiment = experiment
-        self._over: list[float] = []  # [s]
 
     def __call__(self, simulator: Simulator, steps: int) -> None:
         """Note what happened in the last step; step 0 starts the notes."""
