@@ -229,9 +229,8 @@ def messages_of(
     stride = 1 if every is None else round(every / step)
     if stride < 1:
         raise ConfigError(f"--every {every:g} must be at least {step:g}, a step of the episode [s]")
-    vehicles = [VehicleWriter(story, robot) for robot in range(story.replay.config.num_agents)]
-    senders = [Sender(names, vehicle.serial) for vehicle in vehicles]
-    both = list(zip(vehicles, senders, strict=True))
+    robots = range(story.replay.config.num_agents)
+    both = [(VehicleWriter(story, robot), Sender(names, serial_of(robot))) for robot in robots]
     factsheet = factsheet_of(story.replay.config, stride * step)
     for _, sender in both:
         yield sender.message(0.0, "connection", {"connectionState": "ONLINE"})
