@@ -111,23 +111,15 @@ class Senses:
 
         Until a delay has passed, robots see the start.
         """
-        spoiled = self._spoil(observation)
-        if self._seen.maxlen == 1:
-            return spoiled
-        self._seen.append(spoiled.copy())  # the simulator writes over its own
-        return self._seen[0]
-
-    def _spoil(self, observation: Observation) -> Observation:
         noise, dropout = self._disturbance.range_noise, self._disturbance.dropout
-        if not (noise or dropout):
-            return observation
-        spoiled = observation.copy()
+        spoiled = observation.copy()  # the simulator writes over its own
         rays = spoiled[..., self._lidar]
         if noise:
             rays[...] = self._noisy(rays, noise)
         if dropout:
             rays[self._rng.random(rays.shape) < dropout] = self._nothing
-        return spoiled
+        self._seen.append(spoiled)
+        return self._seen[0]
 
     def _noisy(self, rays: NDArray[np.float32], noise: float) -> NDArray[np.float32]:
         """Return rays 1 / (1 + d) with noise [m] on the range d; rays without an echo stay so."""
