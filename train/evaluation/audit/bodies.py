@@ -96,14 +96,10 @@ def _nearest_corner(u, v, c, s, length, width, half_length, half_width):
     """Return the least `point_gap` of the corners of a body at (u, v), turned by (c, s), from a rectangle."""
     a, b, p, q = length * c, length * s, width * s, width * c
     return min(
-        min(
-            point_gap(u + a - p, v + b + q, half_length, half_width),
-            point_gap(u + a + p, v + b - q, half_length, half_width),
-        ),
-        min(
-            point_gap(u - a - p, v - b + q, half_length, half_width),
-            point_gap(u - a + p, v - b - q, half_length, half_width),
-        ),
+        point_gap(u + a - p, v + b + q, half_length, half_width),
+        point_gap(u + a + p, v + b - q, half_length, half_width),
+        point_gap(u - a - p, v - b + q, half_length, half_width),
+        point_gap(u - a + p, v - b - q, half_length, half_width),
     )
 
 
@@ -153,5 +149,5 @@ def gap(one, other):
     ends = min(_edge_gap(u + a, v + b, p, q, half_length, half_width),
                _edge_gap(u - a, v - b, p, q, half_length, half_width))  # fmt: skip
     middle = point_gap(u, v, half_length, half_width)  # where one lies on the other, all corners and edges may touch
-    inside = min(min(sides, ends), middle)
+    inside = min(sides, ends, middle)
     return min(found, inside) if inside < 0.0 else found
