@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import itertools
 import shlex
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, ClassVar
 
-import numpy as np
 import tyro
-from numpy.typing import NDArray
 
 from train.commands.evaluate import Working
 from train.commands.layouts import BY_MAP
@@ -64,6 +61,9 @@ class Record(Working):
         print(f"wrote the episode to {self.out}; to see it: {show}")
 
 
+Shown = tuple[Episode, int, str]
+"""An episode, the world of it that is shown, and its name."""
+
 FLUENT = 25.0  # frames a second that a video is to come near
 PIXELS = 736  # of the longest side of a floor in a video
 
@@ -98,36 +98,38 @@ class ReplayCommand(OwnSensors):
             raise ConfigError(f"name one episode file, or two to see side by side, not {len(self.episodes)}")
         episodes = [load_episode(path) for path in self.episodes]
         worlds = [world_of(path, one.seeds, self.seed) for path, one in zip(self.episodes, episodes, strict=True)]
-        names = names_of(self.episodes, episodes)
+        shown = list(zip(episodes, worlds, names_of(self.episodes, episodes), strict=True))
         if self.html is not None:
-            self._write_page(self.html, episodes, worlds, names)
+            self._write_page(self.html, shown)
         elif self.video is not None:
-            self._write_video(self.video, episodes, worlds, names)
+            self._write_video(self.video, shown)
 
-    def _write_page(self, path: Path, episodes: Sequence[Episode], worlds: Sequence[int], names: Sequence[str]) -> None:
+    def _write_page(self, path: Path, shown: Sequence[Shown]) -> None:
         replays: list[Replay] = []
         with make_progress() as progress:
-            bar = progress.add_task("replay", total=sum(len(one.actions) + 1 for one in episodes))
-            for episode, world, name in zip(episodes, worlds, names, strict=True):
+            bar = progress.add_task("replay", total=sum(len(one.actions) + 1 for one, _, _ in shown))
+            for episode, world, name in shown:
                 try:
                     shares = shares_of(episode.policy, episode.config, episode.made_of)
                 except WarehouseError as error:
                     progress.console.print(f"without the policy's preferences: {error}", markup=False)
                     shares = None
                 replays.append(replay_of(episode, name, shares, world, lambda _: progress.advance(bar)))
-        write_replay_page(path, replays, " and ".join(names))
+        write_replay_page(path, replays, " and ".join(name for _, _, name in shown))
         print(f"wrote the replay to {path} ({path.stat().st_size / 1e6:.1f} MB); any browser opens it")
 
-    def _write_video(
-        self, path: Path, episodes: Sequence[Episode], worlds: Sequence[int], names: Sequence[str]
-    ) -> None:
+    def _write_video(self, path: Path, shown: Sequence[Shown]) -> None:
+        from train.evaluation.films import side_by_side
+        from warehouse_env.render.floor import scale_for
         from warehouse_env.render.video import VideoWriter
 
         require_video()
+        episodes = [episode for episode, _, _ in shown]
         every, fps = pace(episodes, self.speed)
+        scale = min(scale_for(episode.grid, PIXELS, most=64.0) for episode in episodes)
         with VideoWriter(path, fps) as video, make_progress() as progress:
             bar = progress.add_task("video", total=1 + int(max(map(seconds_of, episodes)) / every + 1e-6))
-            for frame in frames(episodes, worlds, names, every):
+            for frame in side_by_side([_film(*one, every) for one in shown], scale):
                 video.add(frame)
                 progress.advance(bar)
         print(f"wrote the video to {path}: {video.frames / fps:.0f} s at {self.speed:g} times the speed")
@@ -163,23 +165,6 @@ def pace(episodes: Sequence[Episode], speed: float) -> tuple[float, float]:
     step = max(map(_step, episodes))
     every = step * max(1, round(speed / FLUENT / step))
     return every, speed / every
-
-
-def frames(
-    episodes: Sequence[Episode], worlds: Sequence[int], names: Sequence[str], every: float
-) -> Iterator[NDArray[np.uint8]]:
-    """Yield pictures uint8[H, W, 3] of all episodes side by side; a finished one shows its last frame."""
-    from warehouse_env.render.floor import scale_for
-    from warehouse_env.render.frame import draw
-
-    scale = min(scale_for(episode.grid, PIXELS, most=64.0) for episode in episodes)
-    films = [_film(*one, every) for one in zip(episodes, worlds, names, strict=True)]
-    last: list[NDArray[np.uint8]] = [np.empty((0, 0, 3), np.uint8)] * len(films)
-    for scenes in itertools.zip_longest(*films):
-        last = [old if scene is None else draw(scene, scale) for scene, old in zip(scenes, last, strict=True)]
-        height = max(len(frame) for frame in last)
-        padded = [np.pad(frame, ((0, height - len(frame)), (0, 0), (0, 0))) for frame in last]
-        yield padded[0] if len(padded) == 1 else np.concatenate(padded, axis=1)
 
 
 def _film(episode: Episode, world: int, name: str, every: float) -> Iterator[Scene]:

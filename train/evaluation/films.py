@@ -1,15 +1,18 @@
 """Short films of policies that drive, side by side."""
 
+import itertools
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Unpack
 
 import numpy as np
+from numpy.typing import NDArray
 
 from train.books import simulator_of
 from train.evaluation.rollout import POLICY_STREAM, Experiment, decider, make_experiment
 from warehouse_env.config import ConfigChanges, EnvConfig
 from warehouse_env.errors import ConfigError
+from warehouse_env.maps.fitting import load_floor
 from warehouse_env.render.floor import scale_for
 from warehouse_env.render.frame import Scene, draw, scene_of
 from warehouse_env.render.video import VideoWriter
@@ -33,10 +36,19 @@ def film(
         raise ConfigError("name at least one policy to film")
     driven = [make_experiment(policy, EnvConfig(), 1, begin + seconds, seed, options) for policy in policies]
     times = [begin + frame * speed / FPS for frame in range(round(seconds * FPS / speed) + 1)]
+    scale = scale_for(load_floor(driven[0].config), pixels, most=_LARGEST)
     with VideoWriter(path, FPS) as video:
-        for scenes in zip(*(_scenes(experiment, times) for experiment in driven), strict=True):
-            scale = scale_for(scenes[0].grid, pixels, most=_LARGEST)
-            video.add(np.concatenate([draw(one, scale) for one in scenes], axis=1))
+        for frame in side_by_side([_scenes(experiment, times) for experiment in driven], scale):
+            video.add(frame)
+
+
+def side_by_side(films: Sequence[Iterator[Scene]], scale: float) -> Iterator[NDArray[np.uint8]]:
+    """Yield pictures uint8[H, W, 3] of films [px/m] beside each other; a finished one shows its last scene."""
+    last: list[NDArray[np.uint8]] = [np.empty((0, 0, 3), np.uint8)] * len(films)
+    for scenes in itertools.zip_longest(*films):
+        last = [old if scene is None else draw(scene, scale) for scene, old in zip(scenes, last, strict=True)]
+        height = max(map(len, last))
+        yield np.concatenate([np.pad(one, ((0, height - len(one)), (0, 0), (0, 0))) for one in last], axis=1)
 
 
 def _scenes(experiment: Experiment, times: list[float]) -> Iterator[Scene]:
