@@ -35,7 +35,7 @@ Pose = tuple[float, float, float]
 Route = NDArray[np.float64]  # [K, PIECE]
 
 _PIECES, _NODES = 512, 120_000  # of a route and of a search at the most
-_FINEST = 8
+_FINE = 1, 2, 4, 8  # steps, see RouteTask.fine
 _SOON, _ALONE = 200, 5_000  # nodes for a robot alone: with a route, and until there is one
 _PRICE = 4.0  # [s] of a meeting in a slot
 _PATIENCE = 4  # rounds without a gain before prices and searches grow
@@ -90,15 +90,13 @@ class _Fleet:
     def find_alone(self, i: int) -> bool:
         """Plan robot i without others, if need be in finer steps and through a gate before its goal."""
         self.traffic.counts[:] = 0
-        fine = 1
-        while fine <= _FINEST:
+        for fine in _FINE:
             self.fine[i], self.gates[i], self.tails[i] = fine, self.goals[i], np.empty((0, PIECE))
             if self.find(i, _PRICE, _ALONE, _SOON) < math.inf:
                 return True
             for target in self._targets(i):
                 if self._find_gate(i, target, fine) and self.find(i, _PRICE, _ALONE, _SOON) < math.inf:
                     return True
-            fine *= 2
         return False
 
     def _targets(self, i: int) -> list[Pose]:

@@ -37,13 +37,8 @@ class Traffic(NamedTuple):
 
     pieces: Any  # float64[N, P, PIECE]
     counts: Any  # int32[N], pieces of each; 0: the robot is left out
-    first: Any  # int32[S, N], the piece at the beginning of each slot
+    first: Any  # int32[S, N], the piece at the beginning of each slot; after the last all robots have parked
     middles: Any  # float64[S, N, 2], the body's middle in the middle of each slot
-
-    @property
-    def horizon(self) -> int:
-        """Number of slots, after which all robots have parked."""
-        return len(self.first)
 
 
 def empty_traffic(robots: int, pieces: int, slots: int) -> Traffic:
