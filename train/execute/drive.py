@@ -162,10 +162,9 @@ class Drive:
             robot.wheelbase, robot.max_speed, -robot.min_speed, robot.max_acceleration, robot.max_steering_rate, step
         )
         self.simulator = Simulator(config, 1, grid=curves.grid)
-        lasts = [motions[-1:] for motions in order.own]
         goals = [
-            curves.end(*last[0][1:3])[:2] if last else start[:2]
-            for last, start in zip(lasts, order.starts, strict=True)
+            curves.end(own[-1].start, own[-1].arcs)[:2] if own else start[:2]
+            for own, start in zip(order.own, order.starts, strict=True)
         ]
         self.recorder = Recorder(self.simulator, (0,), start=Assignment(np.array(order.starts), np.array(goals)))
         self._follows, self._leads = _grouped(order.edges[:, ::-1], many), _grouped(order.edges, many)
