@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from train.commands.evaluate import Evaluate
-from train.evaluation.kernels import compile_all, is_compiled
+from train.evaluation.kernels import compile_missing
 from train.learning.config import HELD_OUT_SEED
 from train.reporting.report import require_video, tell
 from train.reporting.rows import read_rows
@@ -46,8 +46,7 @@ class Demo(Checked):
         if self.video_seconds:
             require_video()
         begin = time.perf_counter()
-        if not is_compiled():  # else every process would compile the same kernels
-            compile_all(self.processes)
+        compile_missing(self.processes)  # else every process would compile the same kernels
         Evaluate(
             policy=self.policy, layout=(self.layout,), robots=(self.robots,), episodes=self.episodes,
             seconds=self.seconds, out=self.out, processes=self.processes,

@@ -94,10 +94,10 @@ def compile_all(processes: int, capabilities: Sequence[str] = ()) -> list[Row]:
         return run_all(parts)
 
 
-def compile_missing() -> None:
-    """Compile all kernels on all cores, unless the step is on disk."""
+def compile_missing(processes: int | None = None) -> None:
+    """Compile all kernels, on all cores by default, unless the step is on disk."""
     if not is_compiled():
-        compile_all(os.cpu_count() or 1)
+        compile_all(processes or os.cpu_count() or 1)
 
 
 def _motion() -> None:
