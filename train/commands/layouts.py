@@ -85,7 +85,6 @@ class Layouts(Checked):
         print(f"wrote {path}{named}")
 
     def _list(self) -> None:
-        rows = [facts(make_layout(name)) for name in LAYOUTS]
         cells = [
             (
                 name,
@@ -93,7 +92,7 @@ class Layouts(Checked):
                 *(str(row[key]) for key in ("free", "picks", "stations", "narrowest", "max_height_m")),
                 (inspect.getdoc(LAYOUTS[name]) or "").split("\n")[0].removeprefix("Return ").rstrip("."),
             )
-            for name, row in zip(LAYOUTS, rows, strict=True)
+            for name, row in ((name, facts(make_layout(name))) for name in LAYOUTS)
         ]
         header = ("layout", "cells", "free", "picks", "stations", "narrowest aisle", "floor height [m]", "what it is")
         Table("Layouts", header, tuple(cells)).print()
