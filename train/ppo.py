@@ -18,8 +18,8 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepR
 from agents.networks import first_actor_critic, tensors_of
 from train.books import book_of
 from train.learning.config import PPOConfig
-from train.learning.progress import TrainingTally, figures_of
-from train.learning.trainer import Split, Tensors, Trainer, network_of, set_threads
+from train.learning.progress import TrainingTally
+from train.learning.trainer import Split, Trainer, network_of, set_threads
 from train.learning.worlds import TrainingSimulator
 from warehouse_env.envs.vector import WarehouseVecEnv
 
@@ -54,14 +54,16 @@ class Ppo(Trainer):
         with self.split.measure("simulator_s"):
             rest = config.jam_seconds, config.shared
             self._simulators = [TrainingSimulator(*one, *rest, book_of(one[0])) for one in mixes]
-            self._tally = TrainingTally(self._simulators)
+            self.tallies = [TrainingTally(self._simulators)]
             worlds = WarehouseVecEnv(self._simulators)
             worlds.seed(config.seed)
         self.rows = worlds.num_envs
         self.network = network_of(self.env, config.hidden)
         self._step_size = config.learning_rate
-        self._worlds = MeasuredVecEnv(worlds, config.reward_scale, self.split, self._tally)
+        self._worlds = MeasuredVecEnv(worlds, config.reward_scale, self.split, self.tallies[0])
         self.model = self._make_model()
+        self.net, self.names = self.model.policy, self._names()
+        self.load_policy(tensors_of(first_actor_critic(self.network, self.env, config.cruise_bias)))
         self.optimizer = self.model.policy.optimizer
         _, self._callback = self.model._setup_learn(1)
 
@@ -77,8 +79,6 @@ class Ppo(Trainer):
             policy_kwargs=shape, seed=config.seed, device="cpu",
         )  # fmt: skip
         model.set_logger(Logger(folder=None, output_formats=[]))
-        first = tensors_of(first_actor_critic(self.network, self.env, config.cruise_bias))
-        model.policy.load_state_dict({theirs: torch.from_numpy(first[ours]) for ours, theirs in self._names().items()})
         return model
 
     def update(self, number: int, spent: float) -> dict[str, float]:
@@ -99,20 +99,6 @@ class Ppo(Trainer):
         losses = {ours: float(values[f"train/{theirs}"]) for theirs, ours in names.items()}
         losses |= {"entropy": -float(values["train/entropy_loss"])}
         return losses | {"explained_variance": float(values["train/explained_variance"])}
-
-    def take_figures(self) -> dict[str, float]:
-        """Return what happened since the last call (see `Trainer.take_figures`)."""
-        return figures_of([self._tally], self.env.time_step * self.env.action_repeat)
-
-    def policy_tensors(self) -> Tensors:
-        """Return the library's network under our names (see `Trainer.policy_tensors`)."""
-        state = self.model.policy.state_dict()
-        return {name: state[theirs].detach().numpy().copy() for name, theirs in self._names().items()}
-
-    def load_policy(self, tensors: Tensors) -> None:
-        """Put the network back (see `Trainer.load_policy`); worlds and sampling start again."""
-        state = {theirs: torch.from_numpy(tensors[ours].copy()) for ours, theirs in self._names().items()}
-        self.model.policy.load_state_dict(state)
 
     def close(self) -> None:
         """End the worlds (see `Trainer.close`)."""

@@ -17,11 +17,10 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from agents.networks import ActorCritic, tensors_of
+from agents.networks import ActorCritic
 from train.learning import checkpoint
 from train.learning.config import ThreadedConfig, ThreadedPPOConfig
-from train.learning.progress import figures_of
-from train.learning.trainer import Split, Tensors, Trainer, first_net, network_of, rng_of, set_threads, shuffled
+from train.learning.trainer import Split, Trainer, first_net, network_of, rng_of, set_threads, shuffled
 from train.learning.worlds import TrainingSimulator, TrainingWorlds
 from warehouse_env.config import EnvConfig, RewardWeights
 
@@ -129,6 +128,8 @@ def clipped_loss(log_probability: Tensor, old: Tensor, advantage: Tensor, clip: 
 class ThreadedTrainer(Trainer):
     """Workers, network and optimizer. One `update` is one rollout and `epochs` passes over its rows."""
 
+    net: ActorCritic
+
     def __init__(self, config: ThreadedConfig) -> None:
         self.config, self.rollout, self.epochs = config, config.rollout, 1
         self._actor_loss: ActorLoss = policy_loss
@@ -139,6 +140,7 @@ class ThreadedTrainer(Trainer):
         self._workers = [RolloutWorker(config, worlds) for worlds in _worlds(config)]
         self._pool = ThreadPoolExecutor(len(self._workers), initializer=set_threads, initargs=(self._threads,))
         self.rows = sum(worker.rows for worker in self._workers)
+        self.tallies = [worker.worlds.tally for worker in self._workers]
         worlds = self._workers[0].worlds
         self.env, device = worlds.simulators[0].config, worlds.observation.device
         self.network = network_of(self.env, config.hidden)
@@ -146,6 +148,7 @@ class ThreadedTrainer(Trainer):
             torch.backends.cuda.matmul.allow_tf32 = True
         torch.manual_seed(config.seed)
         self.net = first_net(config, self.env).to(device)
+        self.names = {name: name for name in self.net.state_dict()}
         self._sizes = [parameter.numel() for parameter in self.net.parameters()]
         self._groups = [self.net.actor_parameters(), list(self.net.critic.parameters())]
         self.optimizer = torch.optim.Adam([{"params": group} for group in self._groups], eps=1e-5)
@@ -206,10 +209,6 @@ class ThreadedTrainer(Trainer):
         slopes = torch.cat([slope.flatten() for slope in torch.autograd.grad(loss, list(self.net.parameters()))])
         return slopes, torch.stack([actor_loss, critic_loss, mean_entropy, held]).detach()
 
-    def take_figures(self) -> dict[str, float]:
-        """Return what happened since the last call (see `Trainer.take_figures`)."""
-        return figures_of([one.worlds.tally for one in self._workers], self.env.time_step * self.env.action_repeat)
-
     def arrays(self) -> dict[str, NDArray[Any]]:
         """Return network, optimizer and the worlds' histories (see `Trainer.arrays`)."""
         worlds = {
@@ -224,14 +223,6 @@ class ThreadedTrainer(Trainer):
         super().load(arrays)
         histories = [checkpoint.part_of(arrays, f"worlds.{number}.") for number in range(len(self._workers))]
         self._each(lambda worker, history: worker.worlds.replay(history), self._workers, histories)
-
-    def policy_tensors(self) -> Tensors:
-        """Return the network's tensors (see `Trainer.policy_tensors`)."""
-        return tensors_of(self.net)
-
-    def load_policy(self, tensors: Tensors) -> None:
-        """Put the network's tensors back (see `Trainer.load_policy`)."""
-        self.net.load_state_dict({name: torch.from_numpy(array.copy()) for name, array in tensors.items()})
 
     def close(self) -> None:
         """End the threads (see `Trainer.close`)."""

@@ -12,10 +12,11 @@ import torch
 from numpy.typing import NDArray
 
 from agents import policy_tensors, weights_of
-from agents.networks import ActorCritic, begin_with, first_actor_critic
+from agents.networks import ActorCritic, begin_with, first_actor_critic, tensors_of
 from agents.weights_folder import Network, read_record
 from train.learning import checkpoint
 from train.learning.config import ThreadedConfig
+from train.learning.progress import TrainingTally, figures_of
 from warehouse_env.config import EnvConfig
 from warehouse_env.observation import observation_layout
 from warehouse_env.threads import MOST_THREADS, set_num_threads
@@ -55,8 +56,11 @@ class Trainer(ABC):
     network: Network
     rows: int  # robots stepped at a time
     rollout: int  # decisions of each between two updates
+    net: torch.nn.Module  # that learns
+    names: dict[str, str]  # of its tensors, by their names in a weights folder
     optimizer: torch.optim.Optimizer
     split: Split  # where the time went so far
+    tallies: list[TrainingTally]  # of all worlds
 
     @abstractmethod
     def update(self, number: int, spent: float) -> dict[str, float]:
@@ -67,20 +71,22 @@ class Trainer(ABC):
         """
 
     @abstractmethod
-    def take_figures(self) -> dict[str, float]:
-        """Return what happened in the worlds since the last call: reward, goals and collisions."""
-
-    @abstractmethod
-    def policy_tensors(self) -> Tensors:
-        """Return the tensors of the current policy, for a weights folder."""
-
-    @abstractmethod
-    def load_policy(self, tensors: Tensors) -> None:
-        """Put back what `policy_tensors` returned."""
-
-    @abstractmethod
     def close(self) -> None:
         """End its threads and worlds."""
+
+    def take_figures(self) -> dict[str, float]:
+        """Return what happened in the worlds since the last call: reward, goals and collisions."""
+        return figures_of(self.tallies, self.env.time_step * self.env.action_repeat)
+
+    def policy_tensors(self) -> Tensors:
+        """Return the tensors of the current policy, for a weights folder."""
+        found = tensors_of(self.net)
+        return {ours: found[theirs] for ours, theirs in self.names.items()}
+
+    def load_policy(self, tensors: Tensors) -> None:
+        """Put back what `policy_tensors` returned."""
+        found = {theirs: torch.from_numpy(tensors[ours].copy()) for ours, theirs in self.names.items()}
+        self.net.load_state_dict(found)
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """Return all that `load` needs to go on."""
