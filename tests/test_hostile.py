@@ -35,12 +35,12 @@ from train.commands.demo import Demo
 from train.commands.evaluate import Evaluate
 from train.commands.plan import PlanCommand
 from train.evaluation.episodes import EpisodesJob
-from train.evaluation.jobs import of_all_runs
 from train.evaluation.rollout import make_experiment
 from train.learning.config import PPOConfig, ReinforceConfig, ThreadedPPOConfig
 from train.learning.progress import ProgressLog
 from train.live.world import read_command
 from train.reporting.rows import read_rows
+from train.tables.runner import PlanBlock
 from warehouse_env.checked import from_plain, parse_named
 from warehouse_env.config import EnvConfig, RewardWeights, RobotSpec, SensorSpec
 from warehouse_env.envs.parallel import parallel_env, single_env
@@ -458,4 +458,5 @@ def test_rows_with_odd_values_are_made_again(tmp_path: Path) -> None:
     assert read_rows(tmp_path / "progress.jsonl") == [{"steps": 1}]
     job = EpisodesJob(make_experiment("follow", EnvConfig(**SMALL), 1, 1.0, 1))
     assert job.left([{"seed": [1], "episode": 0}, {"seed": 1}]) == ([], job)
-    assert of_all_runs([{"run": {}}, {"run": 0}], 1) == [{"run": 0}]
+    block = PlanBlock("000", "", "", 0, "", runs=1, seed=0)
+    assert block.left([{"run": {}}, {"run": 0}]) == ([{"run": 0}], None)

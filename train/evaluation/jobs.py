@@ -117,12 +117,6 @@ class Here:
         """Nothing is under way."""
 
 
-def in_parts(jobs: Sequence[Numbered], width: int) -> list[Numbered]:
-    """Return the parts of jobs for `width` workers, each with the number of its job, in order."""
-    most = sum(job.size for _, job in jobs) / (_EACH * width)
-    return [(number, part) for number, job in jobs for part in job.parts(most)]
-
-
 def rows_of_jobs(jobs: Sequence[Job], rows: Sequence[Row]) -> list[list[Row]]:
     """Return for each job the rows with its identity."""
     if not rows:
@@ -144,12 +138,6 @@ def lost_jobs(lost: Sequence[Job], jobs: int, tries: int) -> LostError:
     """Return the error that names the jobs, of so many, whose workers were lost each time."""
     named = "; ".join(job.title for job in lost)
     return LostError(f"{len(lost)} of {jobs} jobs lost their worker {tries} times: {named}")
-
-
-def of_all_runs(rows: Sequence[Row], runs: int) -> list[Row]:
-    """Return the row of each run, or nothing if one is missing."""
-    own = {row["run"]: row for row in rows if isinstance(row.get("run"), int)}
-    return [own[run] for run in range(runs)] if all(run in own for run in range(runs)) else []
 
 
 def _key(row: Row, names: Sequence[str]) -> str:
@@ -191,7 +179,8 @@ class Runner:
             rows[number] = list(stand)
             if left is not None:
                 missing.append((number, left))
-        parts = in_parts(missing, self._workers.width) if missing else []
+        most = sum(job.size for _, job in missing) / (_EACH * self._workers.width) if missing else 0.0
+        parts = [(number, part) for number, job in missing for part in job.parts(most)]
         done: dict[int, list[Row]] = {}  # by number of the part
         try:
             with _shown(sum(job.size for _, job in parts), self._progress) as moved:

@@ -11,7 +11,7 @@ from typing import ClassVar, Self
 import numpy as np
 
 import warehouse_env
-from train.evaluation.jobs import Job, Result, Tick, code_of, of_all_runs
+from train.evaluation.jobs import Job, Result, Tick, code_of
 from train.evaluation.planning_runs import make_task, plan_once
 from train.reporting.report import Table, number, with_interval
 from train.reporting.rows import Row
@@ -66,8 +66,9 @@ class PlanBlock(Job):
 
     def left(self, rows: Sequence[Row]) -> tuple[Sequence[Row], Self | None]:
         """Return the rows of all runs, if none is missing."""
-        whole = of_all_runs(rows, self.runs)
-        return (whole, None) if whole else ([], self)
+        own = {row["run"]: row for row in rows if isinstance(row.get("run"), int)}
+        whole = all(run in own for run in range(self.runs))
+        return ([own[run] for run in range(self.runs)], None) if whole else ([], self)
 
     def run(self, tick: Tick) -> Result:
         """Do all runs. A first plan, which may compile and fill caches, is not timed."""
