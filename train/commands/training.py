@@ -34,17 +34,16 @@ class Train:
         """Train; the last line says what was written where, also after Ctrl-C."""
         from train.trainers import train  # imports torch
 
+        config = self.config
         if self.fleet is not None:  # the configuration keeps the content of the file
-            config = dataclasses.replace(self.config, fleet=read_fleet(self.fleet))
-            dataclasses.replace(self, fleet=None, config=config).run()
-            return
+            config = dataclasses.replace(config, fleet=read_fleet(self.fleet))
         try:
-            train(self.config)
+            train(config)
         except KeyboardInterrupt:
-            if (self.config.directory / ROWS).exists():  # else nothing was begun
-                print(_end(self.config))
+            if (config.directory / ROWS).exists():  # else nothing was begun
+                print(_end(config))
             raise
-        print(_end(self.config))
+        print(_end(config))
 
 
 def _end(config: TrainingConfig) -> str:
