@@ -32,7 +32,12 @@ class WorldDrive:
 
     def due_in(self) -> float:
         """Return in how many seconds a step is due, 0 or less if it is now."""
-        return self._due() - time.perf_counter()
+        if not self._playing:
+            return _IDLE
+        if self._speed is None:
+            return 0.0
+        due = self._since + (self.world.steps - self._since_steps) * self.world.step_seconds / self._speed
+        return due - time.perf_counter()
 
     def turn(self) -> None:
         """Step if it is due, and send pages what is new."""
@@ -91,14 +96,6 @@ class WorldDrive:
         self._since, self._since_steps = time.perf_counter(), self.world.steps
         self._measured, self._measured_steps = self._since, self._since_steps
         self._reached = 0.0
-
-    def _due(self) -> float:
-        """Return when the next step is due, on the clock of perf_counter [s]."""
-        if not self._playing:
-            return time.perf_counter() + _IDLE
-        if self._speed is None:
-            return 0.0
-        return self._since + (self.world.steps - self._since_steps) * self.world.step_seconds / self._speed
 
     def _step(self) -> None:
         if self._speed is not None and self.due_in() < -_LATE:
