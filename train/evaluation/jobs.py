@@ -181,10 +181,13 @@ class Runner:
                 missing.append((number, left))
         most = sum(job.size for _, job in missing) / (_EACH * self._workers.width) if missing else 0.0
         parts = [(number, part) for number, job in missing for part in job.parts(most)]
+        numbered = list(enumerate(part for _, part in parts))
+        if self._mixed:
+            random.Random(0).shuffle(numbered)
         done: dict[int, list[Row]] = {}  # by number of the part
         try:
             with _shown(sum(job.size for _, job in parts), self._progress) as moved:
-                for part, result in self._workers.each(self._in_order([job for _, job in parts]), moved):
+                for part, result in self._workers.each(numbered, moved):
                     if self._hear is not None:
                         self._hear(result.more)
                     self._file.add(result.rows)
@@ -197,12 +200,6 @@ class Runner:
         for part in sorted(done):
             rows[parts[part][0]] += done[part]
         return [row for number in sorted(rows) for row in rows[number]]
-
-    def _in_order(self, parts: Sequence[Job]) -> list[Numbered]:
-        numbered = list(enumerate(parts))
-        if self._mixed:
-            random.Random(0).shuffle(numbered)
-        return numbered
 
     def _left_behind(self) -> list[str]:
         return [self._file.kept(), *([self._goes_on] if self._goes_on and self._file.count else [])]
