@@ -77,25 +77,25 @@ def list_pairs(bodies, order, starts, p, pairs):
 
 @inline
 def load(robots, i, acceleration, steer_rate, p, floor, motion):
-    """Load robot i's state at the start of a physics step, and its command [m/s^2], [rad/s], into `motion`."""
-    r = robots[i]
-    c, s = r["motion"]["cos"], r["motion"]["sin"]
-    motion[X, i], motion[Y, i], motion[HEADING, i] = r["motion"]["x"], r["motion"]["y"], r["motion"]["heading"]
+    """Load the MOTION of robot i, or body i, and its command [m/s^2], [rad/s] for a physics step into `motion`."""
+    now = robots[i]["motion"]
+    c, s = now["cos"], now["sin"]
+    motion[X, i], motion[Y, i], motion[HEADING, i] = now["x"], now["y"], now["heading"]
     motion[COS, i], motion[SIN, i] = c, s
-    motion[SPEED, i], motion[STEER, i] = r["motion"]["speed"], r["motion"]["steer"]
+    motion[SPEED, i], motion[STEER, i] = now["speed"], now["steer"]
     motion[ACCELERATION, i], motion[STEER_RATE, i] = acceleration, steer_rate
-    centre_x, centre_y = r["motion"]["x"] - p["offset"] * c, r["motion"]["y"] - p["offset"] * s
+    centre_x, centre_y = now["x"] - p["offset"] * c, now["y"] - p["offset"] * s
     motion[ROOM, i] = clearance_at(centre_x, centre_y, floor) - p["radius"]
 
 
 @inline
 def store(robots, motion):
-    """Write the motion of a physics step back into the robots."""
+    """Write the motion of a physics step back into the robots, or the bodies."""
     for i in range(robots.shape[0]):
-        r = robots[i]
-        r["motion"]["x"], r["motion"]["y"], r["motion"]["heading"] = motion[X, i], motion[Y, i], motion[HEADING, i]
-        r["motion"]["cos"], r["motion"]["sin"] = motion[COS, i], motion[SIN, i]
-        r["motion"]["speed"], r["motion"]["steer"] = motion[SPEED, i], motion[STEER, i]
+        now = robots[i]["motion"]
+        now["x"], now["y"], now["heading"] = motion[X, i], motion[Y, i], motion[HEADING, i]
+        now["cos"], now["sin"] = motion[COS, i], motion[SIN, i]
+        now["speed"], now["steer"] = motion[SPEED, i], motion[STEER, i]
 
 
 @inline

@@ -22,8 +22,7 @@ from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.kernel import inline, kernel
 from warehouse_env.simulation.draws import DRIFT, ERROR, Draws, fraction, words
 from warehouse_env.simulation.physics import contact
-from warehouse_env.simulation.physics.contact import HEADING, SPEED, STEER, X, Y
-from warehouse_env.simulation.physics.footprint import clearance_at
+from warehouse_env.simulation.physics.contact import SPEED, STEER, X, Y
 from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.physics.trigonometry import ONE, ZERO, sin_cos, wrap
 from warehouse_env.simulation.state import MOTION
@@ -209,18 +208,12 @@ def load(robots, bodies, planned, errors, own, params, kinds, floor):
     for i in range(robots.shape[0]):
         body, p = bodies[i], kind_of(i, params, kinds)
         speed, steer = _back_to_plan(robots[i], body, planned[SPEED, i], planned[STEER, i], p)
-        stops = speed == ZERO and abs(body["motion"]["speed"]) <= _HOLDS
+        motion = body["motion"]
+        stops = speed == ZERO and abs(motion["speed"]) <= _HOLDS
         error = ZERO if stops else errors[i, ACCELERATING]
-        own[contact.ACCELERATION, i] = _changed(body["motion"]["speed"], speed, error, p["max_acceleration"], p)
-        own[contact.STEER_RATE, i] = _changed(
-            body["motion"]["steer"], steer, errors[i, STEERING], p["max_steer_rate"], p
-        )
-        c, s = body["motion"]["cos"], body["motion"]["sin"]
-        own[X, i], own[Y, i], own[HEADING, i] = body["motion"]["x"], body["motion"]["y"], body["motion"]["heading"]
-        own[contact.COS, i], own[contact.SIN, i] = c, s
-        own[SPEED, i], own[STEER, i] = body["motion"]["speed"], body["motion"]["steer"]
-        x, y = body["motion"]["x"] - p["offset"] * c, body["motion"]["y"] - p["offset"] * s
-        own[contact.ROOM, i] = clearance_at(x, y, floor) - p["radius"]
+        acceleration = _changed(motion["speed"], speed, error, p["max_acceleration"], p)
+        steer_rate = _changed(motion["steer"], steer, errors[i, STEERING], p["max_steer_rate"], p)
+        contact.load(bodies, i, acceleration, steer_rate, p, floor, own)
 
 
 @inline
@@ -259,14 +252,14 @@ def _replan_here(r, body):
 @inline
 def store(robots, bodies, planned, errors, own, guarded, p, kinds):
     """Write a physics step back into robots and bodies, and mark robots off their plans."""
+    for i in range(robots.shape[0]):
+        motion = bodies[i]["motion"]
+        _localise(bodies[i], own[X, i] - motion["x"], own[Y, i] - motion["y"], errors[i])
     contact.store(robots, planned)
+    contact.store(bodies, own)
     for i in range(robots.shape[0]):
         r, body = robots[i], bodies[i]
         motion, shield = r["motion"], r["shield"]
-        _localise(body, own[X, i] - body["motion"]["x"], own[Y, i] - body["motion"]["y"], errors[i])
-        body["motion"]["x"], body["motion"]["y"], body["motion"]["heading"] = own[X, i], own[Y, i], own[HEADING, i]
-        body["motion"]["cos"], body["motion"]["sin"] = own[contact.COS, i], own[contact.SIN, i]
-        body["motion"]["speed"], body["motion"]["steer"] = own[SPEED, i], own[STEER, i]
         ahead, aside, turned = _off(motion["x"], motion["y"], motion["heading"], motion["cos"], motion["sin"], body)
         if np.sqrt(ahead * ahead + aside * aside) + kind_of(i, p, kinds)["far"] * abs(turned) > OFF_PLAN:
             shield["off_plan"] = 1
