@@ -116,14 +116,14 @@ def text_lines(
             yield number, line
 
 
-def parsed_json(text: str, what: str, error: type[WarehouseError] = MapError, first: int = 1) -> Any:
-    """Return the value of a JSON text; raises `error`, naming the line. first: number of the text's first line."""
+def parsed_json(text: str, what: str, error: type[WarehouseError] = MapError) -> Any:
+    """Return the value of a JSON text; raises `error`, naming the line."""
     try:
         return json.loads(text)
     except json.JSONDecodeError as failed:
-        raise error(f"{what}, line {first + failed.lineno - 1}: not valid JSON ({failed.msg})") from None
+        raise error(f"{what}, line {failed.lineno}: not valid JSON ({failed.msg})") from None
     except (ValueError, RecursionError):  # a number of thousands of digits, or thousands of brackets
-        raise error(f"{what}, line {first} or later: not valid JSON (a number or the nesting is too long)") from None
+        raise error(f"{what}, line 1 or later: not valid JSON (a number or the nesting is too long)") from None
 
 
 def read_json(given: object, kind: str, most: int, error: type[WarehouseError] = MapError) -> Any:

@@ -144,10 +144,8 @@ def facts(grid: GridMap) -> Row:
 
 def narrowest_aisle(grid: GridMap) -> int:
     """Return the fewest free cells side by side, in a row or a column, at any cell of the connected floor."""
-    free = np.zeros(grid.shape, dtype=np.bool_)
-    free[tuple(grid.free_cells.T)] = True
-    numbers = [runs(free, along_row) for along_row in (True, False)]
-    return int(min(np.bincount(one[free])[1:].min() for one in numbers))
+    numbers = [runs(grid.region, along_row) for along_row in (True, False)]
+    return int(min(np.bincount(one[grid.region])[1:].min() for one in numbers))
 
 
 @dataclass(frozen=True)

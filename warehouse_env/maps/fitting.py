@@ -93,9 +93,7 @@ def opened(grid: GridMap, goal: Cell) -> GridMap:
 def _notes(grid: GridMap, region: NDArray[np.bool_], need: float, who: str, lost: list[str]) -> list[str]:
     """Return what a floor loses for a body, in sentences."""
     covered = _near(region, math.sqrt(0.5) + need / grid.cell_size, beyond=False)
-    closed = np.zeros(grid.shape, np.bool_)
-    closed[tuple(grid.free_cells.T)] = True
-    closed &= ~covered
+    closed = grid.region & ~covered
     notes = []
     if closed.any():
         x, y = grid.world(grid.centre(np.argwhere(closed)[0])).tolist()

@@ -116,7 +116,7 @@ class GridMap:
         array = np.asarray(np.clip(array, -1, max(rows, columns)), dtype=np.int64)  # so that none wraps round
         inside = ((array >= 0) & (array < (rows, columns))).all(axis=1)
         clipped = np.clip(array, 0, (rows - 1, columns - 1))
-        usable = inside & self._region[tuple(clipped.T)]
+        usable = inside & self.region[tuple(clipped.T)]
         if not usable.all():
             cell = self.check_cell(array[np.argmin(usable)], f"{what} cell")
             raise MapError(f"{what} cell {cell} cannot be reached from the largest free region; move or remove it")
@@ -142,8 +142,8 @@ class GridMap:
         return hashlib.blake2b(b"".join(map(bytes, parts)), digest_size=16).hexdigest()
 
     @cached_property
-    def _region(self) -> NDArray[np.bool_]:
-        """bool[H, W], the largest connected free region."""
+    def region(self) -> NDArray[np.bool_]:
+        """bool[H, W], the largest free region connected by eq. 26 moves, where robots drive."""
         from warehouse_env.maps.endpoints import largest_region
 
         return frozen(largest_region(~self.closed))
@@ -155,8 +155,8 @@ class GridMap:
 
     @cached_property
     def free_cells(self) -> NDArray[np.int64]:
-        """int64[F, 2], the cells of the largest free region connected by eq. 26 moves, in reading order."""
-        return frozen(np.argwhere(self._region))
+        """int64[F, 2], the cells (row, column) of `region`, in reading order."""
+        return frozen(np.argwhere(self.region))
 
     @cached_property
     def endpoints(self) -> tuple[list[Cell], list[Cell], list[Cell]]:

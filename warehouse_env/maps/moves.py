@@ -1,6 +1,6 @@
 """The 8 moves of eq. 26 (paper 000): what lies beyond each, which are legal, and what they cost."""
 
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,10 +15,10 @@ MOVES: NDArray[np.int64] = np.array(
 )
 
 
-def shifted(values: NDArray[T], d_row: int, d_column: int, outside: Any = 0) -> NDArray[T]:
-    """Return [H, W]: the value that lies `d_row` rows and `d_column` columns (-1, 0 or 1) of each cell."""
+def shifted(values: NDArray[T], d_row: int, d_column: int, rim: Literal["constant", "edge"] = "constant") -> NDArray[T]:
+    """Return [H, W]: the value `d_row` rows and `d_column` columns (-1, 0 or 1) off each cell; rim: np.pad's mode."""
     rows, columns = values.shape
-    padded = np.pad(values, 1, constant_values=outside)
+    padded = np.pad(values, 1, mode=rim)
     return padded[1 + d_row : 1 + d_row + rows, 1 + d_column : 1 + d_column + columns]
 
 

@@ -113,20 +113,20 @@ def tolls(grid: GridMap, gentleness: float = 0.0, cost: NDArray[np.float64] | No
     if climbing:
         toll += np.rint(gentleness * _climbs(grid)).astype(np.int64)
     if grid.surplus is not None:
-        _add_cost(toll, grid.legal_moves, grid.surplus, MICRO)
+        _add_cost(toll, grid.legal_moves, grid.surplus)
     if cost is not None:
-        _add_cost(toll, grid.legal_moves, edge_cost(grid, cost), MICRO)
+        _add_cost(toll, grid.legal_moves, edge_cost(grid, cost))
     return toll
 
 
 @kernel
-def _add_cost(toll, legal, cost, scale):
-    """Add a cost map to the tolls of the legal moves, in whole parts of 1 / scale. All [H, W, 8]."""
+def _add_cost(toll, legal, cost):
+    """Add a cost map to the tolls of the legal moves [millionths of a cell]. All [H, W, 8]."""
     for row in range(legal.shape[0]):
         for column in range(legal.shape[1]):
             for move in range(8):
                 if legal[row, column, move]:
-                    toll[row, column, move] += np.int64(np.rint(scale * cost[row, column, move]))
+                    toll[row, column, move] += np.int64(np.rint(MICRO * cost[row, column, move]))
 
 
 @lru_cache(maxsize=8)

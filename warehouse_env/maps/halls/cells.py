@@ -73,12 +73,6 @@ class Raster:
         cells: NDArray[np.int64] = np.clip(np.stack([row, column], axis=-1), -(2**40), 2**40).astype(np.int64)
         return cells
 
-    @property
-    def corner(self) -> tuple[float, float]:
-        """(x, y) [m] of the lower left corner in the map's frame."""
-        x, y = turned(self.origin, self.yaw).tolist()
-        return x, y
-
     @classmethod
     def of(cls, grid: GridMap) -> Raster:
         """Return the cells of a floor."""

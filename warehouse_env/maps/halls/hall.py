@@ -150,9 +150,10 @@ class _Reader:
         (picks, stations), named = self._places(lanes, taken)
         if lanes is not None:
             self._notes += lanes.noted()
+        corner = turned(self._raster.origin, self._raster.yaw)
         grid = GridMap(
             occupied, None, self._how.cell, picks, stations, self._path.stem,  # type: ignore[arg-type]
-            np.where(taken, 0, arrows), self._raster.corner, discs, None, speed, price,  # type: ignore[arg-type]
+            np.where(taken, 0, arrows), corner, discs, None, speed, price,  # type: ignore[arg-type]
             yaw=self._raster.yaw,
         )  # fmt: skip
         self._note_regions(taken)

@@ -145,16 +145,10 @@ def prices(on_cells: OnCells, prefer: float) -> NDArray[np.float64]:
     price[..., ::2] = steps
     for move, by in enumerate(STEPS):
         other = (move + 1) % 4
-        first = steps[..., move] + _seen(steps[..., other], by)
-        second = steps[..., other] + _seen(steps[..., move], STEPS[other])
+        first = steps[..., move] + shifted(steps[..., other], *by, "edge")
+        second = steps[..., other] + shifted(steps[..., move], *STEPS[other], "edge")
         price[..., 2 * move + 1] = 0.5 * np.minimum(first, second)
     return price
-
-
-def _seen(values: NDArray[np.float64], by: tuple[int, int]) -> NDArray[np.float64]:
-    """Return float64[H, W]: the value that lies `by` (rows, columns) of each cell; beyond the rim, the nearest one."""
-    rows, columns = values.shape
-    return np.pad(values, 1, mode="edge")[1 + by[0] : 1 + by[0] + rows, 1 + by[1] : 1 + by[1] + columns]
 
 
 def _cells_along(lane: Lane, raster: Raster) -> NDArray[np.int64]:

@@ -244,15 +244,15 @@ def _nurbs(
         return np.asarray(curve[:, :2] / curve[:, 2:])
 
 
-def write_lif(grid: GridMap, path: str | os.PathLike[str], when: datetime | None = None) -> None:
+def write_lif(grid: GridMap, path: str | os.PathLike[str]) -> None:
     """Write a floor's lanes, one-way rules, speed limits, picks and stations as LIF, whole or not at all.
 
-    when: the time stamp of the file, now if not given. LIF has no prices of lanes.
+    LIF has no prices of lanes.
     """
     lanes = of_floor(grid)
     words = zip(KINDS, ("pick", "drop"), strict=True)
     action = {place.name: word for kind, word in words for place in lanes.places[kind]}
-    stamp = (when or datetime.now(UTC)).strftime("%Y-%m-%dT%H:%M:%S.00Z")
+    stamp = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%S.00Z")
     data = {
         "metaInformation": {
             "projectIdentification": grid.name, "creator": "warehouse_env", "exportTimestamp": stamp,

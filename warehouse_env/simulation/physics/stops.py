@@ -224,6 +224,6 @@ def outline_trial(i, acceleration, steer_rate, motion, outlines, p):
 
 
 @inline
-def is_far_from_shelves(row, outlines, p, floor):
+def is_far_from_shelves(row, outlines, floor):
     """Whether a motion's outline touches no shelf."""
     return not body_touches_shelf(grown(outline_of(row, outlines), SLACK), floor)

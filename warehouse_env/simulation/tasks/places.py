@@ -25,11 +25,9 @@ def standing_places(grid: GridMap, config: EnvConfig, count: int) -> list[Cell]:
     """
     disc = disc_of(config, grid.cell_size)
     endpoints = grid.endpoints[2]
-    inside = np.zeros(grid.shape, dtype=np.bool_)
-    inside[tuple(grid.free_cells.T)] = True
-    order = _by_use(grid, config, disc, inside)
+    order = _by_use(grid, disc)
     apart = (2 * config.widest_body.farthest + APART) / grid.cell_size
-    free, chosen = inside.copy(), list[Cell]()
+    free, chosen = grid.region.copy(), list[Cell]()
     for cell in order:
         if len(chosen) == count:
             break
@@ -45,7 +43,7 @@ def standing_places(grid: GridMap, config: EnvConfig, count: int) -> list[Cell]:
     return chosen
 
 
-def _by_use(grid: GridMap, config: EnvConfig, disc: NDArray[np.int64], inside: NDArray[np.bool_]) -> list[Cell]:
+def _by_use(grid: GridMap, disc: NDArray[np.int64]) -> list[Cell]:
     """Return the cells whose disc covers no endpoint, the best places first."""
     ends = np.array(grid.endpoints[2])
     stations = grid.stations
@@ -55,7 +53,7 @@ def _by_use(grid: GridMap, config: EnvConfig, disc: NDArray[np.int64], inside: N
         if np.hypot(ends[:, 0] - row, ends[:, 1] - column).min() <= reach:
             continue
         way = float(np.hypot(stations[:, 0] - row, stations[:, 1] - column).min())
-        found.append((_bars((row, column), disc, inside), way, (row, column)))
+        found.append((_bars((row, column), disc, grid.region), way, (row, column)))
     return [cell for _, _, cell in sorted(found)]
 
 

@@ -150,7 +150,7 @@ def commit(i, command, persons, around, walking, p, kinds, floor):
     if speed != ZERO or min(max(acceleration * p["dt"], p["min_speed"]), p["max_speed"]) != ZERO:
         marks[SAMPLES, trial] = 0
         outline_trial(i, acceleration, steer_rate, motion, outlines, p)
-        if not is_far_from_shelves(trial, outlines, p, floor):
+        if not is_far_from_shelves(trial, outlines, floor):
             sample(trial, i, (acceleration, steer_rate, p["substeps"]), motion, paths, outlines, marks, p)
             if meets_shelf(trial, paths, outlines, marks, p, floor):
                 return SHELF
