@@ -1,7 +1,9 @@
 """Errors of bad input: one subclass of ValueError for each kind, each with a message of one clear sentence."""
 
 import difflib
+import math
 from collections.abc import Collection, Iterable
+from numbers import Integral
 from typing import Any, SupportsInt
 
 _SHOWN = 80  # characters of a wrong value that an error repeats
@@ -69,3 +71,12 @@ def check_known(kind: str, names: Iterable[Any], known: Collection[Any]) -> None
     for name in names:
         if name not in known:
             raise unknown_name(kind, name, known)
+
+
+def check_count(what: str, count: object, least: int = 1, most: float = math.inf) -> int:
+    """Return a count as a Python int; ConfigError unless it is a whole number from `least` to `most`."""
+    if isinstance(count, bool) or not isinstance(count, Integral) or int(count) < least:
+        raise ConfigError(f"{what}={shown(count)} must be a whole number of at least {least}")
+    if int(count) > most:
+        raise ConfigError(f"{what}={shown(count)} must be a whole number of at most {most}")
+    return int(count)

@@ -16,9 +16,8 @@ from threading import Lock, Thread, local
 from typing import Any, TypeVar
 
 import numba
-import numpy as np
 
-from warehouse_env.errors import ConfigError, shown
+from warehouse_env.errors import check_count
 
 MOST_THREADS = int(numba.config.NUMBA_NUM_THREADS)  # type: ignore[attr-defined]  # the cores, or as the environment says
 T = TypeVar("T")
@@ -32,9 +31,7 @@ _allowed = local()
 
 def set_num_threads(threads: int) -> None:
     """Set how many threads the calling thread uses for steps of many worlds and for plans; all cores by default."""
-    if isinstance(threads, bool) or not isinstance(threads, (int, np.integer)) or threads < 1:
-        raise ConfigError(f"threads={shown(threads)} must be a whole number of at least 1")
-    _allowed.threads = int(threads)
+    _allowed.threads = check_count("threads", threads)
 
 
 def get_num_threads() -> int:

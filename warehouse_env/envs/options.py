@@ -9,11 +9,10 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from warehouse_env.config import EnvConfig, EnvOptions
-from warehouse_env.errors import ActionError, ConfigError, check_known, shown
+from warehouse_env.errors import ActionError, ConfigError, check_count, check_known, shown
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning.plan import Planner
 from warehouse_env.routes.book import RouteBook
-from warehouse_env.simulation.given import check_count
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.tasks.assignment import Assignment
 

@@ -16,8 +16,8 @@ from warehouse_env.envs.camera import checked_mode, close_window, picture, rende
 from warehouse_env.envs.infos import EPISODE_METRICS, final_metrics, finished_task, known
 from warehouse_env.envs.options import WorldOptions, assignments_of, begin, build, share_routes
 from warehouse_env.envs.rows import write_rows
-from warehouse_env.errors import ActionError, ConfigError, shown
-from warehouse_env.simulation.given import check_count, listed, whole_seed
+from warehouse_env.errors import ActionError, ConfigError, check_count, shown
+from warehouse_env.simulation.given import listed, whole_seed
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.tasks.assignment import Assignment
 

@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 from numpy.typing import NDArray
 
-from warehouse_env.errors import ConfigError, shown
+from warehouse_env.errors import ConfigError, check_count, shown
 from warehouse_env.maps.discs import covered
 from warehouse_env.maps.endpoints import beside, largest_region
 from warehouse_env.maps.grid_map import Cell, GridMap
@@ -215,10 +215,7 @@ def _with_endpoints(occupied: NDArray[np.bool_], stations: list[Cell], picks: ND
 def check_whole(least: int, most: int = LARGEST, **given: object) -> None:
     """Raise ConfigError unless the named parameters are whole numbers from `least` to `most`."""
     for what, value in given.items():
-        if isinstance(value, bool) or not isinstance(value, int) or value < least:
-            raise ConfigError(f"{what}={shown(value)} must be a whole number of at least {least}")
-        if value > most:
-            raise ConfigError(f"{what}={shown(value)} must be a whole number of at most {most}")
+        check_count(what, value, least, most)
 
 
 def _check_number(what: str, value: object, least: float, most: float) -> None:

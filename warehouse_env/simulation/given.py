@@ -24,13 +24,6 @@ def check_parts(config: object, grid: object, planner: object, routes: object) -
         raise ConfigError(f"planner={shown(planner)} must be a Planner")
 
 
-def check_count(what: str, count: object) -> int:
-    """Return a count as a Python int; ConfigError unless it is a whole number of at least 1."""
-    if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or count < 1:
-        raise ConfigError(f"{what}={shown(count)} must be a whole number of at least 1")
-    return int(count)
-
-
 def check_memory(config: EnvConfig, worlds: int, size: int, bytes_a_robot: int, cells: int) -> None:
     """Raise ConfigError if the worlds exceed the machine's memory; size: of an observation; cells: of the floor."""
     robots, people = config.num_agents, config.people

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from warehouse_env.config import EnvConfig, RewardWeights
-from warehouse_env.errors import ConfigError, shown
+from warehouse_env.errors import ConfigError, check_count, shown
 from warehouse_env.kernel import compiled_for
 from warehouse_env.maps.fitting import load_floor
 from warehouse_env.maps.grid_map import GridMap
@@ -65,6 +65,11 @@ def _new_book(config: EnvConfig, grid: GridMap | None, planner: Planner | None) 
     return RouteBook(load_floor(config, grid), planner, keep_right=config.keep_right, wider=config.widest_body.wider)
 
 
+def _limits(every_kind: NDArray[Any], config: EnvConfig) -> Limits:
+    """Return the robots' parameters by those of their kinds, PARAMETERS[K]."""
+    return every_kind[:1].copy(), every_kind[list(config.kind_of)] if config.fleet else None
+
+
 class Simulator(Portable):
     """B independent worlds of N robots in lock-step.
 
@@ -87,7 +92,7 @@ class Simulator(Portable):
         grid, planner, orders: replace those that the config names; routes: a RouteBook shared with other simulators.
         """
         given.check_parts(config, grid, planner, routes)
-        num_worlds = given.check_count("num_worlds", num_worlds)
+        num_worlds = check_count("num_worlds", num_worlds)
         self.config, self.num_worlds, self.num_agents = config, num_worlds, config.num_agents
         routes = _new_book(config, grid, planner) if routes is None else routes
         self.grid = routes.grid
@@ -98,9 +103,8 @@ class Simulator(Portable):
         each = state.ROBOT.itemsize + 8 * ROUTE_BLOCK
         given.check_memory(config, num_worlds, self.layout.size, each, self.grid.occupied.size)
         self._every_kind = state.every_kind(planned, self.grid.cell_size, config.kinds)
-        self._params = self._every_kind[:1].copy()
-        self._kinds = self._every_kind[list(config.kind_of)] if config.fleet else None
-        self._limits: Limits = self._params, self._kinds
+        self._limits = _limits(self._every_kind, config)
+        self._params, self._kinds = self._limits
         self.actions = ActionDecoder(planned)
         self.action_space = self.actions.space
         self._weights, self._reward_weights = weight_vector(config.reward), config.reward
@@ -156,8 +160,7 @@ class Simulator(Portable):
         }  # fmt: skip
         self._true_params, self._true_kinds = self._limits  # of the bodies, if they differ from the plan
         if self.robots is not self._planned:
-            self._true_params = state.parameters_of(self.config, size)
-            self._true_kinds = state.kinds_of(self.config, size)
+            self._true_params, self._true_kinds = _limits(state.every_kind(self.config, size), self.config)
         for records in (p, self._kinds, self._true_params, self._true_kinds):
             if records is not None:
                 for name, value in shared.items():

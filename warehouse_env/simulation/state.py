@@ -142,11 +142,6 @@ def parameters_of(config: EnvConfig, cell: float) -> NDArray[Any]:
     return every_kind(config, cell)[:1]
 
 
-def kinds_of(config: EnvConfig, cell: float) -> NDArray[Any] | None:
-    """Return the parameters of each robot, PARAMETERS[N]; None if all are alike."""
-    return every_kind(config, cell)[list(config.kind_of)] if config.fleet else None
-
-
 def every_kind(config: EnvConfig, cell: float, bodies: Sequence[RobotSpec] | None = None) -> NDArray[Any]:
     """Return the parameters of the kinds of robots, PARAMETERS[K].
 

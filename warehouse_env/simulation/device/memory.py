@@ -176,11 +176,7 @@ def tensor_of(array: NDArray[Any]) -> torch.Tensor:
         whole = whole.view(np.int64)
     if whole.dtype.fields:
         whole = whole.view(np.uint8).reshape(*array.shape, array.dtype.itemsize)
-    return torch.from_numpy(whole.view(_known(whole.dtype)).copy())
-
-
-def _known(dtype: np.dtype[Any]) -> np.dtype[Any]:
-    return np.dtype(np.int64) if dtype == np.uint64 else dtype
+    return torch.from_numpy(whole.copy())
 
 
 def field_on_device(records: torch.Tensor, name: str) -> torch.Tensor:

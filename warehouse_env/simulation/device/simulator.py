@@ -11,7 +11,7 @@ import torch
 from numpy.typing import ArrayLike, NDArray
 
 from warehouse_env.config import EnvConfig, RewardWeights
-from warehouse_env.errors import ActionError, ConfigError
+from warehouse_env.errors import ActionError, ConfigError, check_count
 from warehouse_env.routes.route_table import RouteTable
 from warehouse_env.simulation import state
 from warehouse_env.simulation.device import drivers
@@ -21,7 +21,7 @@ from warehouse_env.simulation.device.live import LiveOnHost
 from warehouse_env.simulation.device.memory import bytes_of, field_on_device, mapped, memory_of, tensor_of
 from warehouse_env.simulation.draws import Draws
 from warehouse_env.simulation.driver.scratch import make_search_scratch
-from warehouse_env.simulation.given import check_count, seeds_of
+from warehouse_env.simulation.given import seeds_of
 from warehouse_env.simulation.physics.deviation import BODY, place_bodies
 from warehouse_env.simulation.physics.poses import poses, speeds
 from warehouse_env.simulation.record.metrics import episode_rows

@@ -281,8 +281,6 @@ class Dispatcher(Portable):
         """
         points = route.line
         self.make_room(len(points))
-        if self.live is not None:
-            self.live.give_up(world, robot)
         take_route(self.robots, self.routes, world, robot, points, self._rules.heading)
         if route.end is not None:
             take_end(self.robots, world, robot, *route.end, route.either, self._join(robot))

@@ -17,7 +17,7 @@ from warehouse_env.simulation.tasks.goals import NONE, Endpoints, GoalState, end
 from warehouse_env.simulation.tasks.tasks import book_arrival, take_end, take_goal, take_route
 from warehouse_env.simulation.traffic.live_search import find_live, list_route, to_goal
 from warehouse_env.simulation.traffic.off_route import is_off_route
-from warehouse_env.simulation.traffic.route_occupancy import RoadUsers, forget_route
+from warehouse_env.simulation.traffic.route_occupancy import RoadUsers
 
 # Results of a live query: no route, or no better one; a new route; Python must find it.
 NONE_FOUND, GIVEN, LEFT = range(3)
@@ -237,7 +237,6 @@ def follow_live(at, here, when, arrays, live):
         return NONE_FOUND
     if len(line) > arrays.routes.shape[2] or count > own.cells.shape[2]:
         return LEFT
-    forget_route(own.passing, b, i)
     take_route(arrays.robots, arrays.routes, b, i, line, arrays.rules.heading)
     list_route(at, room.path[:count], own.reach, users, own)
     return GIVEN

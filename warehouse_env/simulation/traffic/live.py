@@ -52,7 +52,6 @@ from warehouse_env.simulation.traffic.route_occupancy import (
     Site,
     ahead_of,
     cell_of,
-    forget_route,
     keep_all_up,
     make_occupancy,
     note_waiting,
@@ -193,10 +192,6 @@ class LiveRoutes(Portable):
             return LiveRoom(asked, None, trails, trails.path)
         labels = make_labels(*shape)
         return LiveRoom(asked, labels, None, labels.path)
-
-    def give_up(self, world: int, robot: int) -> None:
-        """Forget a robot's route before it is replaced."""
-        forget_route(self.arrays.passing, world, robot)
 
     def take_up(
         self, robots: NDArray[Any], routes: NDArray[np.float32], world: int, robot: int,

@@ -13,7 +13,14 @@ from warehouse_env.routes.lanes import drivable_line
 from warehouse_env.simulation.traffic.ants import Trails, send_ants
 from warehouse_env.simulation.traffic.prices import PriceCache, Prices, ReplanQuery
 from warehouse_env.simulation.traffic.replan_search import Labels, find_way
-from warehouse_env.simulation.traffic.route_occupancy import NOTHING, RouteOccupancy, Site, keep_all_up, keep_up
+from warehouse_env.simulation.traffic.route_occupancy import (
+    NOTHING,
+    RouteOccupancy,
+    Site,
+    forget_route,
+    keep_all_up,
+    keep_up,
+)
 
 HORIZON = 40 * UNIT  # from a robot, up to which it looks; from there its way is the shortest
 NEAR = 25.0  # [m] from the end of what is laid of a route at which a robot is near it
@@ -116,11 +123,12 @@ def find_live(at, here, goal, when, users, live, room):
 
 @kernel
 def list_route(at, cells, laid, users, live):
-    """List the new route of robot at[1] of world at[0] in the table, and keep the cells int[L, 2] that it was made of.
+    """List the new route of robot at[1] of world at[0] in the table in place of its last one.
 
-    laid [m]: how much of it is drivable.
+    cells int[L, 2]: that it was made of, which are kept; laid [m]: how much of it is drivable.
     """
     b, i = at
+    forget_route(live.passing, b, i)
     for k in range(len(cells)):
         live.cells[b, i, k, 0], live.cells[b, i, k, 1] = cells[k, 0], cells[k, 1]
     live.counts[b, i], live.laid[b, i], live.changed[b, i] = len(cells), laid, True
