@@ -16,13 +16,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from warehouse_env.kernel import inline, kernel, part, whole
+from warehouse_env.kernel import inline, part, whole
 from warehouse_env.maps.grid_map import MOVES
 from warehouse_env.planning.ants.colony import ARRIVED, Trip, WalkRule, sender
 from warehouse_env.planning.cost_to_go import UNIT, UNREACHABLE
 from warehouse_env.planning.graph_search import START, is_hairpin
 from warehouse_env.simulation.traffic.prices import ANY, is_beyond, price_of, rest_from
-from warehouse_env.simulation.traffic.replan_search import finish, make_path
 
 ANTS, ITERATIONS = 8, 20
 PATIENCE = 8  # iterations without a better way, once there is one, after which ants are not sent again
@@ -50,7 +49,6 @@ class Trails(NamedTuple):
     spent: NDArray[np.int64]  # [1], what an ant's way has cost
     moves: NDArray[np.int8]  # [MOST_STEPS], an ant's
     best: NDArray[np.int8]  # [MOST_STEPS], those of the best way
-    path: NDArray[np.int64]  # see make_path
 
 
 def make_trails(rows: int, columns: int) -> Trails:
@@ -60,7 +58,7 @@ def make_trails(rows: int, columns: int) -> Trails:
         np.zeros(1, np.int64), np.zeros(cells, np.int64), np.zeros(cells, np.int32), np.zeros(1, np.int64),
         np.zeros(cells, np.int64), np.zeros(cells, np.int32), np.zeros((cells, 8), np.int32),
         np.zeros((cells, 8), np.float32), np.zeros(cells, np.int64), np.zeros(8, np.int64), np.zeros(8),
-        np.zeros(1, np.int64), np.zeros(MOST_STEPS, np.int8), np.zeros(MOST_STEPS, np.int8), make_path(cells),
+        np.zeros(1, np.int64), np.zeros(MOST_STEPS, np.int8), np.zeros(MOST_STEPS, np.int8),
     )  # fmt: skip
 
 
@@ -209,21 +207,11 @@ def colonise(look, most, seed, trails):
 
 
 @inline
-def _lead(look, most, seed, trails):
-    """Write the ants' way to trails.path; return (number of cells, last move), see `replan_search.finish`."""
+def lead(look, most, seed, trails, path):
+    """Write the ants' way up to the horizon to `path`; return (number of cells, the move to the last one)."""
     best, _ = colonise(look, most, seed, trails)
-    path = trails.path
     path[0, 0], path[0, 1] = look.row, look.column
     for k in range(best):
         move = trails.best[k]
         path[k + 1, 0], path[k + 1, 1] = path[k, 0] + MOVES[move, 0], path[k, 1] + MOVES[move, 1]
     return best + 1, whole(trails.best[best - 1]) if best > 0 else START
-
-
-_finish = finish(_lead)
-
-
-@kernel
-def send_ants(look, cells, saving, runs_out, seed, trails):
-    """Write the way that ants find to trails.path; return of how many cells; see `replan_search.find_way`."""
-    return _finish(look, cells, saving, runs_out, seed, trails)

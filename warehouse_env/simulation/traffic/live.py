@@ -45,7 +45,7 @@ from warehouse_env.simulation.traffic.live_search import (
     runs_out_of,
 )
 from warehouse_env.simulation.traffic.prices import make_price_cache, prices_for
-from warehouse_env.simulation.traffic.replan_search import make_labels
+from warehouse_env.simulation.traffic.replan_search import make_labels, make_path
 from warehouse_env.simulation.traffic.route_occupancy import (
     NOTHING,
     RoadUsers,
@@ -79,11 +79,9 @@ def find_due(robots, steps, every, looks):
     for b in range(robots.shape[0]):
         for i in range(count):
             r = robots[b, i]
-            due = (
-                r["task"]["alive"] != 0 and r["events"]["arrived"] == 0 and (steps[b] + i * every // count) % every == 0
-            )
-            looks[b, i] = due
-            found += due
+            turn = (steps[b] + i * every // count) % every == 0
+            looks[b, i] = turn and r["task"]["alive"] != 0 and r["events"]["arrived"] == 0
+            found += looks[b, i]
     return found
 
 
@@ -187,11 +185,9 @@ class LiveRoutes(Portable):
         """Return scratch for a thread that makes routes."""
         shape = self._book.grid.shape
         asked = make_price_cache(shape[0] * shape[1])
-        if self.finder == "pf_aco":
-            trails = make_trails(*shape)
-            return LiveRoom(asked, None, trails, trails.path)
-        labels = make_labels(*shape)
-        return LiveRoom(asked, labels, None, labels.path)
+        ants = self.finder == "pf_aco"
+        labels, trails = (None, make_trails(*shape)) if ants else (make_labels(*shape), None)
+        return LiveRoom(asked, labels, trails, make_path(shape[0] * shape[1]))
 
     def take_up(
         self, robots: NDArray[Any], routes: NDArray[np.float32], world: int, robot: int,

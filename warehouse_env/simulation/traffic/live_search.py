@@ -5,14 +5,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from warehouse_env.kernel import inline, kernel, part, whole
+from warehouse_env.kernel import kernel, part, whole
 from warehouse_env.maps.grid_map import MOVES
 from warehouse_env.maps.standing import centre_of
 from warehouse_env.planning.cost_to_go import UNIT, UNREACHABLE, to_go
+from warehouse_env.planning.graph_search import START
 from warehouse_env.routes.lanes import drivable_line
-from warehouse_env.simulation.traffic.ants import Trails, send_ants
-from warehouse_env.simulation.traffic.prices import PriceCache, Prices, ReplanQuery
-from warehouse_env.simulation.traffic.replan_search import Labels, find_way
+from warehouse_env.simulation.traffic import ants, replan_search
+from warehouse_env.simulation.traffic.ants import Trails
+from warehouse_env.simulation.traffic.prices import PriceCache, Prices, ReplanQuery, most_for, rest_from
+from warehouse_env.simulation.traffic.replan_search import Labels
 from warehouse_env.simulation.traffic.route_occupancy import (
     NOTHING,
     RouteOccupancy,
@@ -52,7 +54,7 @@ class LiveRoom(NamedTuple):
     """Scratch for the searches of one thread."""
 
     asked: PriceCache
-    labels: Labels | None  # of `find_way`; None: `send_ants` looks
+    labels: Labels | None  # of the search (replan_search.py); None: ants look
     trails: Trails | None
     path: NDArray[np.int64]  # see make_path
 
@@ -76,19 +78,23 @@ def first_move(field, top, left, steps, row, column):
     return NOTHING
 
 
-@inline
-def _look(look, cells, saving, runs_out, seed, labels, trails):
-    """Look for a way by the planner that has scratch."""
+@part
+def _lead(look, most, seed, labels, trails, path):
+    """Let the planner that has scratch lead to the horizon; return (cells, last move), 0 cells: none up to `most`."""
     if labels is not None:
-        return find_way(look, cells, saving, runs_out, seed, labels)
+        return replan_search.lead(look, most, labels, path)
     if trails is not None:
-        return send_ants(look, cells, saving, runs_out, seed, trails)
-    return 0
+        return ants.lead(look, most, seed, trails, path)
+    return 0, START
 
 
 @kernel
 def find_cells(at, here, goal, when, users, live, room):
     """Write the cells of a route around all others to room.path; return how many, 0 if there is none, or none better.
+
+    A planner leads to the horizon. From there the way is a cheapest one to the goal, which turns where it must, and
+    then as little as it can. Without a better route, a robot on its way continues along its present cells if what is
+    laid of its route runs out.
 
     at: (world, robot); here: the robot's cell (row, column); goal: its field int32[h, w], and the row and column at
     which that begins; when: (the world's env step, whether the robot is on its way there already, a seed for ants).
@@ -100,9 +106,13 @@ def find_cells(at, here, goal, when, users, live, room):
         live.passing, room.asked, users.robots[b], live.steps, live.prices, live.site.size, b, i,
         row, column, field, top, left, live.hairpin, HORIZON,
     )  # fmt: skip
-    saving = live.saving if on_its_way else -1
+    count, arrived, most = 0, START, most_for(look, cells, live.saving if on_its_way else -1)
+    if rest_from(look, row, column) <= most:
+        count, arrived = _lead(look, most, seed, room.labels, room.trails, room.path)
+    if count > 0:
+        return replan_search.write_tail(look, count, arrived, room.path)
     runs_out = on_its_way and runs_out_of(users.robots[b, i], live.laid[b, i])
-    return _look(look, cells, saving, runs_out, seed, room.labels, room.trails)
+    return replan_search.write_rest(look, cells, room.path) if runs_out else 0
 
 
 @kernel

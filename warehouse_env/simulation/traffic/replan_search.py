@@ -9,17 +9,17 @@ The arriving move matters only for sharp turns. The states of a cell are closed 
 heuristic is the same: after a move that was made without a sharp turn, no later state goes on at less cost.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.heap import pop, push
-from warehouse_env.kernel import inline, kernel, part
+from warehouse_env.kernel import inline, part
 from warehouse_env.maps.grid_map import MOVES
 from warehouse_env.planning.cost_to_go import UNREACHABLE
 from warehouse_env.planning.graph_search import START, is_hairpin
-from warehouse_env.simulation.traffic.prices import is_beyond, most_for, next_cell, price_of, rest_from
+from warehouse_env.simulation.traffic.prices import is_beyond, next_cell, price_of, rest_from
 
 TURNS = 1 << 20  # turns that a way has less than
 _TWICE = 1024  # cells that a way may lead through again, as a long way round instead of a hairpin; ants walk fewer
@@ -41,7 +41,6 @@ class Labels(NamedTuple):
     last: NDArray[np.int64]  # [C], the key of the last of them
     keys: NDArray[np.int64]  # [Q] of a heap: bounds ...
     states: NDArray[np.int64]  # [Q] ... and states
-    path: NDArray[np.int64]  # see make_path
 
 
 def make_path(cells: int) -> NDArray[np.int64]:
@@ -55,7 +54,7 @@ def make_labels(rows: int, columns: int) -> Labels:
     return Labels(
         np.zeros(1, np.int64), np.zeros(9 * cells, np.int64), np.zeros(9 * cells, np.int64),
         np.zeros(9 * cells, np.int32), np.zeros(cells, np.int64), np.zeros(cells, np.uint8), np.zeros(cells, np.int64),
-        np.zeros(_QUEUED, np.int64), np.zeros(_QUEUED, np.int64), make_path(cells),
+        np.zeros(_QUEUED, np.int64), np.zeros(_QUEUED, np.int64),
     )  # fmt: skip
 
 
@@ -125,11 +124,10 @@ def search(look, most, labels):
 
 
 @inline
-def _lead(look, most, seed, labels):
-    """Write the cells of a cheapest way up to the horizon to labels.path; see `finish`."""
+def lead(look, most, labels, path):
+    """Write the cells of a cheapest way up to the horizon to `path`; return (how many, the move to the last one)."""
     state, _ = search(look, most, labels)
-    columns, path = look.steps.shape[1], labels.path
-    count, back = 0, state
+    columns, count, back = look.steps.shape[1], 0, state
     while back >= 0:
         count += 1
         back = labels.before[back]
@@ -143,7 +141,7 @@ def _lead(look, most, seed, labels):
 
 
 @part
-def _write_tail(look, count, arrived, path):
+def write_tail(look, count, arrived, path):
     """Extend a way of `count` cells, the last one reached by a move, to the goal; return its number of cells."""
     row, column = path[count - 1, 0], path[count - 1, 1]
     rest = rest_from(look, row, column)
@@ -157,7 +155,7 @@ def _write_tail(look, count, arrived, path):
 
 
 @part
-def _write_rest(look, cells, path):
+def write_rest(look, cells, path):
     """Write a robot's cell and the cells still ahead on its route to `path`; return how many.
 
     cells: int32[L, 2], the cells that its route was made of.
@@ -183,37 +181,3 @@ def _downhill(look, row, column, rest, arrived):
             if there != UNREACHABLE and there + step == rest:
                 return move
     return arrived
-
-
-def finish(lead: Any) -> Any:
-    """Return the compiled function that finds a whole way, given one that leads to the replanning horizon.
-
-    lead: inlined function (look, most, seed, room) -> (cells that it wrote to room.path, the move that came to the last
-    one, or START), 0 cells: no way costs at most `most`. From there the way is a cheapest one to the goal, which turns
-    where it must, and then as little as it can.
-    """
-
-    @part
-    def way(look, cells, saving, runs_out, seed, room):
-        count, arrived, most = 0, START, most_for(look, cells, saving)
-        if rest_from(look, look.row, look.column) <= most:
-            count, arrived = lead(look, most, seed, room)
-        if count > 0:
-            return _write_tail(look, count, arrived, room.path)
-        return _write_rest(look, cells, room.path) if runs_out else 0
-
-    return way
-
-
-_finish = finish(_lead)
-
-
-@kernel
-def find_way(look, cells, saving, runs_out, seed, labels):
-    """Write a cheapest way to labels.path, and return of how many cells; 0: there is none.
-
-    cells: int32[L, 2], those that the robot's present route was made of. A new one must save `saving` [thousandths of
-    a cell] beside it, unless that is negative, or the robot goes on along its cells if what is laid of its route runs
-    out, or else gets none. seed: of chance, which a search does not need.
-    """
-    return _finish(look, cells, saving, runs_out, seed, labels)
