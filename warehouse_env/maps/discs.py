@@ -64,7 +64,7 @@ def cells_near(
     return np.stack([rows[near[:, 0]], columns[near[:, 1]]], axis=-1)
 
 
-def covered(discs: NDArray[np.float32], shape: tuple[int, ...], cell: float) -> NDArray[np.bool_]:
+def covered(discs: NDArray[np.floating[Any]], shape: tuple[int, ...], cell: float) -> NDArray[np.bool_]:
     """Return bool[H, W]: the cells into which a disc reaches; row 0 is the north edge."""
     found = np.zeros(shape, np.bool_)
     for disc in discs:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from warehouse_env.checked import Checked
 from warehouse_env.config import RobotSpec
 from warehouse_env.errors import MapError, counted
-from warehouse_env.maps.discs import cells_near
+from warehouse_env.maps.discs import covered
 from warehouse_env.maps.endpoints import beside, largest_region
 from warehouse_env.maps.generators import LARGEST
 from warehouse_env.maps.grid_map import GridMap, turned
@@ -158,12 +158,7 @@ def exceeds(percent: NDArray[np.float64], share: float) -> NDArray[np.bool_]:
 
 def within(discs: NDArray[np.float64], occupancy: Occupancy) -> NDArray[np.bool_]:
     """Return bool[h, w]: the pixels that a disc (x, y, radius) [m] of float64[K, 3] meets; x, y as those of origin."""
-    found: NDArray[np.bool_] = np.zeros(occupancy.values.shape, np.bool_)
-    shift, size = np.array([*occupancy.origin, 0.0]), occupancy.resolution
-    for disc in discs - shift:
-        row, column = cells_near(disc, 0.0, found.shape, size).T
-        found[len(found) - 1 - row, column] = True
-    return found
+    return covered(discs - (*occupancy.origin, 0.0), occupancy.values.shape, occupancy.resolution)
 
 
 def room_of(occupancy: Occupancy, unknown_free: bool) -> NDArray[np.bool_]:

@@ -57,9 +57,7 @@ def write_robot(r, p, body):
 
 @inline
 def _rectangle(body):
-    return Rectangle(
-        body[CENTRE_X], body[CENTRE_Y], body[COS], body[SIN], body[HALF_LENGTH], body[HALF_WIDTH]
-    )  # fmt: skip
+    return Rectangle(body[CENTRE_X], body[CENTRE_Y], body[COS], body[SIN], body[HALF_LENGTH], body[HALF_WIDTH])
 
 
 @inline

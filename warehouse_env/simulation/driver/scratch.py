@@ -13,9 +13,8 @@ from warehouse_env.simulation.driver.turning import MOVES
 
 BODY = 7  # columns of a body (bodies.py)
 NODE, GOAL = 7, 6  # columns of a node, and of a goal: X to MARGIN, and X to COST
-X, Y, HEADING, COSINE, SINE, COST, MARGIN = range(
-    7
-)  # [m], [rad]; [s] so far, or from a goal on; of arcs from there [m]
+# [m], [rad]; [s] so far, or from a goal on; of arcs from there [m]
+X, Y, HEADING, COSINE, SINE, COST, MARGIN = range(7)
 MOST = 20_000  # nodes of a search
 WAITING = 8  # times as many moves that may wait in its queue
 POINTS = 81  # of the field of how far room is, each way (room_field.py)

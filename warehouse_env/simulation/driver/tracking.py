@@ -63,9 +63,8 @@ def _manoeuvre(r, arcs, wanted, stopping, p, floor):
         if more > margin and may_drive(r, speed, steer, more, p, floor):
             manoeuvre["arc_margin"] = more
         return speed, steer
-    if (
-        abs(motion["speed"]) < STANDS and wanted > ZERO and abs(steer - motion["steer"]) < STEERED
-    ):  # else it steers first
+    steered = abs(steer - motion["steer"]) < STEERED  # else it steers first
+    if abs(motion["speed"]) < STANDS and wanted > ZERO and steered:
         manoeuvre["arc_margin"] *= KEPT  # too near at the start
         if manoeuvre["arc_margin"] < LAST:
             give_up(r)

@@ -10,9 +10,8 @@ import numpy as np
 from warehouse_env.kernel import inline, kernel
 from warehouse_env.simulation.physics.trigonometry import ZERO
 
-SIDE, SPEED, GOING = range(
-    3
-)  # columns of choices: offset [m], its preferred speed, and its preferred speed above 0 [m/s]
+# columns of choices: offset [m], its preferred speed, and its preferred speed above 0 [m/s]
+SIDE, SPEED, GOING = range(3)
 
 
 def obey(commands: Any, sides: Any, choices: Any) -> None:

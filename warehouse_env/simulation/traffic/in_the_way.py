@@ -23,11 +23,9 @@ _ONTO_LINE = np.float32(1.0)  # [m] of driving that brings a robot onto its line
 def _touched(body, near, robots, p, kinds):
     """Return the first of the robots `near` whose body the Rectangle `body` touches; p: parameters of that body."""
     for j in near:
-        o, kind = robots[j], kind_of(j, p, kinds)
-        reach, other = (
-            p["radius"] + kind["radius"],
-            body_of(o["motion"]["x"], o["motion"]["y"], o["motion"]["cos"], o["motion"]["sin"], kind),
-        )
+        motion, kind = robots[j]["motion"], kind_of(j, p, kinds)
+        other = body_of(motion["x"], motion["y"], motion["cos"], motion["sin"], kind)
+        reach = p["radius"] + kind["radius"]
         if squared_distance(body, other) < reach * reach and rectangles_touch(body, other):
             return j
     return NOBODY

@@ -111,11 +111,8 @@ def is_urged(r):
 @inline
 def refuser(r):
     """Return the robot to which a standing robot yields after a long veto, or NOBODY."""
-    return (
-        r["shield"]["vetoed_by"]
-        if r["shield"]["vetoed_time"] > REFUSED and abs(r["motion"]["speed"]) < SLOW
-        else NOBODY
-    )
+    refused = r["shield"]["vetoed_time"] > REFUSED and abs(r["motion"]["speed"]) < SLOW
+    return r["shield"]["vetoed_by"] if refused else NOBODY
 
 
 @inline
@@ -178,9 +175,7 @@ def find_wait_cycles(who, cycle, walk):
         while k != j:
             lowest = min(lowest, k)
             k = who[k]
-        cycle[j] = lowest
-        k = who[j]
-        while k != j:
+        while cycle[k] == NOBODY:
             cycle[k] = lowest
             k = who[k]
 
@@ -194,11 +189,8 @@ def find_wait_cycles_of(robots, routes, least, most, found, p, kinds):
     who = found[WHO]
     who[:] = _UNASKED
     for i in range(robots.shape[0]):
-        if (
-            robots[i]["task"]["alive"] == 0
-            or robots[i]["clocks"]["standing_time"] < least
-            or robots[i]["clocks"]["standing_time"] >= most
-        ):
+        stood = robots[i]["clocks"]["standing_time"]
+        if robots[i]["task"]["alive"] == 0 or stood < least or stood >= most:
             continue
         j = i
         while j != NOBODY and who[j] == _UNASKED:
