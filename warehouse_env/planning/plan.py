@@ -52,8 +52,7 @@ class Plan(NamedTuple):
         """First iteration (from 1) whose best equals the final best; 0 without a path or without iterations."""
         if not self.found or not len(self.best_by_iteration):
             return 0
-        changed = np.flatnonzero(self.best_by_iteration != self.best_by_iteration[-1])
-        return int(changed[-1]) + 2 if len(changed) else 1
+        return int(np.argmax(self.best_by_iteration == self.best_by_iteration[-1])) + 1
 
     @property
     def line_length(self) -> float:

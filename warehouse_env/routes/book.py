@@ -276,6 +276,5 @@ class RouteBook(Portable):
             points[0] = begin
         if end is not None:
             points[-1] = end[:2]
-        floor = self._solid, self._one_way, self.grid.cell_size
-        line = drivable_line(points, *floor, self._keep_right, reach, self._wider)
+        line = drivable_line(points, *self.floor, reach)
         return Route(cells, line, reach, end, len(ends) > 1)

@@ -204,13 +204,13 @@ def resample(points, spacing):
 
 
 @kernel
-def drivable_line(points, solid, one_way, cell, keep_right, reach=np.inf, wider=1.0):
+def drivable_line(points, solid, one_way, cell, keep_right, wider=1.0, reach=np.inf):
     """Return way-points float32[R, 2] [m], evenly spaced about SPACING apart, from the first to the last point.
 
     points: float64[L, 2] [m], the planned path's cell centres; solid: uint8[H + 2, W + 2], padded shelves, y up;
     one_way: uint8[H + 2, W + 2], likewise the directions of one-way cells, in the middle of which lines run;
-    keep_right [m]: offset of the default body to the right on open floor, 0 for no lanes; reach [m]: how much of the
-    line is drivable, the rest follows the planned path; wider: width of the body over the default.
+    keep_right [m]: offset of the default body to the right on open floor, 0 for no lanes; wider: width of the body over
+    the default; reach [m]: how much of the line is drivable, the rest follows the planned path.
     """
     spacing, keep_right = SPACING * wider, keep_right * wider
     line = resample(points, spacing)

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from warehouse_env.kernel import inline, kernel
 from warehouse_env.maps.grid_map import MOVES
+from warehouse_env.maps.standing import centre_of
 from warehouse_env.planning.graph_search import find_path
 from warehouse_env.routes.lanes import drivable_line
 from warehouse_env.routes.route_table import BEHIND
@@ -86,10 +87,8 @@ def drivable_lines(keys, plans, solid, one_way, cell, keep_right, wider):
             continue
         centres = np.empty((len(cells), 2))
         for n in range(len(cells)):
-            centres[n, 0], centres[n, 1] = (
-                (cells[n] % columns + 0.5) * cell, (rows - 1 - cells[n] // columns + 0.5) * cell,
-            )  # fmt: skip
-        line = drivable_line(centres, solid, one_way, cell, keep_right, np.inf, wider)
+            centres[n, 0], centres[n, 1] = centre_of(cells[n] // columns, cells[n] % columns, rows, cell)
+        line = drivable_line(centres, solid, one_way, cell, keep_right, wider, np.inf)
         if used + len(line) > len(points):
             larger = np.empty((2 * len(points) + len(line), 2), np.float32)
             larger[:used] = points[:used]

@@ -275,14 +275,12 @@ class Simulator(Portable):
 
     def reset_world(self, world: int, seed: int | None = None) -> None:
         """Start one world anew; its row of `observation` is updated. seed None: the next episode of its last seed."""
-        self._reset_world(world, None if seed is None else [given.whole_seed(seed), 0])
-        self._show()
-        self._observe([world])
+        self.reset_worlds([world], None if seed is None else [seed])
 
-    def reset_worlds(self, worlds: Sequence[int]) -> None:
-        """Start some worlds anew, and update their rows of `observation`; their generators go on."""
-        for world in worlds:
-            self._reset_world(world, None)
+    def reset_worlds(self, worlds: Sequence[int], seeds: Sequence[int] | None = None) -> None:
+        """Start some worlds anew as `reset_world` does, and update their rows of `observation`."""
+        for world, entropy in zip(worlds, given.seeds_of(seeds, len(worlds)), strict=True):
+            self._reset_world(world, entropy)
         self._show()
         self._observe(list(worlds))
 
@@ -303,7 +301,6 @@ class Simulator(Portable):
         self.dispatcher.begin(world, entropy, assignment, self._floor)
         self.messages.begin(world)
         self.people.begin(world, entropy, robots)
-        robots["clocks"]["anchor_x"], robots["clocks"]["anchor_y"] = robots["motion"]["x"], robots["motion"]["y"]
         if self.robots is not self._planned:
             self.deviation.begin(world, robots)
 

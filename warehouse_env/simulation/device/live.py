@@ -52,9 +52,6 @@ class LiveOnHost:
         else:
             for world, assignment in zip(worlds, assignments, strict=True):
                 self.dispatcher.begin(world, None, assignment, self._floor)
-        clocks, motion = self._robots["clocks"], self._robots["motion"]
-        for axis in ("x", "y"):
-            clocks[f"anchor_{axis}"][worlds] = motion[axis][worlds]
 
     def rows_of(self, worlds: list[int]) -> NDArray[np.int64]:
         """Return the rows of the robots of worlds."""

@@ -136,6 +136,3 @@ def place(begin, end, status, orders, body, arrays, live):
     for b in range(begin, end):
         if status[b] == TO_PLACE:
             status[b] = _place(b, orders, body, arrays, live)
-            for i in range(arrays.robots.shape[1]):
-                r = arrays.robots[b, i]
-                r["clocks"]["anchor_x"], r["clocks"]["anchor_y"] = r["motion"]["x"], r["motion"]["y"]

@@ -45,11 +45,12 @@ def _fits(robots, index, pose, p, kinds, floor, gap):
 
 @part
 def _put(robots, index, pose):
-    """Put robot `index` at a pose."""
+    """Put robot `index` at a pose, where its time of standing begins."""
     r = robots[index]
-    motion = r["motion"]
+    motion, clocks = r["motion"], r["clocks"]
     motion["x"], motion["y"], motion["heading"] = pose
     motion["sin"], motion["cos"] = sin_cos(pose[2])
+    clocks["anchor_x"], clocks["anchor_y"] = pose[0], pose[1]
 
 
 @inline
@@ -97,10 +98,9 @@ def _put_all(robots, routes, pose, speed, params, kinds, floor):
     for b in range(robots.shape[0]):
         for i in range(robots.shape[1]):
             r, x, y = robots[b, i], pose[b, i, 0], pose[b, i, 1]
-            on_route, clocks, at = r["on_route"], r["clocks"], (x, y, pose[b, i, 2])
+            on_route, at = r["on_route"], (x, y, pose[b, i, 2])
             free[b] = free[b] and _fits(robots[b], i, at, p, kinds, floor, TOUCH)
             _put(robots[b], i, at)
-            clocks["anchor_x"], clocks["anchor_y"] = x, y
             r["motion"]["speed"], r["motion"]["steer"] = speed[b, i], ZERO
             on_route["position"] = np.float32(_nearest(routes[b, i], on_route["points"], x, y)) * on_route["spacing"]
             line.locate(r, routes[b, i])

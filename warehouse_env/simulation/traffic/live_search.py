@@ -128,7 +128,7 @@ def find_live(at, here, goal, when, users, live, room):
     for k in range(count):
         centres[k, 0], centres[k, 1] = centre_of(path[k, 0], path[k, 1], live.steps.shape[0], size)
     centres[0, 0], centres[0, 1] = motion["x"], motion["y"]
-    return drivable_line(centres, solid, one_way, size, keep_right, live.reach, wider), count
+    return drivable_line(centres, solid, one_way, size, keep_right, wider, live.reach), count
 
 
 @kernel
