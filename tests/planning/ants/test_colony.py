@@ -119,7 +119,7 @@ def test_improved_path_counts_as_best() -> None:
         walks.moves[1, :2], walks.steps[1] = SOUTH_EAST, 2
         return measure(floor, walks, 0, 3)
 
-    def update(iteration: int, pheromone: Table, walks: Walks, best: Walks) -> None:
+    def update(_: AntFloor, iteration: int, pheromone: Table, walks: Walks, best: Walks) -> None:
         assert walks.length.min() == best.length[0] == 2 * math.sqrt(2)
         pheromone += 1
 
@@ -130,7 +130,7 @@ def test_improved_path_counts_as_best() -> None:
     assert (start == 1).all()  # run works on a copy
 
 
-def nothing(iteration: int, pheromone: Table, walks: Walks, best: Walks) -> None:
+def nothing(floor: AntFloor, iteration: int, pheromone: Table, walks: Walks, best: Walks) -> None:
     """Mark nothing."""
 
 
@@ -240,7 +240,7 @@ def test_update_eqs_18_to_25_on_a_flat_floor() -> None:
     colony = PfAco().colony(grid, floor, 0)
     pheromone = colony.pheromone.copy()
     assert (pheromone == 1.5).all()
-    colony.update(0, pheromone, walked(floor, [EAST, SOUTH_EAST], [EAST, EAST, SOUTH]), walked(floor))
+    colony.update(floor, 0, pheromone, walked(floor, [EAST, SOUTH_EAST], [EAST, EAST, SOUTH]), walked(floor))
     first = 0.2 * 3 * (1 / (1 + math.sqrt(2)) + 0.2 / 1)
     second = 0.2 * 3 * (1 / 3 + 0.2 / 1)
     assert pheromone[0, EAST] == pytest.approx(0.8 * 1.5 + first + second)
@@ -255,7 +255,7 @@ def test_update_eq_21_rewards_even_paths() -> None:
     floor = make_floor(grid, (1, 2))
     pheromone = np.ones((6, 8))
     colony = PfAco().colony(grid, floor, 0)
-    colony.update(0, pheromone, walked(floor, [EAST, SOUTH_EAST], [SOUTH_EAST, EAST]), walked(floor))
+    colony.update(floor, 0, pheromone, walked(floor, [EAST, SOUTH_EAST], [SOUTH_EAST, EAST]), walked(floor))
     common = 1 / (1 + math.sqrt(2)) + 0.2
     assert pheromone[0, EAST] == pytest.approx(0.8 + 0.6 * (common + 0.05 / (100 * math.sqrt(0.03))))
     assert pheromone[0, SOUTH_EAST] == pytest.approx(0.8 + 0.6 * (common + 0.05 / (100 * 0.01)))

@@ -42,7 +42,7 @@ def test_pheromone_evaporates_and_all_ants_deposit(system: AntSystem, kept: floa
     colony = system.colony(grid, floor, 0)
     pheromone = colony.pheromone.copy()
     assert (pheromone == 1).all()
-    colony.update(0, pheromone, walked(floor, [EAST, SOUTH_EAST], [EAST, EAST, SOUTH]), walked(floor))
+    colony.update(floor, 0, pheromone, walked(floor, [EAST, SOUTH_EAST], [EAST, EAST, SOUTH]), walked(floor))
     diagonal, straight = strength / (1 + math.sqrt(2)), strength / 3
     assert pheromone[0, EAST] == pytest.approx(kept + diagonal + straight)
     assert pheromone[1, SOUTH_EAST] == pytest.approx(kept + diagonal)

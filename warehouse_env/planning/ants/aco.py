@@ -112,7 +112,7 @@ class Aco(AntSystem):
         """Slots of eqs. 1-3 (paper 000): one heuristic for all iterations, all arrived ants deposit."""
         distance = STEP if self.heuristic == "next_cell" else goal_distance(floor)[floor.neighbour]
         eta = power(np.broadcast_to(1.0 / distance, floor.neighbour.shape), self.exponent)
-        return Colony(np.ones_like(eta), lambda iteration: (eta, eta), partial(self._update, floor))
+        return Colony(np.ones_like(eta), lambda iteration: (eta, eta), self._update)
 
     def _update(self, floor: AntFloor, iteration: int, pheromone: Table, walks: Walks, best: Walks) -> None:
         """Every trail evaporates, every arrived ant adds Q / cost to its edges."""
@@ -161,7 +161,7 @@ class ApfAco(AntSystem):
         potential = improved_potential(energy, goal, self.attraction_gain, self.distance_exponent)
         way = descent_length(potential, grid.legal_moves, goal, self.stuck_penalty).reshape(-1)
         eta = power(1.0 / (goal_distance(floor) + way), self.exponent)[floor.neighbour]
-        return Colony(np.ones_like(eta), lambda iteration: (eta, eta), partial(self._update, floor))
+        return Colony(np.ones_like(eta), lambda iteration: (eta, eta), self._update)
 
     def _update(self, floor: AntFloor, iteration: int, pheromone: Table, walks: Walks, best: Walks) -> None:
         """Slot: eqs. 15 and 17."""

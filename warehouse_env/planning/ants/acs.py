@@ -9,7 +9,6 @@ would end some 300 to 650 cells from the goal: a state is a mantissa with a whol
 
 import math
 from dataclasses import dataclass
-from functools import partial
 from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
@@ -144,7 +143,7 @@ class Acs(AntSystem):
         free = int(floor.legal.any(axis=1).sum())
         level = 1.0 / (max(free, 1) * (float(goal_distance(floor)[start]) + 1.0))
         return Colony(
-            np.full_like(eta, level), lambda iteration: (eta, eta), partial(self._update, floor),
+            np.full_like(eta, level), lambda iteration: (eta, eta), self._update,
             greedy=lambda iteration: self.greed, local_decay=self.local_decay, local_level=level,
         )  # fmt: skip
 

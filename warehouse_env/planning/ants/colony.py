@@ -20,7 +20,7 @@ _SHIFT_13, _SHIFT_7, _SHIFT_17, _SHIFT_11 = np.uint64(13), np.uint64(7), np.uint
 _TO_UNIT = 2.0**-53
 ARRIVED = -1.0  # in place of a sum of weights
 
-Slot = Callable[[int, Table, Walks, Walks], None]
+Slot = Callable[[AntFloor, int, Table, Walks, Walks], None]
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Colony:
 
     pheromone: Table  # at the start; run() works on a copy
     attraction: Callable[[int], tuple[Table, Table]]  # iteration -> eta^beta of an edge (at a turn, straight on)
-    update: Slot  # (iteration, pheromone, walks of this iteration, best so far): evaporation and deposit, in place
+    update: Slot  # (floor, iteration, pheromone, its walks, best so far): evaporation and deposit, in place
     trail_power: float = 1.0  # alpha: p ~ pheromone^alpha * attraction
     greedy: Callable[[int], float] | None = None  # iteration -> q0, the share of moves that take the best edge
     local_decay: float = 0.0  # ant colony system: each step moves its edge's pheromone by this share ...
@@ -88,7 +88,7 @@ def run(
         # an ant that steps back and does not arrive has visited all in its reach: the goal is cut off
         if iteration == 0 and (walks.steps[0] == 0 or (backtrack and walks.steps[0] < 0)):
             break
-        colony.update(iteration, pheromone, walks, best)
+        colony.update(floor, iteration, pheromone, walks, best)
         if patience and iteration - changed >= patience and iteration + 1 < iterations:
             history = history[: iteration + 1]
             break

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from typing import ClassVar
 
 import numpy as np
@@ -50,7 +49,7 @@ class FusionAco(AntSystem):
         cosine = alignment(self.force(grid, divmod(floor.goal, floor.columns))).reshape(-1, 8)
         return Colony(
             pheromone=np.ones_like(near), attraction=self._attraction(near, cosine),
-            update=partial(self._update, floor), trail_power=self.trail_exponent,
+            update=self._update, trail_power=self.trail_exponent,
         )  # fmt: skip
 
     def force(self, grid: GridMap, goal: Cell) -> NDArray[np.float64]:

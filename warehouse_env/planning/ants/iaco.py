@@ -9,7 +9,6 @@ read.
 
 import math
 from dataclasses import dataclass
-from functools import partial
 from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
@@ -177,9 +176,7 @@ class Iaco(AntSystem):
     def colony(self, grid: GridMap, floor: AntFloor, start: int) -> Colony:
         """Slots of eqs. 3-9 and 14."""
         eta = power(self.scale / goal_distance(floor)[floor.neighbour], self.exponent)
-        return Colony(
-            np.ones_like(eta), lambda iteration: (eta, eta), partial(self._update, floor), greedy=self.greedy_share
-        )
+        return Colony(np.ones_like(eta), lambda iteration: (eta, eta), self._update, greedy=self.greedy_share)
 
     def greedy_share(self, iteration: int) -> float:
         """q0 of eq. 14; iterations count from 0, the paper's NC from 1."""

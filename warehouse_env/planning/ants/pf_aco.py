@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from typing import ClassVar
 
 import numpy as np
@@ -66,7 +65,7 @@ class PfAco(AntSystem):
         return Colony(
             pheromone=initial_pheromone(floor, start, self.initial_boost),
             attraction=self._attraction(floor, fading),
-            update=partial(self._update, floor),
+            update=self._update,
         )
 
     def _attraction(self, floor: AntFloor, fading: Table) -> Callable[[int], tuple[Table, Table]]:

@@ -137,11 +137,7 @@ def deposit(floor, pheromone, walks, amount):
             cell = floor.neighbour[cell, move]
 
 
-@kernel
-def keep(walks, ant, best):
+def keep(walks: Walks, ant: int, best: Walks) -> None:
     """Copy the path of an ant and its measures to `best`, which has room for one."""
-    count = walks.steps[ant]
-    best.moves[0, :count] = walks.moves[ant, :count]
-    best.steps[0] = count
-    best.length[0], best.turns[0] = walks.length[ant], walks.turns[ant]
-    best.spread[0], best.cost[0] = walks.spread[ant], walks.cost[ant]
+    for name in Walks._fields:
+        getattr(best, name)[0] = getattr(walks, name)[ant]
