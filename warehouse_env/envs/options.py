@@ -14,7 +14,7 @@ from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning.plan import Planner
 from warehouse_env.routes.book import RouteBook
 from warehouse_env.simulation.simulator import Simulator
-from warehouse_env.simulation.tasks.assignment import Assignment
+from warehouse_env.simulation.tasks.assignment import Assignment, begin
 
 Made = TypeVar("Made")
 
@@ -57,11 +57,6 @@ def robots_of(options: object, most: int) -> int:
     if robots > most:
         raise ConfigError(f"num_agents={robots} is more than the {most} of this environment; make one of as many")
     return robots
-
-
-def begin(simulator: Any, seed: int | None, assignments: list[Assignment] | None) -> Any:
-    """Reset a simulator to assignments, if there are some, and return the observation."""
-    return simulator.reset(seed) if assignments is None else simulator.reset_to(assignments, seed)
 
 
 def assignments_of(options: object, robots: Sequence[int], one: bool = False) -> list[Assignment] | None:

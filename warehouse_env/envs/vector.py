@@ -14,12 +14,12 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices,
 from warehouse_env.config import EnvConfig
 from warehouse_env.envs.camera import checked_mode, close_window, picture, render_fps
 from warehouse_env.envs.infos import EPISODE_METRICS, final_metrics, finished_task, known
-from warehouse_env.envs.options import WorldOptions, assignments_of, begin, build, share_routes
+from warehouse_env.envs.options import WorldOptions, assignments_of, build, share_routes
 from warehouse_env.envs.rows import write_rows
 from warehouse_env.errors import ActionError, ConfigError, check_count, shown
 from warehouse_env.simulation.given import listed, whole_seed
 from warehouse_env.simulation.simulator import Simulator
-from warehouse_env.simulation.tasks.assignment import Assignment
+from warehouse_env.simulation.tasks.assignment import Assignment, begin
 
 StepResult = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]
 

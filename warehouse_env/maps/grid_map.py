@@ -15,6 +15,7 @@ from warehouse_env.config import RobotSpec
 from warehouse_env.errors import MapError, shown
 from warehouse_env.maps import discs as disc_checks
 from warehouse_env.maps import moves, one_way, tables
+from warehouse_env.maps.endpoints import default_endpoints, largest_region
 from warehouse_env.maps.moves import MOVES as MOVES
 from warehouse_env.maps.tables import frozen
 
@@ -91,8 +92,6 @@ class GridMap:
         vars(self).update(checked)
         endpoints = {"picks": self.picks, "stations": self.stations}
         if self.picks is None or self.stations is None:
-            from warehouse_env.maps.endpoints import default_endpoints
-
             for what, cells in zip(endpoints, default_endpoints(occupied), strict=True):
                 endpoints[what] = cells if endpoints[what] is None else endpoints[what]
         vars(self).update({what: frozen(self._checked_endpoints(cells, what)) for what, cells in endpoints.items()})
@@ -144,8 +143,6 @@ class GridMap:
     @cached_property
     def region(self) -> NDArray[np.bool_]:
         """bool[H, W], the largest free region connected by eq. 26 moves, where robots drive."""
-        from warehouse_env.maps.endpoints import largest_region
-
         return frozen(largest_region(~self.closed))
 
     @cached_property
@@ -194,8 +191,6 @@ class GridMap:
 
     def without(self, cell: Cell) -> Self:
         """Return the map with one more cell occupied, to plan on; it keeps a single endpoint."""
-        from warehouse_env.maps.endpoints import largest_region
-
         occupied = self.occupied.copy()
         occupied[cell] = True
         free = ~(occupied | self.closed)

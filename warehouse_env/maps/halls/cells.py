@@ -73,12 +73,6 @@ class Raster:
         cells: NDArray[np.int64] = np.clip(np.stack([row, column], axis=-1), -(2**40), 2**40).astype(np.int64)
         return cells
 
-    @classmethod
-    def of(cls, grid: GridMap) -> Raster:
-        """Return the cells of a floor."""
-        x, y = turned(grid.origin, -grid.yaw).tolist()
-        return cls(*grid.shape, grid.cell_size, (x, y), grid.yaw)
-
     def inside(self, cells: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Return bool[...]: which cells (row, column) there are."""
         return np.asarray(((cells >= 0) & (cells < (self.rows, self.columns))).all(axis=-1))

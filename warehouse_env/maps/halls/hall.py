@@ -279,7 +279,7 @@ class _Reader:
                 found, names, notes = places.cells_of(given[kind], kind, region, self._raster)
                 self._notes += notes
             cells.append(found)
-            named[kind] = places.places_at(self._raster, found, names)
+            named[kind] = places.places_at(self._raster.centres(found), names)
         return cells, named
 
     def _note_regions(self, occupied: NDArray[np.bool_]) -> None:

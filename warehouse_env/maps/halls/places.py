@@ -76,11 +76,10 @@ def write_places(places: Places, path: Path) -> None:
     write_text(path, "{\n" + ",\n".join(kinds) + "\n}\n")
 
 
-def places_at(raster: Raster, cells: NDArray[np.int64], names: Iterable[str] | None = None) -> tuple[Place, ...]:
-    """Return cells (row, column) as places, numbered from 1 if they have no names."""
-    points = np.round(raster.centres(cells), 6).tolist()
+def places_at(points: NDArray[np.float64], names: Iterable[str] | None = None) -> tuple[Place, ...]:
+    """Return points (x, y) [m] of the map's frame as places, numbered from 1 if they have no names."""
     named = map(str, range(1, len(points) + 1)) if names is None else names
-    return tuple(Place(name, x, y) for name, (x, y) in zip(named, points, strict=True))
+    return tuple(Place(name, x, y) for name, (x, y) in zip(named, points.round(6).tolist(), strict=True))
 
 
 def cells_of(

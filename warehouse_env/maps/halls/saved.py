@@ -11,9 +11,8 @@ from warehouse_env.config import RobotSpec
 from warehouse_env.errors import MapError
 from warehouse_env.files import companion
 from warehouse_env.maps import discs, one_way
-from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.maps.grid_map import GridMap, turned
 from warehouse_env.maps.halls import places
-from warehouse_env.maps.halls.cells import Raster
 from warehouse_env.maps.halls.map_server import MOST_PIXELS, YAMLS, Occupancy, write_occupancy
 
 
@@ -33,11 +32,12 @@ def write_hall(grid: GridMap, path: Path, resolution: float | None = None) -> st
     if path.suffix.lower() not in YAMLS:
         raise MapError(f"{path} must end in {YAMLS[0]}")
     fine = fineness(grid, resolution)
-    raster, parameters = Raster.of(grid), [] if grid.cell_size == 1.0 else [f"cell={grid.cell_size:g}"]
+    parameters = [] if grid.cell_size == 1.0 else [f"cell={grid.cell_size:g}"]
+    x, y = turned(grid.origin, -grid.yaw).tolist()
 
     def write(values: NDArray[np.int64], name: Path) -> None:
         pixels = values.repeat(fine, axis=0).repeat(fine, axis=1).astype(np.int8)
-        write_occupancy(Occupancy(pixels, grid.cell_size / fine, raster.origin, grid.yaw), name)
+        write_occupancy(Occupancy(pixels, grid.cell_size / fine, (x, y), grid.yaw), name)
 
     write(np.where(grid.walls, 100, 0), path)
     if (speed := grid.speed) is not None:
@@ -46,7 +46,7 @@ def write_hall(grid: GridMap, path: Path, resolution: float | None = None) -> st
         write(np.rint(percent).astype(np.int64), path.with_name(f"{path.stem}_speed.yaml"))
     discs.write_beside(path, np.column_stack([grid.world(grid.discs), grid.discs[:, 2]]))
     both = zip(places.KINDS, (grid.picks, grid.stations), strict=True)
-    listed = {kind: places.places_at(raster, cells) for kind, cells in both}
+    listed = {kind: places.places_at(grid.world(grid.centre(cells))) for kind, cells in both}
     places.write_places(listed, companion(path, places.SUFFIX))
     one_way.write_beside(path, grid.one_way)
     return f"{path}:{','.join(parameters)}" if parameters else str(path)

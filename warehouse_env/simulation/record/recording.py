@@ -9,7 +9,7 @@ import io
 import json
 import warnings
 import zipfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Self
@@ -28,7 +28,7 @@ from warehouse_env.simulation.actions import ActionDecoder
 from warehouse_env.simulation.given import listed, whole_seed
 from warehouse_env.simulation.physics.poses import numbers, within_a_turn
 from warehouse_env.simulation.simulator import Simulator
-from warehouse_env.simulation.tasks.assignment import Assignment, check_assignments
+from warehouse_env.simulation.tasks.assignment import Assignment, begin, check_assignments
 from warehouse_env.simulation.tasks.orders import Order, as_table, from_table
 
 FORMAT = 1
@@ -115,7 +115,7 @@ class Episode:
         if extra is not None and plugins.parse(extra, "sensor", SENSORS)[0] not in SENSORS:  # only policies need it
             config = config.replace(sensor=dataclasses.replace(config.sensor, extra=None))
         simulator = Simulator(config, len(self.seeds), grid=self.grid, orders=self.orders)
-        begin(simulator, self.seeds, self.start)
+        begin(simulator, self.seeds, None if self.start is None else [self.start])
         yield simulator
         for actions in self.actions:
             simulator.step(actions)
@@ -172,14 +172,6 @@ def recordable(seeds: object) -> tuple[int, ...]:
     return whole
 
 
-def begin(simulator: Simulator, seeds: Sequence[int], start: Assignment | None) -> None:
-    """Reset a simulator with one seed a world; start: of its single world, if the seed does not draw it."""
-    if start is None:
-        simulator.reset(seeds)
-    else:
-        simulator.reset_to([start], seeds)
-
-
 class Recorder:
     """Step a simulator and keep what an Episode needs. The planner must be the one that the config names."""
 
@@ -191,7 +183,7 @@ class Recorder:
         policy: name or folder of the policy, stored in the episode; start: of a single world.
         """
         self.simulator, self._seeds, self._policy, self._start = simulator, recordable(seeds), policy, start
-        begin(simulator, self._seeds, start)
+        begin(simulator, self._seeds, None if start is None else [start])
         self._decoder = ActionDecoder(simulator.config)
         self._actions: list[NDArray[Any]] = []
         self._pose = [simulator.state.pose.copy()]
