@@ -5,9 +5,7 @@ from typing import Any
 from warehouse_env.errors import ConfigError, shown
 
 POLICIES = {"threaded_ppo": "shielded"}
-ALGORITHMS = {
-    "threaded_ppo": "ppo (ours)", "ppo": "ppo (stable-baselines3)", "reinforce": "reinforce (ours)",
-}  # fmt: skip
+ALGORITHMS = {"threaded_ppo": "ppo (ours)", "ppo": "ppo (stable-baselines3)", "reinforce": "reinforce (ours)"}
 
 _TRAFFIC = {
     "protective_field": "shield", "field_margin": "margin", "right_of_way": "right_of_way",

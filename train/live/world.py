@@ -21,7 +21,7 @@ from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, check_known, shown, unknown_name
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import LAYOUTS, make_layout
-from warehouse_env.render.replay import moment_of, station_cells
+from warehouse_env.render.replay import moment_of
 from warehouse_env.simulation.simulator import Simulator
 
 MOST_BYTES = 65_536  # of a message
@@ -138,7 +138,7 @@ class World:
         self.setting, self.simulator, self._act = setting, simulator, act
         self._rng = np.random.default_rng([setting.seed, POLICY_STREAM])
         self.steps = 0
-        self._stations = station_cells(simulator.grid)
+        self._stations = simulator.grid.marked(simulator.grid.stations)
         self.made += 1
 
     @property

@@ -33,9 +33,7 @@ class WarehouseParallelEnv(FilmedWorld, ParallelEnv):  # type: ignore[misc]  # p
     """
 
     bound = ("_observation", "_reward", "_terminated", "_infos")
-    metadata: ClassVar[dict[str, Any]] = {
-        **FilmedWorld.metadata, "name": "warehouse_v0", "is_parallelizable": True,
-    }  # fmt: skip
+    metadata: ClassVar[dict[str, Any]] = {**FilmedWorld.metadata, "name": "warehouse_v0", "is_parallelizable": True}
 
     def __init__(
         self, config: EnvConfig | None = None, *, render_mode: str | None = None, **options: Unpack[WorldOptions]

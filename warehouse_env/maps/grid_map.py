@@ -213,6 +213,12 @@ class GridMap:
         row = self.shape[0] - 1 - np.floor(array[..., 1] / self.cell_size)
         return np.stack([row, column], axis=-1).astype(np.int64)
 
+    def marked(self, cells: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Return bool[H, W]: which cells are among some (row, column) int64[K, 2]."""
+        found = np.zeros(self.shape, np.bool_)
+        found[tuple(cells.T)] = True
+        return found
+
     def nearest_cell(self, points: ArrayLike) -> NDArray[np.int64]:
         """Return int64[..., 2], the cells of the floor (row, col) that hold points (x, y) [m], or are nearest to them.
 

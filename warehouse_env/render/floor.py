@@ -115,21 +115,14 @@ def _tint_heights(image: Image, grid: GridMap, row: NDArray[np.int64], column: N
 
 def _paint_endpoints(image: Image, grid: GridMap, pixels: _Pixels) -> None:
     """Stations as pale rounded pads, pick faces as small dots."""
-    station = pixels.of(_cells_mask(grid, grid.stations))
+    station = pixels.of(grid.marked(grid.stations))
     if station.any():
         _blend(image, pixels.rounded(0.43, 0.14) * station, _STATION_EDGE)
         _blend(image, pixels.rounded(0.43 - max(0.05, 0.7 / pixels.cell), 0.10) * station, _STATION)
-    pick = pixels.of(_cells_mask(grid, grid.picks))
+    pick = pixels.of(grid.marked(grid.picks))
     if pick.any() and pixels.cell >= _DETAIL:
         dot = np.clip(0.5 + (0.09 - np.hypot(pixels.across, pixels.down)) * pixels.cell, 0, 1)
         _blend(image, (dot * pick).astype(np.float32), _PICK)
-
-
-def _cells_mask(grid: GridMap, cells: NDArray[np.int64] | None) -> NDArray[np.bool_]:
-    mask = np.zeros(grid.shape, dtype=np.bool_)
-    if cells is not None:
-        mask[tuple(cells.T)] = True
-    return mask
 
 
 def _shadow(shelf: NDArray[np.bool_], pixels_per_metre: float) -> NDArray[np.float32]:

@@ -113,7 +113,7 @@ def replay_of(
         raise ConfigError(f"world={world} must be one of the episode's {len(episode.seeds)}, which count from 0")
     lines = Lines()
     moments: dict[str, list[NDArray[Any]]] = {}
-    stations = station_cells(episode.grid)
+    stations = episode.grid.marked(episode.grid.stations)
     for simulator in episode.replay():
         moment = moment_of(simulator, world, stations)
         moment["route"] = lines.numbers(simulator, world)
@@ -132,23 +132,17 @@ def replay_of(
     return Replay(name, episode.grid, episode.config, seed, routes=routes, **arrays)
 
 
-def station_cells(grid: GridMap) -> NDArray[np.bool_]:
-    """Return bool[H * W], whether a cell is a station."""
-    marked = np.zeros(grid.shape, dtype=np.bool_)
-    marked[tuple(grid.stations.T)] = True
-    return marked.reshape(-1)
-
-
 def moment_of(simulator: Any, world: int, stations: NDArray[np.bool_]) -> dict[str, NDArray[Any]]:
     """Copy what the page shows of one world now, except routes. A robot is loaded on its way to a station, or if it
     carries an order; it is served while it stands to be loaded or to charge. Only a real fleet's may be silent.
 
-    stations: bool[H * W], see `station_cells`.
+    stations: bool[H, W], which cells are stations.
     """
     state, events, robots = simulator.state, simulator.events, simulator.robots[world]
     jams = simulator.jams()
-    goal = state.goal[world, :, 0] * simulator.grid.shape[1] + state.goal[world, :, 1]
-    alive, loaded, shifts = state.alive[world] > 0, stations[goal], simulator.dispatcher.shifts
+    row, column = state.goal[world].T
+    goal = row * simulator.grid.shape[1] + column
+    alive, loaded, shifts = state.alive[world] > 0, stations[row, column], simulator.dispatcher.shifts
     served = silent = np.zeros_like(alive)
     if shifts is not None:
         served, loaded = shifts[world].at_work() & ~alive, shifts[world].carries

@@ -282,6 +282,4 @@ def _edge(lane: Lane) -> dict[str, Any]:
     ours: dict[str, Any] = {"vehicleTypeId": VEHICLE, "rotationAllowed": True}
     if np.isfinite(lane.speed):
         ours["maxSpeed"] = lane.speed
-    return {
-        "edgeId": lane.name, "startNodeId": lane.start, "endNodeId": lane.end, "vehicleTypeEdgeProperties": [ours],
-    }  # fmt: skip
+    return {"edgeId": lane.name, "startNodeId": lane.start, "endNodeId": lane.end, "vehicleTypeEdgeProperties": [ours]}
