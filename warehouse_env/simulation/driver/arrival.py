@@ -7,6 +7,7 @@ event `arrived` says that the robot stands, so its service can begin in the same
 import numpy as np
 
 from warehouse_env.kernel import inline
+from warehouse_env.simulation.driver.line import to_go
 from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO, sin_cos, wrap
 
 RESTS = np.float32(0.01)  # [m] before the end of its route at which a robot may rest
@@ -14,13 +15,6 @@ STILL = np.float32(0.01)  # [m/s] under which it stands
 BRAKING = np.float32(0.9)  # share of the full deceleration that stops are planned with
 _TWO, _FIVE = np.float32(2.0), np.float32(5.0)
 _FARTHEST = np.float32(4.0)  # times 5 m: the largest distance at which a goal is observed
-
-
-@inline
-def to_go(r):
-    """Return the metres left of a robot's route."""
-    on_route = r["on_route"]
-    return np.float32(max(on_route["points"] - 1, 0)) * on_route["spacing"] - on_route["position"]
 
 
 @inline

@@ -57,6 +57,13 @@ def locate(r, route):
 
 
 @inline
+def to_go(r):
+    """Return the metres left of a robot's route."""
+    on_route = r["on_route"]
+    return np.float32(max(on_route["points"] - 1, 0)) * on_route["spacing"] - on_route["position"]
+
+
+@inline
 def point_at(route, points, spacing, along, beyond):
     """Return the point `along` [m] a route of at least 2 points and its direction (x, y, ux, uy).
 
@@ -94,12 +101,12 @@ def look_ahead(speed, p):
 
 
 @inline
-def room_beside(tx, ty, ux, uy, offset, to_go, floor, p):
+def room_beside(tx, ty, ux, uy, offset, left, floor, p):
     """Return the part of the lateral offset `offset` [m] that fits at a point of the route.
 
-    ux, uy: the route's direction there; to_go [m]: of the route, at the end of which it fades out.
+    ux, uy: the route's direction there; left [m]: of the route, at the end of which it fades out.
     """
-    offset *= min(ONE, to_go / (OFFSET_FADE * p["length_scale"]))
+    offset *= min(ONE, left / (OFFSET_FADE * p["length_scale"]))
     least = LANE_CLEARANCE * p["width_scale"]
     if clearance_at(tx - offset * uy, ty + offset * ux, floor) < least:
         offset *= HALF

@@ -13,7 +13,7 @@ import numpy as np
 from warehouse_env.kernel import inline
 from warehouse_env.simulation.driver import arrival
 from warehouse_env.simulation.driver.driving import KEPT, NARROW, STANDS, drive_arcs, give_up, leads_ahead
-from warehouse_env.simulation.driver.line import aim, look_ahead, room_beside, steer_for, way_point
+from warehouse_env.simulation.driver.line import aim, look_ahead, room_beside, steer_for, to_go, way_point
 from warehouse_env.simulation.driver.off_shelves import may_drive
 from warehouse_env.simulation.physics.footprint import sweep_is_free
 from warehouse_env.simulation.physics.geometry import Pose
@@ -153,8 +153,7 @@ def follow(r, route, arcs, wanted_speed, offset, stopping, p, floor):
     commanded["wanted_speed"], commanded["wanted_offset"] = wanted_speed, offset
     steer, speed, on_line = commanded["follow_steer"], wanted_speed, wanted_speed
     if offset != ZERO:
-        to_go = np.float32(on_route["points"] - 1) * on_route["spacing"] - on_route["position"]
-        offset = room_beside(tx, ty, ux, uy, offset, to_go, floor, p)
+        offset = room_beside(tx, ty, ux, uy, offset, to_go(r), floor, p)
         steer, angle = steer_for(r, tx - offset * uy, ty + offset * ux, p)
     alone = _alone(r, p)
     if speed > ZERO:

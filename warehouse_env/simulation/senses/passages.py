@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.kernel import inline, part
-from warehouse_env.simulation.driver.line import point_at
+from warehouse_env.simulation.driver.line import point_at, to_go
 from warehouse_env.simulation.physics.floor import Floor, padded_cell
 from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.physics.trigonometry import ZERO
@@ -106,10 +106,9 @@ def count_passing(robots, routes, passages, p, coming):
 @inline
 def _free_way(r, route, passages, p, coming):
     """Return how far [m] a robot may drive on its route before aisles in which it would meet another, or FAR."""
-    on_route, inside, begin, ahead = r["on_route"], _inside(r, passages.numbers, p), FAR, ZERO
-    to_go = np.float32(on_route["points"] - 1) * on_route["spacing"] - on_route["position"]
+    end, inside, begin, ahead = min(to_go(r), _LOOK), _inside(r, passages.numbers, p), FAR, ZERO
     reach, narrow = p["max_speed"] * _REACH + BEFORE, inside != _WIDE
-    while ahead <= min(to_go, _LOOK) and min(begin, ahead) <= reach:
+    while ahead <= end and min(begin, ahead) <= reach:
         passage, forwards = _passage_at(r, route, ahead, passages, p)
         if passage == _WIDE:
             begin, narrow = FAR, False

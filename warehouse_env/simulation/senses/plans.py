@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from warehouse_env.kernel import inline, part, whole
 from warehouse_env.simulation.driver.driving import drive_arcs, leads_ahead
-from warehouse_env.simulation.driver.line import aim, locate, look_ahead, pursue, room_beside, way_point
+from warehouse_env.simulation.driver.line import aim, locate, look_ahead, pursue, room_beside, to_go, way_point
 from warehouse_env.simulation.driver.off_shelves import may_drive
 from warehouse_env.simulation.driver.tracking import BACK_ON, MARGIN, PATIENCE, back_steer, on_bend, searches
 from warehouse_env.simulation.physics.geometry import Rectangle, body_of, grown, rectangles_touch, squared_distance
@@ -211,8 +211,7 @@ def point_ahead(r, route, p):
 def side_room(r, ahead, side, p, floor):
     """Return the part of a lateral offset [m] that fits beside the point ahead."""
     tx, ty, ux, uy = ahead
-    to_go = np.float32(r["on_route"]["points"] - 1) * r["on_route"]["spacing"] - r["on_route"]["position"]
-    return room_beside(tx, ty, ux, uy, side, to_go, floor, p)
+    return room_beside(tx, ty, ux, uy, side, to_go(r), floor, p)
 
 
 @inline

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from warehouse_env.kernel import inline
 from warehouse_env.observation import NEIGHBOUR
-from warehouse_env.simulation.driver.line import way_point
+from warehouse_env.simulation.driver.line import to_go, way_point
 from warehouse_env.simulation.physics.buckets import CENTRE_X, CENTRE_Y, COS, SEARCH, SILENT, SIN, SPEED, bucket_at
 from warehouse_env.simulation.physics.discs import scan_discs
 from warehouse_env.simulation.physics.floor import padded_cell
@@ -163,13 +163,12 @@ def write_neighbours(n, bodies, p, out, start, order, who):
 def write_ego_and_route(r, route, p, out, start, at):
     """Write the slices `ego` and `route` (see observation_layout) from out[start] and from out[at] on."""
     motion, on_route = r["motion"], r["on_route"]
-    to_go = np.float32(on_route["points"] - 1) * on_route["spacing"] - on_route["position"]
     out[start] = motion["speed"] / p["max_speed"]
     out[start + 1] = motion["steer"] / p["max_steer"]
     out[start + 2] = r["commanded"]["follow_steer"] / p["max_steer"]
     out[start + 3] = on_route["bearing"] / PI
     out[start + 4] = min(max(on_route["lateral"], -_FIVE), _FIVE)
-    out[start + 5] = min(to_go, _TWENTY) / _TWENTY
+    out[start + 5] = min(to_go(r), _TWENTY) / _TWENTY
     out[start + 6] = min(r["clocks"]["contact_time"], _FIVE) / _FIVE
     out[start + 7] = min(r["clocks"]["waiting_time"], _TWENTY) / _TWENTY
     for k in range(p["route_points"]):
