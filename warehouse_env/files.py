@@ -98,14 +98,13 @@ def read_text(given: object, kind: str, most: int, error: type[WarehouseError] =
     return decoded(read_bytes(given, kind, most, error), f"{kind} {given}", error)
 
 
-def text_lines(
-    given: object, kind: str, most: int, longest: int, error: type[WarehouseError] = MapError
-) -> Iterator[tuple[int, str]]:
+def text_lines(given: object, kind: str, most: int, longest: int) -> Iterator[tuple[int, str]]:
     """Yield (number from 1, line) of a text that need not fit into memory.
 
-    Bytes that are not UTF-8 come as half characters (surrogateescape). Raises `error` as `open_regular` does, and for
-    a line of more than `longest` characters.
+    Bytes that are not UTF-8 come as half characters (surrogateescape). Raises WarehouseError as `open_regular` does,
+    and for a line of more than `longest` characters.
     """
+    error = WarehouseError
     with open_regular(given, kind, most, error) as file, io.TextIOWrapper(file, "utf-8-sig", "surrogateescape") as text:
         for number in itertools.count(1):
             line = text.readline(longest + 1)

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from train.fleet.version3 import as_version_3
 from warehouse_env.config import EnvConfig, RobotSpec
-from warehouse_env.errors import WarehouseError, shown
+from warehouse_env.errors import shown
 from warehouse_env.files import complete_file, path_of, text_lines
 from warehouse_env.format_version import major_of
 
@@ -135,7 +135,7 @@ def log_path(given: Path) -> Path:
 
 def read_log(path: Path) -> Iterator[tuple[int, LogEntry | Bad]]:
     """Yield each non-empty line with its number, from 1; WarehouseError if the file cannot be read."""
-    for number, line in text_lines(path, "log of messages", _LARGEST_FILE, LONGEST, WarehouseError):
+    for number, line in text_lines(path, "log of messages", _LARGEST_FILE, LONGEST):
         if line.strip():
             yield number, entry_of(line.encode("utf-8", "surrogateescape"))
 

@@ -136,7 +136,7 @@ class RowFile:
 def read_rows(path: Path) -> list[Row]:
     """Return the rows of a JSON-lines file; raises WarehouseError naming the file and line of a damaged one."""
     rows = []
-    for number, line in text_lines(path, "file of rows", MOST, _LONGEST, WarehouseError):
+    for number, line in text_lines(path, "file of rows", MOST, _LONGEST):
         if not line.strip():
             continue
         try:

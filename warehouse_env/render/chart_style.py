@@ -111,7 +111,7 @@ def draw_discs(ax: Axes, grid: GridMap, colour: RGB, alpha: float = 1.0) -> None
 
 
 def set_metres(ax: Axes, grid: GridMap) -> None:
-    """Show all of a floor, equal in both directions, with ticks at round metres of the map's own frame.
+    """Show all of a floor in a frame, equal in both directions, with ticks at round metres of the map's own frame.
 
     A turned map has no such ticks; the floor's own metres stand there.
     """
@@ -123,6 +123,8 @@ def set_metres(ax: Axes, grid: GridMap) -> None:
             round_ones = [tick for tick in locator.tick_values(shift, shift + side) if 0 <= tick - shift <= side]
             axis.set_ticks([tick - shift for tick in round_ones], [f"{tick:.6g}" for tick in round_ones])
     ax.set_aspect("equal")
+    for edge in ax.spines.values():
+        edge.set_visible(True)
 
 
 def draw_arrows(ax: Axes, grid: GridMap, one_way: NDArray[np.uint8], colour: RGB) -> None:

@@ -33,8 +33,6 @@ def draw_floor(ax: Axes, grid: GridMap) -> None:
     ax.set(xlabel="x [m]", ylabel="y [m]")
     set_metres(ax, grid)
     draw_arrows(ax, grid, grid.one_way, SKY)
-    for side in ("top", "right"):
-        ax.spines[side].set_visible(True)
 
 
 def paths(

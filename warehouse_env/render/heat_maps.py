@@ -12,7 +12,7 @@ from warehouse_env.maps.endpoints import largest_region
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.halls.hall import Hall
 from warehouse_env.maps.halls.map_server import UNKNOWN
-from warehouse_env.render.chart_style import FAINT, draw_arrows, draw_discs, empty_figure, hexed, set_metres, style, svg
+from warehouse_env.render.chart_style import draw_arrows, draw_discs, empty_figure, hexed, set_metres, style, svg
 from warehouse_env.render.colours import BLUE, CONTACT, GREEN, INDIGO, ORANGE, PURPLE, RGB, VERMILION
 from warehouse_env.render.extras import load
 
@@ -95,8 +95,6 @@ def _draw(ax: Axes, panel: Panel, most: float) -> Any:
     ax.set_title(panel.title)
     ax.tick_params(labelsize=8)
     set_metres(ax, grid)
-    for edge in ax.spines.values():
-        edge.set(visible=True, color=FAINT)
     return image
 
 
@@ -142,9 +140,7 @@ def _holds(hall: Hall, pixels: NDArray[np.bool_]) -> NDArray[np.bool_]:
     left, _, low, _ = _extent(hall)
     side, height = hall.occupancy.resolution, hall.occupancy.values.shape[0]
     cells = hall.grid.cell(np.column_stack([left + (columns + 0.5) * side, low + (height - rows - 0.5) * side]))
-    found = np.zeros(hall.grid.shape, dtype=np.bool_)
-    found[tuple(cells[hall.raster.inside(cells)].T)] = True
-    return found
+    return hall.grid.marked(cells[hall.raster.inside(cells)])
 
 
 def hall_map(hall: Hall, label: str) -> str:
@@ -176,8 +172,6 @@ def hall_map(hall: Hall, label: str) -> str:
         if (hall.occupancy.values == UNKNOWN).any():
             handles.insert(1, patch(fc=hexed(_STANDS), alpha=0.25, label="unknown to the map"))
         figure.legend(handles=handles, loc="outside lower center", ncols=3 if size[0] > 6 else 2, fontsize=8.5)
-        for edge in ax.spines.values():
-            edge.set(visible=True, color=FAINT)
         return svg(figure, label)
 
 
