@@ -104,12 +104,14 @@ def text_lines(given: object, kind: str, most: int, longest: int) -> Iterator[tu
     Bytes that are not UTF-8 come as half characters (surrogateescape). Raises WarehouseError as `open_regular` does,
     and for a line of more than `longest` characters.
     """
-    error = WarehouseError
-    with open_regular(given, kind, most, error) as file, io.TextIOWrapper(file, "utf-8-sig", "surrogateescape") as text:
+    with (
+        open_regular(given, kind, most, WarehouseError) as file,
+        io.TextIOWrapper(file, "utf-8-sig", "surrogateescape") as text,
+    ):
         for number in itertools.count(1):
             line = text.readline(longest + 1)
             if len(line) > longest:
-                raise error(f"{kind} {given}, line {number} has more than {longest:,} characters")
+                raise WarehouseError(f"{kind} {given}, line {number} has more than {longest:,} characters")
             if not line:
                 return
             yield number, line

@@ -27,7 +27,7 @@ from warehouse_env.routes.route_table import behind_of, key_of, slot_of
 from warehouse_env.simulation.physics.floor import floor_of
 from warehouse_env.simulation.physics.footprint import body_touches_shelf
 from warehouse_env.simulation.physics.geometry import body_of, grown
-from warehouse_env.simulation.state import parameters_of
+from warehouse_env.simulation.state import every_kind
 
 ROBOT = RobotSpec()
 FLOOR = drawn(["......", ".###..", "......", "......", "......"])
@@ -71,7 +71,7 @@ def test_route_ends_at_its_goal_pose() -> None:
 @pytest.mark.parametrize("name", LAYOUTS)
 def test_footprints_at_endpoints_clear_the_shelves(name: str) -> None:
     grid, config = make_layout(name), EnvConfig()
-    p, floor = parameters_of(config, grid.cell_size)[0], floor_of(grid, 1.0)
+    p, floor = every_kind(config, grid.cell_size)[0], floor_of(grid, 1.0)
     many = 0
     for cell in grid.endpoints[2]:
         for x, y, heading in face(grid, cell, ROBOT).poses:

@@ -137,11 +137,6 @@ ACTION_TYPES = ("discrete", "continuous", "raw")
 GAP_HORIZON = 0.5  # [m] up to which gaps between robots are measured
 
 
-def parameters_of(config: EnvConfig, cell: float) -> NDArray[Any]:
-    """Return the kernels' parameters PARAMETERS[1] of `config.robot`."""
-    return every_kind(config, cell)[:1]
-
-
 def every_kind(config: EnvConfig, cell: float, bodies: Sequence[RobotSpec] | None = None) -> NDArray[Any]:
     """Return the parameters of the kinds of robots, PARAMETERS[K].
 

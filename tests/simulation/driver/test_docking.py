@@ -20,7 +20,7 @@ from warehouse_env.simulation.driver.arrival import RESTS, STILL, speed_before
 from warehouse_env.simulation.driver.shots import shoot
 from warehouse_env.simulation.physics.kinematics import approach
 from warehouse_env.simulation.simulator import Simulator
-from warehouse_env.simulation.state import parameters_of
+from warehouse_env.simulation.state import every_kind
 from warehouse_env.simulation.tasks.assignment import Assignment
 from warehouse_env.traffic_spec import TrafficSpec
 
@@ -73,7 +73,7 @@ def test_in_passing_a_robot_arrives_at_speed_and_else_it_stands_at_the_end_of_it
 
 @given(st.floats(0.0, 5.0), st.floats(0.0, 1.5), st.floats(0.3, 3.0))
 def test_a_robot_that_brakes_before_an_end_stops_there_and_never_beyond(way: float, speed: float, brake: float) -> None:
-    p = parameters_of(EnvConfig(), 1.0)
+    p = every_kind(EnvConfig(), 1.0)
     p["max_acceleration"] = brake
     most = brake * 0.1
     nothing = np.float32(0.0)

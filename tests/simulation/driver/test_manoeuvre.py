@@ -21,11 +21,11 @@ from warehouse_env.simulation.driver.turning import turning_metrics
 from warehouse_env.simulation.physics.floor import floor_of
 from warehouse_env.simulation.physics.footprint import body_touches_shelf
 from warehouse_env.simulation.physics.geometry import Rectangle, pose_at, rectangles_touch, separation
-from warehouse_env.simulation.state import parameters_of
+from warehouse_env.simulation.state import every_kind
 from warehouse_env.traffic_spec import TrafficSpec
 
 ROBOT = EnvConfig().robot
-PARAMETERS = parameters_of(EnvConfig(), 1.0)
+PARAMETERS = every_kind(EnvConfig(), 1.0)
 NOBODY = np.zeros((0, BODY), dtype=np.float32)
 NOWHERE = np.zeros((0, 4), dtype=np.float32)
 SCRATCH = make_search_scratch(1)
@@ -236,7 +236,7 @@ def test_it_gets_off_a_shelf_beside_which_it_stands_too_near() -> None:
 
 def test_beside_a_body_no_arc_comes_nearer_than_the_field_allows() -> None:
     """The gap that the widest axis shows shrinks and grows again within centimetres, where corners pass sides."""
-    parameters, grid = parameters_of(EnvConfig(traffic=TrafficSpec(shield=True)), 1.0), room(12, 12)
+    parameters, grid = every_kind(EnvConfig(traffic=TrafficSpec(shield=True)), 1.0), room(12, 12)
     rng, planned = np.random.default_rng(5), 0
     margin, pose = float(parameters["field_margin"][0]), (6.0, 6.0, 0.0)
     for _ in range(12000):
@@ -259,7 +259,7 @@ def test_beside_a_body_no_arc_comes_nearer_than_the_field_allows() -> None:
 
 @pytest.mark.parametrize("heading", [0.0, 0.4, 0.9, 2.56, -2.0])
 def test_along_a_parallel_body_that_is_as_near_as_the_field_allows_it_drives_straight(heading: float) -> None:
-    parameters = parameters_of(EnvConfig(traffic=TrafficSpec(shield=True)), 1.0)
+    parameters = every_kind(EnvConfig(traffic=TrafficSpec(shield=True)), 1.0)
     pose, beside = (6.0, 6.0, heading), ROBOT.width + float(parameters["field_margin"][0]) + 7e-4
     other = (6.0 - beside * math.sin(heading), 6.0 + beside * math.cos(heading), heading)
     goal = (6.0 + 1.2 * math.cos(heading), 6.0 + 1.2 * math.sin(heading), heading)

@@ -23,7 +23,7 @@ from warehouse_env.simulation.physics.footprint import body_touches_shelf
 from warehouse_env.simulation.physics.sweep import Sweep
 from warehouse_env.simulation.physics.zones import most_speed, zones_of
 from warehouse_env.simulation.simulator import Simulator
-from warehouse_env.simulation.state import ROBOT, parameters_of
+from warehouse_env.simulation.state import ROBOT, every_kind
 from warehouse_env.simulation.tasks.assignment import Assignment
 
 F = np.float32
@@ -142,7 +142,7 @@ def robot_at(x: float, speed: float = 0.0) -> Any:
 
 def test_the_speed_before_in_and_behind_a_zone_by_hand() -> None:
     """At rest 1 m before, in and 0.5 m behind a zone of 0.5 m/s, with braking planned at 0.9 m/s^2."""
-    zones, p = zones_of(strip(0.5), CONFIG), parameters_of(CONFIG, 1.0)
+    zones, p = zones_of(strip(0.5), CONFIG), every_kind(CONFIG, 1.0)
     assert zones is not None
     assert zones.squares.shape == (9, 161)
     found = [_most(robot_at(x), zones, p) for x in (9.0, 10.0, 11.3, 12.5)]

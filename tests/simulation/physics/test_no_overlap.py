@@ -17,7 +17,7 @@ from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.simulation.physics.sweep import Sweep, touch_between
 from warehouse_env.simulation.simulator import Simulator
-from warehouse_env.simulation.state import parameters_of
+from warehouse_env.simulation.state import every_kind
 from warehouse_env.traffic_spec import TrafficSpec
 
 DEEP = 1e-4  # [m] that float32 at ten metres, over a step, is allowed
@@ -123,7 +123,7 @@ def test_bodies_touch_between_samples_where_dense_sampling_says_so(
     kinds = [RobotSpec(), RobotSpec() if alike else odd_robot(rng)]
     sizes = np.array([(kind.length, kind.width, kind.front_overhang) for kind in kinds]).T
     wheelbases = np.array([kind.wheelbase for kind in kinds])
-    p, q = (parameters_of(EnvConfig(robot=kind, time_step=dt, substeps=1), 1.0)[0] for kind in kinds)
+    p, q = (every_kind(EnvConfig(robot=kind, time_step=dt, substeps=1), 1.0)[0] for kind in kinds)
     speed = rng.uniform(-1.5, 1.5, (2, 1)) + [[0.0, 1.0]] * rng.uniform(-dt, dt, (2, 1))
     if (speed[:, 0] * speed[:, 1] < 0).any():
         return  # turns back

@@ -43,8 +43,8 @@ class LiveOnHost:
         assert self.dispatcher.live is not None
         self._live = self.dispatcher.live
 
-    def begin(self, worlds: list[int], assignments: Sequence[Assignment | None]) -> None:
-        """Place the robots of worlds that begin."""
+    def begin(self, worlds: list[int], assignments: Sequence[Assignment | None]) -> NDArray[np.int64]:
+        """Place the robots of worlds that begin; return their rows."""
         self._live.know_all()
         if self.dispatcher.begins_by_kernel and not any(assignments):
             self.dispatcher.forget(worlds)
@@ -52,9 +52,6 @@ class LiveOnHost:
         else:
             for world, assignment in zip(worlds, assignments, strict=True):
                 self.dispatcher.begin(world, None, assignment, self._floor)
-
-    def rows_of(self, worlds: list[int]) -> NDArray[np.int64]:
-        """Return the rows of the robots of worlds."""
         count = self._robots.shape[1]
         rows: NDArray[np.int64] = (np.array(worlds)[:, None] * count + np.arange(count)).ravel()
         return rows

@@ -217,9 +217,9 @@ class DeviceSimulator:
         tensors["commands"][:, rows] = 0
         tensors["robots"][rows] = self._fresh
         if self._live is not None:
-            self._live.begin(worlds, assignments)
+            begun = self._live.begin(worlds, assignments)
             self._fit_routes(self._live.dispatcher.routes.shape[2])
-            self._live.upload(self._live.rows_of(worlds), self._tensors)
+            self._live.upload(begun, self._tensors)
         elif any(assignments) or not self.host.dispatcher.by_table:
             self._place_on_host(worlds, assignments)
         else:
