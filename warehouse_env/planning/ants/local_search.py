@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from warehouse_env.kernel import kernel
 from warehouse_env.maps.grid_map import MOVES
-from warehouse_env.planning.ants.walks import measure
+from warehouse_env.planning.ants.walks import measure, next_best
 from warehouse_env.planning.plan import MICRO
 
 _SQRT2 = math.sqrt(2.0)
@@ -74,11 +74,12 @@ def improve(floor, runs, elite, walks):
 
     Paths with the same cost and turns count as the same, and only one of them is shortened.
     """
-    measure(floor, walks, 0, len(walks.steps))
+    ants = len(walks.steps)
+    measure(floor, walks, 0, ants)
     chosen = np.empty(elite, np.int64)
     count, cost, turns = 0, -1.0, 0
     while count < elite:
-        ant = _next_best(walks, cost, turns)
+        ant = next_best(walks, 0, ants, cost, turns)
         if ant < 0:
             break
         cost, turns = walks.cost[ant], walks.turns[ant]
@@ -89,20 +90,7 @@ def improve(floor, runs, elite, walks):
         walks.moves[ant, : len(moves)] = moves
         walks.steps[ant] = len(moves)
         measure(floor, walks, ant, ant + 1)
-    return _next_best(walks, -1.0, 0)
-
-
-@kernel
-def _next_best(walks, cost, turns):
-    """Return the first ant with the least (cost, turns) above those given; -1 if none arrived with more."""
-    best = -1
-    for ant in range(len(walks.steps)):
-        if walks.steps[ant] < 0 or walks.cost[ant] < cost or (walks.cost[ant] == cost and walks.turns[ant] <= turns):
-            continue
-        better = best < 0 or walks.cost[ant] < walks.cost[best]
-        if better or (walks.cost[ant] == walks.cost[best] and walks.turns[ant] < walks.turns[best]):
-            best = ant
-    return best
+    return next_best(walks, 0, ants, -1.0, 0)
 
 
 @kernel

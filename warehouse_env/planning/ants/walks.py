@@ -84,7 +84,6 @@ def empty_walks(start: int, ants: int, cells: int) -> Walks:
 @kernel
 def measure(floor, walks, first, last):
     """Fill length, turns, spread and cost of ants first..last-1; return the best by (cost, turns), -1 if none."""
-    best = -1
     for ant in range(first, last):
         count = walks.steps[ant]
         if count < 0:
@@ -107,6 +106,16 @@ def measure(floor, walks, first, last):
         walks.turns[ant] = turned
         walks.cost[ant] = walks.length[ant] + tolls / MICRO
         walks.spread[ant] = 0.0 if climbed == 0 else _spread(floor, walks, ant, height_sum / (count + 1))
+    return next_best(walks, first, last, -1.0, 0)
+
+
+@kernel
+def next_best(walks, first, last, cost, turns):
+    """Return the first of ants first..last-1 with the least (cost, turns) above those given; -1 if there is none."""
+    best = -1
+    for ant in range(first, last):
+        if walks.steps[ant] < 0 or walks.cost[ant] < cost or (walks.cost[ant] == cost and walks.turns[ant] <= turns):
+            continue
         better = best < 0 or walks.cost[ant] < walks.cost[best]
         if better or (walks.cost[ant] == walks.cost[best] and walks.turns[ant] < walks.turns[best]):
             best = ant
