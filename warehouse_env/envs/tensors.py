@@ -17,8 +17,8 @@ from warehouse_env.simulation.device.memory import field_on_device
 from warehouse_env.simulation.device.recorder import DeviceRecorder
 from warehouse_env.simulation.device.simulator import DeviceSimulator
 from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.simulation.state import VIEWED, view_scales
 
-_VIEWED = ("x", "y", "goal_x", "goal_y", "cos", "sin", "speed", "steer")  # a robot's entries of the state
 Step = tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor, dict[str, Any]]
 
 
@@ -31,15 +31,14 @@ class GlobalView:
         host = simulator if isinstance(simulator, Simulator) else simulator.host
         self.device = torch.device("cpu") if isinstance(simulator, Simulator) else simulator.device
         side = max(host.grid.shape) * host.grid.cell_size
-        scales = [(*[side] * 4, 1.0, 1.0, robot.max_speed, robot.max_steering) for robot in simulator.config.robots]
-        self._scales = torch.tensor(scales, dtype=torch.float32, device=self.device)
+        self._scales = torch.from_numpy(view_scales(side, simulator.config)).to(self.device)
 
     def __call__(self) -> torch.Tensor:
         """Return float32[worlds, N * 8], a row with the bits of `Simulator.global_state` for each world."""
         robots = self._simulator.robots
         if not isinstance(robots, torch.Tensor):
             robots = torch.from_numpy(robots.view(np.uint8).reshape(*robots.shape, -1))
-        viewed = torch.stack([field_on_device(robots, name) for name in _VIEWED], dim=-1)
+        viewed = torch.stack([field_on_device(robots, name) for name in VIEWED], dim=-1)
         return (viewed / self._scales).flatten(1)
 
 

@@ -133,6 +133,7 @@ PARAMETERS = np.dtype(
 
 # Parameters for which all kinds of robots have the largest value: the size assumed of unknown robots, and search ranges
 LARGEST = ("widest", "widest_length", "widest_width", "pair_range", "field_range", "stop_samples")
+VIEWED = ("x", "y", "goal_x", "goal_y", "cos", "sin", "speed", "steer")  # a robot's entries of the global view
 ACTION_TYPES = ("discrete", "continuous", "raw")
 GAP_HORIZON = 0.5  # [m] up to which gaps between robots are measured
 
@@ -272,12 +273,14 @@ def goal_of(r: Any) -> tuple[int, int]:
 
 def global_view(robots: NDArray[Any], side: float, config: EnvConfig) -> NDArray[np.float32]:
     """Return float32[N * 8] of robots ROBOT[N] (see Simulator.global_state); side: the map's longer one [m]."""
-    size, limits = np.float32(side), [(robot.max_speed, robot.max_steering) for robot in config.robots]
-    fastest, lock = np.array(limits, np.float32).T
-    motion, task = robots["motion"], robots["task"]
-    columns = [motion["x"] / size, motion["y"] / size, task["goal_x"] / size, task["goal_y"] / size]
-    columns += [motion["cos"], motion["sin"], motion["speed"] / fastest, motion["steer"] / lock]
-    return np.stack(columns, axis=-1).astype(np.float32).reshape(-1)
+    viewed: NDArray[np.float32] = np.stack([field_of(robots, name) for name in VIEWED], axis=-1)
+    return (viewed / view_scales(side, config)).reshape(-1)
+
+
+def view_scales(side: float, config: EnvConfig) -> NDArray[np.float32]:
+    """Return float32[N, 8], by what the fields VIEWED are divided in `global_view`."""
+    scales = [(*[side] * 4, 1.0, 1.0, robot.max_speed, robot.max_steering) for robot in config.robots]
+    return np.array(scales, np.float32)
 
 
 def most_near(robots: int, config: EnvConfig) -> int:
