@@ -28,12 +28,12 @@ from warehouse_env.errors import MapError, PlanError
 from warehouse_env.files import complete_file
 from warehouse_env.maps.fitting import opened
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
-from warehouse_env.planning.graph_search import AStarTurns
+from warehouse_env.planning.graph_search import AStarTurns, unflatten
 from warehouse_env.planning.plan import Plan, Planner
 from warehouse_env.portable import Portable
 from warehouse_env.routes.goals import Pose, face, facing
 from warehouse_env.routes.lanes import drivable_line
-from warehouse_env.routes.many import Plans, drivable_lines
+from warehouse_env.routes.many import Plans, drivable_lines, known_plan
 from warehouse_env.routes.route_table import BEHIND, Route, RouteTable, behind_of, key_of
 from warehouse_env.threads import get_num_threads
 
@@ -43,25 +43,10 @@ _MOVE_OF = {(row, column): number for number, (row, column) in enumerate(MOVES.t
 
 
 class PlanTable(NamedTuple):
-    """The plans between E endpoints, ordered by goal, then by start."""
+    """The plans between the E endpoints of a floor (GridMap.endpoints), ordered by goal, then by start."""
 
-    number: dict[Cell, int]  # of each endpoint
     begins: NDArray[np.int64]  # [E * E + 1], of each plan's moves; a plan without moves is not known
     moves: NDArray[np.uint8]  # of all plans, as indices into MOVES
-
-    def cells(self, start: Cell, goal: Cell) -> NDArray[np.int64] | None:
-        """Return the plan int64[L, 2] from start to goal, or None."""
-        first, last = self.number.get(start), self.number.get(goal)
-        if first is None or last is None:
-            return None
-        plan = last * len(self.number) + first
-        moves = self.moves[self.begins[plan] : self.begins[plan + 1]]
-        if not len(moves):
-            return None
-        cells = np.empty((len(moves) + 1, 2), np.int64)
-        cells[0] = start
-        cells[1:] = start + np.cumsum(MOVES[moves], axis=0)
-        return cells
 
 
 def cache_directory() -> Path:
@@ -77,21 +62,21 @@ def _name(grid: GridMap, planner: Planner) -> str:
 
 def read_table(grid: GridMap, planner: Planner) -> PlanTable | None:
     """Return the table of a floor and a planner, the user's own before the shipped one; None without a whole one."""
-    name, places = _name(grid, planner), tuple(grid.endpoints[2])
+    name, count = _name(grid, planner), len(grid.endpoints[2])
     files = (folder / name for folder in (cache_directory(), SHIPPED))
-    return next((table for file in files if file.is_file() and (table := _read(file, places)) is not None), None)
+    return next((table for file in files if file.is_file() and (table := _read(file, count)) is not None), None)
 
 
 @lru_cache(maxsize=16)
-def _read(file: Path, places: tuple[Cell, ...]) -> PlanTable | None:
+def _read(file: Path, endpoints: int) -> PlanTable | None:
     try:
         with np.load(file) as table:
             begins = np.concatenate([[0], np.cumsum(table["lengths"], dtype=np.int64)])
             moves = table["moves"]
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
         return None
-    whole = moves.dtype == np.uint8 and (len(begins), len(moves)) == (len(places) ** 2 + 1, begins[-1])
-    return PlanTable({cell: number for number, cell in enumerate(places)}, begins, moves) if whole else None
+    whole = (len(begins), len(moves)) == (endpoints**2 + 1, begins[-1])
+    return PlanTable(begins, moves) if whole and moves.dtype == np.uint8 and (moves < len(MOVES)).all() else None
 
 
 def write_table(grid: GridMap, planner: Planner, plans: Iterable[NDArray[np.int64]]) -> None:
@@ -143,9 +128,7 @@ class RouteBook(Portable):
 
     def cells(self, start: Cell, goal: Cell, behind: Cell | None = None) -> NDArray[np.int64]:
         """Return the planned cells int64[L, 2], not starting with a step to `behind`; PlanError if there is no path."""
-        known = None if self._table is None or behind is not None else self._table.cells(start, goal)
-        if known is None:
-            known = self._plan(start, goal, behind).cells
+        known = self._plan(start, goal, behind).cells if behind is not None else self._known_or_planned(start, goal)
         if not len(known):
             raise PlanError(
                 f"planner {self.planner.name} found no path from {start} to {goal} on map {self.grid.name!r}; "
@@ -178,14 +161,16 @@ class RouteBook(Portable):
         """
         places = self.grid.endpoints[2]
         with ThreadPoolExecutor(get_num_threads()) as pool:
-            plans = (pool.map(self._for_table, places, itertools.repeat(goal)) for goal in track(places))
+            plans = (pool.map(self._known_or_planned, places, itertools.repeat(goal)) for goal in track(places))
             write_table(self.grid, self.planner, itertools.chain.from_iterable(plans))
         self._table = read_table(self.grid, self.planner)
         self._plans = self._collect_plans()
 
-    def _for_table(self, start: Cell, goal: Cell) -> NDArray[np.int64]:
-        known = None if self._table is None else self._table.cells(start, goal)
-        return self._plan(start, goal).cells if known is None else known
+    def _known_or_planned(self, start: Cell, goal: Cell) -> NDArray[np.int64]:
+        """Return the cells int64[L, 2] of the table's plan, else of a new one."""
+        columns = self.grid.shape[1]
+        known = known_plan(start[0] * columns + start[1], goal[0] * columns + goal[1], self._plans)
+        return unflatten(known, columns) if len(known) else self._plan(start, goal).cells
 
     def _plan(self, start: Cell, goal: Cell, behind: Cell | None = None) -> Plan:
         rng = np.random.default_rng([0, *start, *goal])
@@ -234,7 +219,7 @@ class RouteBook(Portable):
         plans = Plans(numbers, np.zeros(1, np.int64), np.empty(0, np.uint8), grid.legal_moves, searches)
         if table is None:
             return plans
-        numbers[tuple(np.array(list(table.number)).T)] = list(table.number.values())
+        numbers[tuple(np.transpose(grid.endpoints[2]))] = np.arange(len(grid.endpoints[2]))
         return plans._replace(begins=table.begins, moves=table.moves)
 
     def _make_many(self, keys: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.float32]]:

@@ -37,7 +37,7 @@ def _block(legal, row, column):
 
 
 @kernel
-def _planned(start, goal, plans):
+def known_plan(start, goal, plans):
     """Return the cells of the table's plan, int64[L], without any if there is none."""
     columns, count = plans.numbers.shape[1], int(np.sqrt(len(plans.begins) - 1.0))
     first = plans.numbers[start // columns, start % columns]
@@ -64,7 +64,7 @@ def _cells(start, goal, behind, plans):
         cells = find_path(legal, None, start, goal, True, True)
         if len(cells) > 0:
             return cells
-    cells = _planned(start, goal, plans)  # behind: a dead end, out of which it must back
+    cells = known_plan(start, goal, plans)  # behind: a dead end, out of which it must back
     if len(cells) == 0 and plans.searches:
         cells = find_path(plans.legal.copy(), None, start, goal, True, True)  # of the type of `legal` above
     return cells
