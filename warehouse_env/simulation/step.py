@@ -158,14 +158,6 @@ def _command(at, worlds, command, limits, followed, stopping, p, floor):
 
 
 @inline
-def _guard(worlds, b, scratch, guarded, walking, vehicles, floor):
-    """Let the shield of world b replace motions from which robots could not stop clear of others."""
-    if guarded is not None:
-        p, kinds = vehicles
-        shield.guard(worlds.robots[b], worlds.persons[b], scratch, walking, p, kinds, floor)
-
-
-@inline
 def _choose(worlds, b, commands, setup, scratch):
     """Choose the motion of each robot of world b for one physics step; commands: those in force, float32[N, 2].
 
@@ -182,33 +174,28 @@ def _choose(worlds, b, commands, setup, scratch):
         )
         first = zones.keep_under(r, first, most, masks, own)
         contact.load(robots, i, first, second, own, floor, motion)
-    _guard(worlds, b, scratch, features.guarded, features.walking, (p, kinds), floor)
+    shield.guard(robots, worlds.persons[b], scratch, features.guarded, features.walking, (p, kinds), floor)
 
 
 @inline
-def _move_as_planned(worlds, b, scratch, guarded, walking, erring, vehicles, floor):
-    """Carry out the motions chosen in world b with bodies that follow their plans exactly."""
-    if erring is None:
-        robots = worlds.robots[b]
-        _move(robots, worlds.persons[b], scratch.near[0], scratch.motions, walking, guarded, vehicles, floor)
-        contact.store(robots, scratch.motions[1])
+def _move_bodies(worlds, at, scratch, guarded, walking, erring, vehicles, floor):
+    """Carry out the motions chosen in world b, at = (b, physics step of the env step).
 
-
-@inline
-def _move_as_can(worlds, at, scratch, guarded, walking, erring, vehicles, floor):
-    """Carry out the motions chosen in world b, at = (b, physics step of the env step), with bodies that err.
-
-    vehicles: (p, kinds) of the robots planned, and of the bodies (deviation.py).
+    erring: None where bodies follow their plans exactly; vehicles: (p, kinds) of the robots planned, and of the bodies
+    (deviation.py).
     """
-    if erring is not None:
-        (b, repeat), ((p, kinds), true) = at, vehicles
-        true_p, true_kinds = true
-        pairs, motion, flags, lanes = scratch.motions
-        robots, actual, errors, own = worlds.robots[b], worlds.actual[b], worlds.errors[b, repeat], scratch.own
-        deviation.plan(motion, flags, lanes, p, kinds)
-        deviation.load(robots, actual, motion, errors, own, true_p, true_kinds, floor)
-        _move(robots, worlds.persons[b], scratch.near[0], (pairs, own, flags, lanes), walking, None, true, floor)
-        deviation.store(robots, actual, motion, errors, own, guarded, true_p, true_kinds)
+    (b, repeat), (planned, true), (pairs, motion, flags, lanes) = at, vehicles, scratch.motions
+    robots, persons, near = worlds.robots[b], worlds.persons[b], scratch.near[0]
+    if erring is None:
+        _move(robots, persons, near, scratch.motions, walking, guarded, planned, floor)
+        contact.store(robots, motion)
+        return
+    (p, kinds), (true_p, true_kinds) = planned, true
+    actual, errors, own = worlds.actual[b], worlds.errors[b, repeat], scratch.own
+    deviation.plan(motion, flags, lanes, p, kinds)
+    deviation.load(robots, actual, motion, errors, own, true_p, true_kinds, floor)
+    _move(robots, persons, near, (pairs, own, flags, lanes), walking, None, true, floor)
+    deviation.store(robots, actual, motion, errors, own, guarded, true_p, true_kinds)
 
 
 @inline
@@ -232,8 +219,7 @@ def _step(worlds, at, setup, scratch):
     scratch.near[0] = contact.list_pairs(bodies, order, starts, p, pairs)
     said = max(p["latency"] - repeat + p["repeat"] - 1, 0) // p["repeat"]  # env steps ago
     _choose(worlds, b, worlds.commands[said, b], setup, scratch)
-    _move_as_planned(worlds, b, scratch, guarded, walking, features.erring, planned, floor)
-    _move_as_can(worlds, at, scratch, guarded, walking, features.erring, (planned, true), floor)
+    _move_bodies(worlds, at, scratch, guarded, walking, features.erring, (planned, true), floor)
     shield.settle(robots, guarded)
     people.walk(persons, worlds.ways[b], robots, walking, p, kinds, floor)
     contact_episodes.judge_pairs(robots, scratch.own, pairs, scratch.near[0], worlds.stamps[b], clock, *true)
@@ -271,20 +257,6 @@ def advance(begin, end, worlds, setup, scratch):
 
 
 @inline
-def _predict(worlds, at, row, starts, table, sights, p, floor):
-    """Write the predictions if the config has them."""
-    if table is not None:
-        prediction.write_predictions(worlds, at, row, starts, table[p["kind"]], sights, p, floor)
-
-
-@inline
-def _count_passing(worlds, b, ways, p, sights):
-    """Count the robots in passages if predictions need it."""
-    if ways is not None:
-        passages.count_passing(worlds.robots[b], worlds.routes[b], ways, p, sights.coming)
-
-
-@inline
 def _plan(worlds, b, some, ways, vehicles, floor, sights):
     """Write what some robots plan, and how far their ways are free, if predictions need it."""
     if ways is not None:
@@ -297,7 +269,8 @@ def survey_world(worlds, b, setup, scratch):
     """Sort the robots of world b by place, and count those in passages, for planning and observing."""
     (params, kinds), (order, begins, bodies) = setup.bodies, scratch.places
     buckets.sort(worlds.robots[b], params[0], kinds, begins, order, bodies)
-    _count_passing(worlds, b, setup.equipment.passages, params[0], scratch.sights)
+    ways, coming = setup.equipment.passages, scratch.sights.coming
+    passages.count_passing(worlds.robots[b], worlds.routes[b], ways, params[0], coming)
 
 
 @inline
@@ -322,7 +295,7 @@ def observe_robot(worlds, b, n, setup, scratch):
     for k in range(p["rays"]):
         row[k] = ONE / (ONE + row[k])
     sensing.write_ego_and_route(r, worlds.routes[b, i], own, row, starts.ego, starts.route)
-    _predict(worlds, (b, i), row, starts, equipment.table, scratch.sights, own, setup.floor)
+    prediction.write_predictions(worlds, (b, i), row, starts, equipment.table, scratch.sights, own, setup.floor)
     shield.observe(r, own, row, starts.field)
     arrival.observe(r, own, row, starts.goal)
     worlds.reward[b, i] = write_terms(r, own, equipment.weights, worlds.terms[b, i])

@@ -90,8 +90,10 @@ def _passage_at(r, route, ahead, passages, p):
 def count_passing(robots, routes, passages, p, coming):
     """Count the robots that drive through each passage, by their direction, or in a blind one in both.
 
-    coming: int32[P, 2]. Nobody hears of a silent robot.
+    coming: int32[P, 2]; passages: None without predictions. Nobody hears of a silent robot.
     """
+    if passages is None:
+        return
     for k in range(coming.shape[0]):
         coming[k, _FORWARDS] = coming[k, _BACKWARDS] = 0
     for i in range(robots.shape[0]):

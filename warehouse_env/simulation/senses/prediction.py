@@ -139,12 +139,16 @@ def _try_lines(at, worlds, count, met, out, p):
 
 
 @part
-def write_predictions(worlds, at, row, starts, table, sights, p, floor):
+def write_predictions(worlds, at, row, starts, tables, sights, p, floor):
     """Write the slice `predictions` of robot at = (b, i): the free share of the time for each command.
 
-    row: the observation float32[D] with all other slices; starts: observation.Starts; table float32[K, 2]: commands
-    (speed, offset), all offsets of a speed, then those of the next; sights: with the plans of all robots.
+    row: the observation float32[D] with all other slices; starts: observation.Starts; tables float32[K, A, 2]: commands
+    (speed, offset) of each kind, all offsets of a speed, then those of the next, None without predictions; sights: with
+    the plans of all robots.
     """
+    if tables is None:
+        return
+    table = tables[p["kind"]]
     r, route, out, sides = worlds.robots[at], worlds.routes[at], row[starts.predictions :], sights.sides
     forwards, met = what_forwards(r, route, p), _keep_near(r["motion"], row[starts.neighbours :], sights, p)
     for a in range(table.shape[0]):

@@ -180,9 +180,11 @@ def hold(i, motion, field, p):
 
 
 @inline
-def guard(robots, persons, scratch, walking, p, kinds, floor):
+def guard(robots, persons, scratch, guarded, walking, vehicles, floor):
     """Let the robots commit, in the order of priority, to the commands in `motion`; the others brake."""
-    motion, field = scratch.motions[1], scratch.guards
+    if guarded is None:
+        return
+    (p, kinds), motion, field = vehicles, scratch.motions[1], scratch.guards
     around = motion, field, scratch.places
     begin(motion, field, p, kinds)
     for i in field[3]:
