@@ -17,7 +17,7 @@ from warehouse_env.observation import SENSORS
 from warehouse_env.simulation.senses.extra import SensorView
 from warehouse_env.traffic_spec import UncertaintySpec
 
-PLAIN = EnvConfig(layout="open", num_agents=3, max_steps=25, planner="astar", traffic="shield", people=1)
+PLAIN = EnvConfig(layout="open", num_agents=3, max_steps=25, planner="astar", traffic="shield")
 CONFIG = PLAIN.replace(sensor=SensorSpec(extra="compass:noise=0"), uncertainty=UncertaintySpec(pose_error=0.1))
 
 
@@ -87,9 +87,9 @@ def test_rows_and_last_observations_include_the_sensor() -> None:
 
 def test_sensor_is_created_only_on_demand_and_refused_on_devices(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(ConfigError, match="a device does not simulate extra sensors"):
-        tensor_env(2, CONFIG.replace(people=0, traffic="none"), device="cpu")
+        tensor_env(2, CONFIG.replace(traffic="none"), device="cpu")
     monkeypatch.setattr("warehouse_env.simulation.simulator.ExtraSensor", None)  # raises if it is created
-    simulator = Simulator(PLAIN.replace(people=0))
+    simulator = Simulator(PLAIN)
     simulator.reset(0)
     simulator.step(np.full((1, 3), simulator.cruise_action))
 

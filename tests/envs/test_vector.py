@@ -181,11 +181,13 @@ def test_episode_end_gives_last_observation_and_metrics() -> None:
         assert (env.state(per_row=True)[6 * world : 6 * world + 6] == env.state()[world]).all()
 
 
-@pytest.mark.parametrize("uncertainty", [None, UncertaintySpec(pose_error=0.05, actuation_error=0.05)])
-def test_recorded_worlds_equal_the_simulator_and_pass_audit(
-    uncertainty: UncertaintySpec | None, tmp_path: Path
-) -> None:
-    config = CONFIG.replace(uncertainty=uncertainty)
+# The shield shares compiled kernels with the tests of a device.
+ERRORS: dict[str, Any] = {"traffic": "shield", "uncertainty": UncertaintySpec(pose_error=0.05, actuation_error=0.05)}
+
+
+@pytest.mark.parametrize("changes", [{}, ERRORS], ids=["exact", "errors"])
+def test_recorded_worlds_equal_the_simulator_and_pass_audit(changes: dict[str, Any], tmp_path: Path) -> None:
+    config = CONFIG.replace(**changes)
     env, host = warehouse_env.tensor_env(3, config, device="cpu"), Recorder(Simulator(config, 2), (7, 8))
     env.reset(seed=4)
     actions = torch.randint(20, (25, 3, 6), generator=torch.Generator().manual_seed(1))

@@ -60,7 +60,7 @@ SETS: dict[str, dict[str, Any]] = {
     "mixed fleet": {"traffic": RULES, "fleet": (SLOW,)},
     "live routes": {"traffic": "routes", "layout": "narrow"},
     "live routes where they are barred": {"traffic": TrafficSpec(routes="barred"), "layout": "single_lane"},
-    "mixed fleet, continuous": {"action_type": "continuous", "fleet": (SLOW,)},
+    "mixed fleet, continuous": {"action_type": "continuous", "traffic": SHIELD, "fleet": (SLOW,)},  # one set of kernels
 }
 
 
