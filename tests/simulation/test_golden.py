@@ -22,13 +22,13 @@ def test_a_kept_episode_replays_to_the_bit() -> None:
     assert totals["goals"] + totals["hits_robot"] + totals["hits_shelf"] > 3  # or it would say little
 
 
-@pytest.mark.parametrize("name", CASES)
+# Each compiles a step that no other test uses.
+AT_NIGHT = dict.fromkeys(("pillars, raw", "shielded, 32 on single_lane, people"), pytest.mark.nightly)
+
+
+@pytest.mark.parametrize("name", [pytest.param(name, marks=AT_NIGHT.get(name, ())) for name in CASES])
 def test_the_digest_is_the_recorded_one(name: str) -> None:
     assert digest(CASES[name]) == RECORDED[name]
-
-
-# It compiles a step that no other test uses.
-AT_NIGHT = {"shielded, 32 on single_lane, people": pytest.mark.nightly}
 
 
 @pytest.mark.parametrize("name", [pytest.param(name, marks=AT_NIGHT.get(name, ())) for name in STACKS])
