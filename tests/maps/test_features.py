@@ -163,8 +163,9 @@ def test_lane_is_in_the_middle_of_a_one_way_aisle() -> None:
     solid = np.pad(grid.occupied[::-1], 1, constant_values=True).astype(np.uint8)
     arrows = np.pad(grid.one_way[::-1], 1)
     points = grid.centre([(1, column) for column in range(9)])
-    one_way = drivable_line(points, solid, arrows, 1.0, 0.5)
-    two_way = drivable_line(points, solid, np.zeros_like(arrows), 1.0, 0.5)
+    how = 1.0, 0.5, np.inf, 1.0  # all by position, as the book of routes calls it: compiled once
+    one_way = drivable_line(points, solid, arrows, *how)
+    two_way = drivable_line(points, solid, np.zeros_like(arrows), *how)
     inner, other = ((line[:, 0] > 3.0) & (line[:, 0] < 6.0) for line in (one_way, two_way))
     np.testing.assert_allclose(one_way[inner, 1], 2.0, atol=0.02)  # two cells wide, from y = 1 to 3
     assert two_way[other, 1].max() < 1.7  # to the right, which is south
