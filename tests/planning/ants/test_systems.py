@@ -18,16 +18,33 @@ from warehouse_env.planning.ants.iaco import Iaco, smooth
 from warehouse_env.planning.ants.walks import make_floor
 from warehouse_env.planning.plan import path_length, validate, validate_line
 
+START = 0
 
-def test_distance_heuristic_of_the_traditional_colony() -> None:
+
+@pytest.mark.parametrize(
+    ("system", "ahead", "at_goal"),
+    [
+        (Aco(exponent=1), 1 / math.sqrt(13), 10),
+        # Eq. 16: 13^(1/2) straight, 1 + 2 * 2^(1/2) down the field. Of the goal itself: 0.1 + 0.
+        (ApfAco(), (math.sqrt(13) + 1 + 2 * math.sqrt(2)) ** -7, 0.1**-7),
+        (Iaco(), (10 / math.sqrt(13)) ** 7, 100.0**7),  # eq. 7
+    ],
+)
+def test_attraction_on_an_open_floor(system: AntSystem, ahead: float, at_goal: float) -> None:
+    """Of (1, 1), sqrt(13) before the goal, and of the goal (3, 4), whose distance counts as 0.1."""
     grid = GridMap(np.zeros((4, 5), dtype=bool))
-    floor, start = make_floor(grid, (3, 4)), 0
-    to_goal, straight = Aco(exponent=1).colony(grid, floor, start).attraction(0)
-    assert straight is to_goal
-    assert to_goal[0, SOUTH_EAST] == pytest.approx(1 / math.sqrt(13))  # from (1, 1) to (3, 4)
+    turning, straight = system.colony(grid, make_floor(grid, (3, 4)), START).attraction(3)
+    assert turning is straight
+    assert turning[0, SOUTH_EAST] == pytest.approx(ahead)
+    assert turning[2 * 5 + 3, SOUTH_EAST] == pytest.approx(at_goal)
+
+
+def test_distance_heuristics_of_the_traditional_colony() -> None:
+    grid = GridMap(np.zeros((4, 5), dtype=bool))
+    floor = make_floor(grid, (3, 4))
+    to_goal, _ = Aco(exponent=1).colony(grid, floor, START).attraction(0)
     assert to_goal[0, EAST] == pytest.approx(1 / math.sqrt(18))
-    assert to_goal[13, SOUTH_EAST] == pytest.approx(10)  # into the goal, at a distance of 0.1 by definition
-    next_cell, _ = Aco(heuristic="next_cell").colony(grid, floor, start).attraction(7)
+    next_cell, _ = Aco(heuristic="next_cell").colony(grid, floor, START).attraction(7)
     assert next_cell[0, [EAST, SOUTH_EAST]] == pytest.approx([1, 1 / 2])  # (1/d)^2
 
 
@@ -59,19 +76,6 @@ def test_dying_ants_may_find_no_path() -> None:
     assert any(plan.found for plan in dying)
     assert not all(plan.found for plan in dying)
     assert all(search("aco", grid, (0, 0), (0, 8), seed, **ants).found for seed in range(30))
-
-
-START = 0
-
-
-def test_heuristic_eq_16_on_an_open_floor() -> None:
-    grid = GridMap(np.zeros((4, 5), dtype=bool))
-    floor = make_floor(grid, (3, 4))
-    turning, straight = ApfAco().colony(grid, floor, START).attraction(0)
-    assert turning is straight
-    # From (1, 1) to (3, 4): 13^(1/2) straight, 1 + 2 * 2^(1/2) down the field. Of (3, 4) itself: 0.1 + 0.
-    assert turning[0, SOUTH_EAST] == pytest.approx((math.sqrt(13) + 1 + 2 * math.sqrt(2)) ** -7)
-    assert turning[2 * 5 + 3, SOUTH_EAST] == pytest.approx(0.1**-7)
 
 
 def test_heuristic_penalises_a_local_minimum() -> None:
@@ -139,15 +143,6 @@ def test_intermediate_point_turns_the_force_round_a_wall() -> None:
     np.testing.assert_array_equal(led[0], bare[0])
     cosine_to_the_side = MOVES[EAST if side > 0 else WEST] @ led[3, 4] / math.sqrt(10)
     assert cosine_to_the_side == pytest.approx(3 / math.sqrt(10))
-
-
-def test_attraction_of_equation_7() -> None:
-    floor = make_floor(GridMap(np.zeros((4, 5), dtype=bool)), (3, 4))
-    colony = Iaco().colony(GridMap(np.zeros((4, 5), dtype=bool)), floor, 0)
-    turning, straight = colony.attraction(3)
-    assert turning is straight
-    assert turning[0, SOUTH_EAST] == pytest.approx((10 / math.sqrt(13)) ** 7)
-    assert turning[13, SOUTH_EAST] == pytest.approx(100.0**7)  # into the goal, whose distance counts as 0.1
 
 
 def test_greed_of_equation_14() -> None:
