@@ -22,6 +22,7 @@ from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.state import OWNER, field_of
 from warehouse_env.traffic_spec import TrafficSpec, UncertaintySpec
 
+pytestmark = pytest.mark.usefixtures("checked")  # all robots can stop after each step
 LONG = RobotSpec(
     length=1.4, width=0.8, wheelbase=0.9, front_overhang=0.25, max_speed=0.8, min_speed=-0.3, max_acceleration=0.6,
     max_steering=0.9, max_steering_rate=1.0,
@@ -36,11 +37,6 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "all rules": {"traffic": "rules", "people": 2, "arrival": "pose"},
     "errors": {"action_type": "continuous", "uncertainty": UncertaintySpec(pose_error=0.01, heading_error=0.01)},
 }
-
-
-@pytest.fixture(autouse=True)
-def _checked(checked: None) -> None:
-    """Check in all tests that robots can stop."""
 
 
 def parts(*kinds: RobotSpec, count: int = 3) -> tuple[FleetPart, ...]:

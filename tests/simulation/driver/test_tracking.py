@@ -30,6 +30,12 @@ def on_route(grid: GridMap, pose: tuple[float, ...], *corners: tuple[float, floa
     return simulator
 
 
+def facing_back(**changes: Any) -> Simulator:
+    """A robot in an aisle of two cells whose route begins behind it."""
+    grid = drawn(["#" * 24, "." * 24, "." * 24, "#" * 24])
+    return on_route(grid, (12.0, 2.0, math.pi), (12.0, 2.0), (22.0, 2.0), **changes)
+
+
 def drive(simulator: Simulator, action: int, steps: int) -> Any:
     for _ in range(steps):
         simulator.step(np.full((1, 1), action))
@@ -172,8 +178,7 @@ def test_it_slows_down_in_a_sharp_turn() -> None:
 
 @pytest.mark.parametrize("told", [STOP, BACK])
 def test_in_a_manoeuvre_it_stops_or_backs_when_told_and_goes_on(told: int) -> None:
-    grid = drawn(["#" * 24, "." * 24, "." * 24, "#" * 24])
-    simulator = on_route(grid, (12.0, 2.0, math.pi), (12.0, 2.0), (22.0, 2.0))
+    simulator = facing_back()
     cruise = int(simulator.cruise_action)
     r = drive(simulator, cruise, 8)
     manoeuvre, left = simulator.arcs[0, 0].copy(), int(r["manoeuvre"]["arcs"])
@@ -303,8 +308,7 @@ def test_no_decision_of_a_policy_drives_it_into_a_shelf(name: str) -> None:
 
 def test_it_searches_once_in_a_while_whatever_came_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """Its line begins behind it, and nothing is ever found."""
-    grid = drawn(["#" * 24, "." * 24, "." * 24, "#" * 24])
-    simulator = on_route(grid, (12.0, 2.0, math.pi), (12.0, 2.0), (22.0, 2.0))
+    simulator = facing_back()
     steps: list[int] = []
 
     def seek(*_: object) -> None:
@@ -356,8 +360,7 @@ def test_without_a_shield_it_goes_around_a_robot_that_its_manoeuvre_does_not_hee
 
 @pytest.mark.parametrize("field", ["alive", "arrived"])
 def test_parked_and_rerouted_robots_do_not_search(field: str) -> None:
-    grid = drawn(["#" * 24, "." * 24, "." * 24, "#" * 24])
-    simulator = on_route(grid, (12.0, 2.0, math.pi), (12.0, 2.0), (22.0, 2.0))
+    simulator = facing_back()
     for asks, found in ((False, False), (True, True)):
         simulator.robots["manoeuvre"]["seeks"] = ALONE
         field_of(simulator.robots, field)[...] = asks if field == "alive" else not asks
@@ -369,9 +372,8 @@ def test_parked_and_rerouted_robots_do_not_search(field: str) -> None:
 
 def test_quick_searches_come_in_rounds_and_end_early() -> None:
     """Where it must turn round; on a GPU all worlds wait for the longest search."""
-    grid = drawn(["#" * 24, "." * 24, "." * 24, "#" * 24])
     for quick in (False, True):
-        simulator = on_route(grid, (12.0, 2.0, math.pi), (12.0, 2.0), (22.0, 2.0), quick_searches=quick)
+        simulator = facing_back(quick_searches=quick)
         for steps in (9, 10):
             simulator.robots["manoeuvre"]["seeks"] = ALONE
             simulator.worlds.steps[0] = steps

@@ -22,17 +22,13 @@ from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.traffic import shield
 from warehouse_env.traffic_spec import TrafficSpec
 
+pytestmark = pytest.mark.usefixtures("checked")  # all robots can stop after each step
 FULL = (1.0, 0.0)  # raw: accelerate, steering held
 ROUNDING = 1e-5  # [m] that float32 at ten metres is allowed
 
 
-@pytest.fixture(autouse=True)
-def _checked(checked: None) -> None:
-    """Check in all tests that robots can stop."""
-
-
-def guarded(grid: Any, *poses: Any, **changes: Any) -> Simulator:
-    return stage(grid, *poses, **{"traffic": TrafficSpec(shield=True), **changes})
+def guarded(grid: Any, *poses: Any, margin: float = TrafficSpec.margin, **changes: Any) -> Simulator:
+    return stage(grid, *poses, **{"traffic": TrafficSpec(shield=True, margin=margin), **changes})
 
 
 def least_gap(simulator: Simulator) -> float:
@@ -52,7 +48,7 @@ def untouched(simulator: Simulator) -> bool:
 
 
 def test_a_robot_stops_before_one_that_stands() -> None:
-    simulator = guarded(room(3, 20), (2.0, 1.5, 0.0), (15.0, 1.5, 0.0), traffic=TrafficSpec(shield=True, margin=0.05))
+    simulator = guarded(room(3, 20), (2.0, 1.5, 0.0), (15.0, 1.5, 0.0), margin=0.05)
     drive_on(simulator)
     # The tail of the one that stands is 0.75 m behind its axle, the nose of the other 0.15 m ahead.
     gap = 15.0 - 0.75 - 0.15 - float(simulator.robots["motion"]["x"][0, 0])
@@ -73,9 +69,7 @@ def test_a_robot_stops_before_a_shelf() -> None:
 
 
 def test_two_head_on_stop_before_they_meet() -> None:
-    simulator = guarded(
-        room(3, 30), (2.0, 1.5, 0.0), (28.0, 1.5, math.pi), traffic=TrafficSpec(shield=True, margin=0.1)
-    )
+    simulator = guarded(room(3, 30), (2.0, 1.5, 0.0), (28.0, 1.5, math.pi), margin=0.1)
     fastest = 0.0
     for _ in range(200):
         simulator.step(raw(simulator, FULL, FULL))
@@ -110,7 +104,7 @@ def test_the_robot_longest_on_its_way_goes_first(first: int) -> None:
 
 
 def test_robots_nearer_than_the_margin_may_part_but_not_approach() -> None:
-    simulator = guarded(room(3, 20), (5.0, 1.5, 0.0), (5.91, 1.5, 0.0), traffic=TrafficSpec(shield=True, margin=0.2))
+    simulator = guarded(room(3, 20), (5.0, 1.5, 0.0), (5.91, 1.5, 0.0), margin=0.2)
     for _ in range(10):
         simulator.step(raw(simulator, FULL, (0.0, 0.0)))
     assert simulator.state.pose[0, 0, 0] == 5.0
@@ -265,9 +259,7 @@ def test_what_a_policy_sees_of_the_field() -> None:
 
 def test_a_robot_that_is_held_where_it_stands_may_steer() -> None:
     """Its tail would swing into the other; with its wheels straight it can go, so it must be able to turn them."""
-    simulator = stage(
-        room(12, 12), (5.0, 6.0, 0.0), (4.75, 5.379, 0.0), action_type="raw", traffic=TrafficSpec(shield=True)
-    )
+    simulator = guarded(room(12, 12), (5.0, 6.0, 0.0), (4.75, 5.379, 0.0))
     simulator.robots["motion"]["steer"][0, 0] = -simulator.config.robot.max_steering
     held = 0
     for _ in range(40):
