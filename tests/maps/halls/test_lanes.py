@@ -170,24 +170,17 @@ def test_lanes_off_the_floor_are_noted() -> None:
 
 
 def test_dead_ends_of_a_route_graph_without_places_are_stations(tmp_path: Path) -> None:
-    file = tmp_path / "f.geojson"
-    write_route_graph(GridMap(np.zeros((1, 3))), file)
-    data = json.loads(file.read_text())
-    for feature in data["features"]:
-        feature["properties"].pop("metadata", None)
-    file.write_text(json.dumps(data))
+    file = graph(tmp_path, lambda data: [one["properties"].pop("metadata", None) for one in data["features"]])
     assert [(place.x, place.y) for place in read_route_graph(file).places["stations"]] == [(0.5, 0.5), (2.5, 0.5)]
 
 
 def test_lane_costs_are_kept_or_noted(tmp_path: Path) -> None:
-    file = tmp_path / "f.geojson"
-    write_route_graph(GridMap(np.zeros((1, 3)), cell_size=2.0), file)
-    data = json.loads(file.read_text())
-    edges = [one["properties"] for one in data["features"] if one["geometry"]["type"] == "MultiLineString"]
-    edges[0]["cost"], edges[1]["cost"], edges[2]["cost"] = 3.0, 0.0, 1e9
-    edges[2]["id"] = edges[1]["id"]
-    file.write_text(json.dumps(data))
-    read = read_route_graph(file)
+    def edit(data: Any) -> None:
+        edges = [one["properties"] for one in data["features"] if one["geometry"]["type"] == "MultiLineString"]
+        edges[0]["cost"], edges[1]["cost"], edges[2]["cost"] = 3.0, 0.0, 1e9
+        edges[2]["id"] = edges[1]["id"]
+
+    read = read_route_graph(graph(tmp_path, edit, GridMap(np.zeros((1, 3)), cell_size=2.0)))
     assert [one.price for one in read.lanes] == [1.5, 1.0, 1000.0, 1.0]
     assert any("is clipped" in note for note in read.noted())
     assert any("used more than once" in note for note in read.noted())
@@ -240,14 +233,21 @@ def test_other_levels_and_closed_edges_of_a_lif_are_noted(tmp_path: Path) -> Non
         assert any(part in note for note in found.noted())
 
 
-def lif(folder: Path, edit: Callable[[Any], object], grid: GridMap | None = None) -> Path:
-    """Write a floor's lanes as LIF, apply `edit` to the data, and return the file."""
-    file = folder / "f.json"
-    write_lif(grid or GridMap(np.zeros((1, 3))), file)
+def edited(file: Path, write: Any, edit: Callable[[Any], object], grid: GridMap | None = None) -> Path:
+    """Write a floor's lanes, apply `edit` to the data, and return the file."""
+    write(grid or GridMap(np.zeros((1, 3))), file)
     data = json.loads(file.read_text())
     edit(data)
     file.write_text(json.dumps(data))
     return file
+
+
+def lif(folder: Path, edit: Callable[[Any], object], grid: GridMap | None = None) -> Path:
+    return edited(folder / "f.json", write_lif, edit, grid)
+
+
+def graph(folder: Path, edit: Callable[[Any], object], grid: GridMap | None = None) -> Path:
+    return edited(folder / "f.geojson", write_route_graph, edit, grid)
 
 
 @pytest.mark.parametrize(
@@ -290,13 +290,8 @@ def test_trajectory_is_followed_or_noted(tmp_path: Path, change: dict[str, Any],
     ],
 )
 def test_wrong_route_graph_is_one_sentence(tmp_path: Path, path: list[Any], value: Any, sentence: str) -> None:
-    file = tmp_path / "f.geojson"
-    write_route_graph(GridMap(np.zeros((1, 3))), file)
-    data = json.loads(file.read_text())
-    change(data, path, value)
-    file.write_text(json.dumps(data))
     with pytest.raises(MapError, match=sentence):
-        read_route_graph(file)
+        read_route_graph(graph(tmp_path, lambda data: change(data, path, value)))
 
 
 def test_hand_written_places_are_read(tmp_path: Path) -> None:

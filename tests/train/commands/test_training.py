@@ -211,8 +211,7 @@ def test_training_and_resuming_use_the_given_fleet(
     assert f"with 2 robots (of {kind})" in capsys.readouterr().err
     assert kind in (folder / "CARD.md").read_text()
     assert read_record(folder).env.robots == (slow, slow)
-    saved = checkpoint.read(folder / "checkpoint")
-    checkpoint.write(folder / "checkpoint", saved.arrays, saved.data | {"config": saved.data["config"] | {"steps": 96}})
+    double_the_steps(folder)
     fleet.write_text('[{"share": 1, "robot": {}}]', encoding="utf-8")  # the file is not read again
     assert main(["train", trainer, "--no-progress", "--resume", str(folder), "--fleet", str(fleet)]) == 2
     assert "leave out fleet=" in capsys.readouterr().err
