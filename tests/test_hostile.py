@@ -335,18 +335,8 @@ def arrays(draw: st.DrawFn) -> Any:
 
 
 ACTS = (
-    "parallel",
-    "single",
-    "vector",
-    "step",
-    "put",
-    "reset",
-    "reset_world",
-    "seed",
-    "reset_to",
-    "recorder",
-    "options",
-)
+    "parallel", "single", "vector", "step", "put", "reset", "reset_world", "seed", "reset_to", "recorder", "options",
+)  # fmt: skip
 
 
 @pytest.mark.parametrize("act", ACTS)

@@ -14,14 +14,7 @@ from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.render import chart_style, charts
 from warehouse_env.render.colours import RGB, name_colours
 from warehouse_env.render.heat_maps import Panel, heat_maps
-from warehouse_env.render.report_charts import (
-    COLLISIONS,
-    Bar,
-    FloorLoad,
-    draw_over_robots,
-    over_robots,
-    throughput,
-)
+from warehouse_env.render.report_charts import COLLISIONS, Bar, FloorLoad, draw_over_robots, over_robots, throughput
 
 image = pytest.importorskip("matplotlib.image")
 

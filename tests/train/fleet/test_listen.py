@@ -177,16 +177,8 @@ def at(x: float, second: int, **more: Any) -> dict[str, Any]:
 
 OLD = state_of(9, 0, timestamp="2026-04-01T10:00:00Z")
 EMPTY = [
-    "orderId",
-    "orderUpdateId",
-    "nodeStates",
-    "edgeStates",
-    "actionStates",
-    "loads",
-    "errors",
-    "version",
-    "headerId",
-]
+    "orderId", "orderUpdateId", "nodeStates", "edgeStates", "actionStates", "loads", "errors", "version", "headerId",
+]  # fmt: skip
 STREAMS = {
     "version 1.1": [entry("uagv/v1/M/a/state", state_of(x, x, version="1.1.0", lastNodeId="")) for x in (1, 2, 3)],
     "version 3": [entry("uagv/v3/M/a/state", version_3(x, x)) for x in (1, 2, 3)],
@@ -321,13 +313,9 @@ def test_skipped_messages_are_noted(tmp_path: Path) -> None:
     made = episode_of(hear(tmp_path, lines), FLOOR, EnvConfig())
     notes = "; ".join(made.notes)
     for note_part in (
-        "no topic or",
-        "no timestamp",
-        "1 position on other maps",
-        "1 vehicle never said",
-        "off the floor",
+        "no topic or", "no timestamp", "1 position on other maps", "1 vehicle never said", "off the floor",
         "another connectionState",
-    ):
+    ):  # fmt: skip
         assert note_part in notes, notes
 
 
