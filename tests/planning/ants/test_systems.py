@@ -29,6 +29,7 @@ START = 0
         (ApfAco(), (math.sqrt(13) + 1 + 2 * math.sqrt(2)) ** -7, 0.1**-7),
         (Iaco(), (10 / math.sqrt(13)) ** 7, 100.0**7),  # eq. 7
     ],
+    ids=("aco", "apf_aco", "iaco"),
 )
 def test_attraction_on_an_open_floor(system: AntSystem, ahead: float, at_goal: float) -> None:
     """Of (1, 1), sqrt(13) before the goal, and of the goal (3, 4), whose distance counts as 0.1."""

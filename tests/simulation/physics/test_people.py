@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tests.simulation.safe_stops import checked as checked  # a fixture
-from tests.simulation.worlds import coast, drawn, raw, room, stage
+from tests.simulation.worlds import coast, drawn, lay, raw, room, stage
 from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import Cell
@@ -21,11 +21,13 @@ from warehouse_env.traffic_spec import TrafficSpec
 
 STEP = 0.1 * float(PACE)  # [m]
 FAR = (18.0, 5.0, 0.0)
+STAND, AHEAD, BACK = 5, 15, 0  # discrete actions
+GUARDED: dict[str, Any] = {"action_type": "raw", "traffic": TrafficSpec(shield=True)}
 
 
 def with_people(*where: Any, people: int = 1, **changes: Any) -> Simulator:
-    """A stage with people, whose next goals are drawn from a seed."""
-    simulator = stage(*where, people=people, **changes)
+    """A stage with people, whose next goals are drawn from a seed; discrete actions unless changed."""
+    simulator = stage(*where, people=people, **{"action_type": "discrete", **changes})
     simulator.people.begin(0, [3, 0], simulator.robots[0])
     return simulator
 
@@ -47,6 +49,15 @@ def still(simulator: Simulator, x: float, y: float, person: int = 0) -> Any:
     return o
 
 
+def drive(simulator: Simulator, action: int, steps: int) -> float:
+    """Give all robots an action for some steps; return what contacts cost robot 0."""
+    costs = 0.0
+    for _ in range(steps):
+        simulator.step(np.full((1, simulator.num_agents), action))
+        costs += simulator.reward_terms[0, 0, 2]
+    return costs
+
+
 def gap_to(simulator: Simulator, person: int = 0, robot: int = 0) -> float:
     """The gap [m] between a person and a robot, worked out in double precision."""
     o, r, body = simulator.people.persons[0, person], simulator.robots[0, robot], RobotSpec()
@@ -61,16 +72,16 @@ def test_a_person_walks_straight_to_its_goal_rests_and_wants_another() -> None:
     simulator = with_people(room(10, 20), FAR)
     o = send(simulator, 2.5, 2.5, (7, 9))  # the cell around (9.5, 2.5)
     for k in range(1, 20):
-        coast(simulator, 1)
+        drive(simulator, STAND, 1)
         assert o["x"] == pytest.approx(2.5 + k * STEP, abs=1e-4)
         assert o["y"] == pytest.approx(2.5, abs=1e-5)
-    coast(simulator, math.ceil((7.0 - AT_GOAL) / STEP) + 1 - 19)
+    drive(simulator, STAND, math.ceil((7.0 - AT_GOAL) / STEP) + 1 - 19)
     assert RESTS[0] - 0.1 <= o["rest"] <= RESTS[1]
     here = float(o["x"])
     assert abs(here - 9.5) < AT_GOAL
-    coast(simulator, math.floor(RESTS[0] / 0.1) - 2)
+    drive(simulator, STAND, math.floor(RESTS[0] / 0.1) - 2)
     assert o["x"] == here
-    coast(simulator, math.ceil((RESTS[1] - RESTS[0]) / 0.1) + 20)
+    drive(simulator, STAND, math.ceil((RESTS[1] - RESTS[0]) / 0.1) + 20)
     assert math.hypot(o["x"] - here, o["y"] - 2.5) > 0.5
 
 
@@ -80,7 +91,7 @@ def test_a_person_passes_a_robot_at_a_distance() -> None:
     o = send(simulator, 2.5, 5.5, (4, 12))
     least = math.inf
     for _ in range(120):
-        coast(simulator, 1)
+        drive(simulator, STAND, 1)
         least = min(least, gap_to(simulator))
     assert o["rest"] > 0 or abs(o["x"] - 12.5) < 1.0
     assert KEEP - 1e-4 <= least <= KEEP + STEP
@@ -92,7 +103,7 @@ def test_where_there_is_no_way_past_a_person_turns_away() -> None:
     o = send(simulator, 1.5, 1.5, (1, 9))
     wanted = []
     for _ in range(200):
-        coast(simulator, 1)
+        drive(simulator, STAND, 1)
         wanted.append(float(o["goal_x"]))
         assert gap_to(simulator) > 0
     first = next(k for k, x in enumerate(wanted) if x != 9.5)
@@ -104,7 +115,7 @@ def test_where_there_is_no_way_past_a_person_turns_away() -> None:
 @pytest.mark.parametrize("lane", [["##########", "..........", "##########"], [".........."]])
 def test_nobody_comes_so_near_to_a_robot_that_it_may_not_drive_on(lane: list[str]) -> None:
     """However long a robot stands in its way: under the field it could not leave then."""
-    simulator = with_people(drawn(lane), (5.75, len(lane) / 2, 0.0), traffic=TrafficSpec(shield=True))
+    simulator = with_people(drawn(lane), (5.75, len(lane) / 2, 0.0), **GUARDED)
     send(simulator, 2.5, len(lane) / 2, (len(lane) // 2, 9))
     least = math.inf
     for _ in range(40):  # it turns away at last
@@ -123,24 +134,21 @@ def test_how_long_a_person_is_kept_from_walking_is_counted() -> None:
     simulator = with_people(lane, (4.2, 1.5, 0.0), (5.95, 1.5, math.pi))
     o = send(simulator, 5.1, 1.5, (1, 11))
     for steps in range(1, 80):
-        coast(simulator, 1)
+        drive(simulator, STAND, 1)
         assert o["kept"] == pytest.approx(0.1 * (steps - 1), abs=0.01)  # the first step is where it begins
     assert simulator.episode_metrics()["longest_person_kept_s"] == pytest.approx(7.8, abs=0.01)
     simulator.robots["motion"]["x"][0] = 0.8, 11.8
-    coast(simulator, 20)
+    drive(simulator, STAND, 20)
     assert o["kept"] == 0
     assert simulator.episode_metrics()["longest_person_kept_s"] == pytest.approx(7.8, abs=0.01)
 
 
 def test_a_robot_that_runs_into_a_person_is_put_back_and_counted_once() -> None:
     simulator = with_people(room(10, 20), (5.0, 5.0, 0.0, 1.0))
+    lay(simulator, (5.0, 5.0), (18.0, 5.0))
     still(simulator, 6.0, 5.0)
-    costs = 0.0
-    for _ in range(15):
-        simulator.step(raw(simulator, (1.0, 0.0)))
-        costs += simulator.reward_terms[0, 0, 2]
     r = simulator.robots[0, 0]
-    assert costs == -5.0
+    assert drive(simulator, AHEAD, 15) == -5.0
     assert 0 < gap_to(simulator) < 0.08
     assert r["totals"]["hits_person"] == 1
     assert r["events"]["touching"] == 1
@@ -148,12 +156,10 @@ def test_a_robot_that_runs_into_a_person_is_put_back_and_counted_once() -> None:
     assert simulator.episode_metrics()["collisions_per_km"] == pytest.approx(
         1000 / float(r["totals"]["distance"]), rel=1e-6
     )
-    for _ in range(10):  # back off by more than near_miss_gap, and run into it again
-        simulator.step(raw(simulator, (-0.5, 0.0)))
+    drive(simulator, BACK, 10)  # by more than near_miss_gap, and run into it again
     assert gap_to(simulator) > 0.1
     assert r["totals"]["hits_person"] == 1
-    for _ in range(25):
-        simulator.step(raw(simulator, (1.0, 0.0)))
+    drive(simulator, AHEAD, 25)
     assert r["totals"]["hits_person"] == 2
 
 
@@ -161,7 +167,7 @@ def test_lidar_sees_people_from_the_bodys_centre() -> None:
     simulator = with_people(room(20, 20), (5.3, 10.0, 0.0), people=2)
     still(simulator, 8.0, 10.0)  # straight ahead of the centre at (5.0, 10.0)
     still(simulator, 5.0, 12.0, person=1)  # abeam
-    coast(simulator, 1)
+    drive(simulator, STAND, 1)
     rays = simulator.observation[0, 0, simulator.layout.slices["lidar"]].astype(np.float64)
     ranges = 1 / rays - 1
     assert ranges[0] == pytest.approx(3.0 - RADIUS, abs=1e-4)
@@ -173,7 +179,7 @@ def test_lidar_sees_people_from_the_bodys_centre() -> None:
 @pytest.mark.usefixtures("checked")
 @pytest.mark.parametrize("away", [0.4, 2.5])
 def test_under_the_field_a_robot_stops_before_a_person(away: float) -> None:
-    simulator = with_people(room(10, 20), (5.0, 5.0, 0.0), traffic=TrafficSpec(shield=True))
+    simulator = with_people(room(10, 20), (5.0, 5.0, 0.0), **GUARDED)
     still(simulator, 5.15 + float(RADIUS) + away, 5.0)
     for _ in range(60):
         simulator.step(raw(simulator, (1.0, 0.0)))
@@ -203,7 +209,7 @@ def test_whatever_people_and_robots_do_the_field_lets_nobody_be_hit(seed: int) -
     rng = np.random.default_rng(seed)
     poses = [(x, y, float(rng.uniform(-3, 3))) for x in (3.0, 9.0) for y in (3.0, 9.0)]
     simulator = with_people(drawn(["............"] * 5 + ["....####...."] * 2 + ["............"] * 5), *poses, people=3,
-                      traffic=TrafficSpec(shield=True))  # fmt: skip
+                      **GUARDED)  # fmt: skip
     persons = simulator.people.persons[0]
     persons["x"], persons["y"], persons["rest"] = 6.0, [1.0, 6.0, 11.0], 1e6
     toward = rng.integers(0, 4, 3)
