@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from agents import Actor, LearnedPolicy, make_policy, policy_config
 from agents.policy import Recurrent
+from train import epibt
 from train.books import simulator_of
 from train.evaluation.disturbances import DISTURBANCES, Breakdown, Senses
 from train.job_files import floor_digest, versions
@@ -39,7 +40,7 @@ POLICY_STREAM = 1  # apart from the world's own stream SeedSequence([seed, 0])
 class Experiment:
     """An environment with its planner, a policy, and the seeds of the episodes."""
 
-    policy: str  # a name of POLICIES, or a policy folder
+    policy: str  # a name of POLICIES, a policy folder, or the central planner's name
     config: EnvConfig  # as the policy needs it; max_steps is the length of an episode
     seed: int  # of episode 0; episode k has seed + k
     episodes: tuple[int, ...]  # the numbers of the episodes to play
@@ -67,7 +68,7 @@ def config_of(policy: str, base: EnvConfig, chosen: Mapping[str, Any]) -> EnvCon
 
     A chosen `traffic` may be a text for `read_traffic`, in which "own" stands for what the policy needs.
     """
-    config = policy_config(policy, base)
+    config = base.replace(**epibt.NEEDS) if policy == epibt.NAME else policy_config(policy, base)
     if isinstance(traffic := chosen.get("traffic"), str):
         chosen = {**chosen, "traffic": read_traffic(traffic, config.traffic_spec)}
     return config.replace(**chosen)
@@ -91,11 +92,21 @@ def make_experiment(
         if wrong:
             raise ConfigError(f"{given} must be {must}")
     config = config_of(policy, base, chosen)
-    make_policy(policy, config)  # raises before anything drives
+    _check_driver(policy, config, disturbance)
     if disturbance is not None:
         config = DISTURBANCES[disturbance].config(config)
     steps = max(1, round(seconds / (config.time_step * config.action_repeat)))
     return Experiment(policy, config.replace(max_steps=steps), seed, tuple(range(episodes)), disturbance)
+
+
+def _check_driver(policy: str, config: EnvConfig, disturbance: str | None) -> None:
+    """Raise what prevents a policy, or the central planner, from driving in a config."""
+    if policy != epibt.NAME:
+        make_policy(policy, config)
+    elif disturbance is not None:
+        raise ConfigError(f"{policy} sees the state of all robots, not observations that a disturbance could change")
+    else:
+        epibt.check_config(config)
 
 
 def run(experiment: Experiment, watch: Sequence[Watcher] = (), grid: GridMap | None = None) -> list[Row]:
@@ -146,7 +157,10 @@ def play_out(
 
 
 def decider(experiment: Experiment) -> Decider:
-    """Return what chooses the actions from what the robots observe."""
+    """Return what chooses the actions from what the robots observe; the central planner sees all."""
+    if experiment.policy == epibt.NAME:
+        planner = epibt.Epibt(experiment.config, len(experiment.seeds))
+        return lambda simulator, generators: planner.act(simulator)
     config, name, eyes = experiment.config, experiment.disturbance, list[Senses]()
     if name is not None:  # which may give other commands than the policy was made for
         eyes = [Senses(DISTURBANCES[name], config, seed) for seed in experiment.seeds]

@@ -87,7 +87,7 @@ def _joins(r, route, x, y):
 
 
 @inline
-def _steer(line, along, side, look, pose, p, floor):
+def steer_along(line, along, side, look, pose, p, floor):
     """Return the steering [rad] of the follower at `along` [m] of its route, with an offset `side` [m].
 
     line: (route, points, spacing, length [m]); pose: (x, y, cos, sin).
@@ -178,7 +178,7 @@ def write_path(r, route, arcs, side, many, p, floor, path):
                 k = _put(path, k, x, y, heading, driven, p)
             return k, True
         s, c = sin_cos(heading)
-        wanted = _steer((route, points, spacing, end), along, side, look, (x, y, c, s), p, floor)
+        wanted = steer_along((route, points, spacing, end), along, side, look, (x, y, c, s), p, floor)
         stride = min(_STRIDE, to_next)
         most = _STEERED * stride / _STRIDE
         steer = min(max(wanted, steer - most), steer + most)

@@ -1,0 +1,67 @@
+"""The central planner: it sees all robots of a world and gives each the acceleration and steering rate to drive."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from train.epibt.inheritance import choose_all, make_choosing
+from train.epibt.sequences import STAGE, STEPS, Scene, drive_on, keep, make_sequences, programs
+from warehouse_env.config import EnvConfig
+from warehouse_env.errors import ConfigError
+from warehouse_env.simulation.simulator import Simulator
+
+NAME = "epibt"
+NEEDS: dict[str, Any] = {"action_type": "raw", "traffic": "routes"}  # fields of EnvConfig
+
+
+def check_config(config: EnvConfig) -> None:
+    """Raise ConfigError for environments that the planner is not made for."""
+    for wrong, what in (
+        (config.action_type != "raw", "action types other than raw"),
+        (config.action_repeat != 1, f"action_repeat={config.action_repeat}"),
+        (config.tasks == "one_shot", "one-shot tasks, since robots that park block others"),
+        (config.arrival != "pass", "robots that stop at their goals, as for service, orders and batteries"),
+        (config.people > 0, "people"),
+        (len(config.kinds) > 1, "fleets of several kinds of robots"),
+        (config.uncertainty is not None, "latency, losses and errors"),
+    ):
+        if wrong:
+            raise ConfigError(f"{NAME} does not plan for {what}")
+
+
+class Epibt:
+    """Priority inheritance over sequences of motions, along live routes. A robot chooses every STAGE physics steps."""
+
+    def __init__(self, config: EnvConfig, worlds: int) -> None:
+        """Begin an episode in each world; ConfigError as of `check_config`."""
+        check_config(config)
+        robots, robot = config.num_agents, config.robot
+        self._table = programs()
+        self._sequences = make_sequences(robots, len(self._table), config.substeps)
+        self._choosing = make_choosing(robots, len(self._table))
+        self._kept, self._left = np.zeros((worlds, robots, STEPS, 2), np.float32), np.zeros((worlds, robots), np.int32)
+        self._most = np.array([robot.max_acceleration, robot.max_steering_rate], np.float32)
+        self._steps = 0  # physics steps so far
+
+    def act(self, simulator: Simulator) -> NDArray[np.float32]:
+        """Return the raw actions float32[B, N, 2] of all robots."""
+        since = self._steps % STAGE
+        if since == 0:
+            for world in range(simulator.num_worlds):
+                self._decide(simulator, world)
+        self._steps += 1
+        drives = (since < self._left)[..., None]
+        return np.where(drives, self._kept[:, :, since] / self._most, np.float32(0.0))
+
+    def _decide(self, simulator: Simulator, world: int) -> None:
+        """Let the robots of a world choose what they drive from now on."""
+        sequences = self._sequences._replace(kept=self._kept[world], left=self._left[world])
+        if self._steps:
+            drive_on(sequences)
+        routes, setup = simulator.worlds.routes[world], simulator.setup
+        scene = Scene(simulator.robots[world], routes, self._table, setup.planned.shared[0], setup.floor)
+        choose_all(scene, sequences, self._choosing)
+        keep(self._choosing.held, sequences)

@@ -1,0 +1,266 @@
+"""Sequences of motions: what a robot may do in the next seconds. Each ends at rest, so it can always be kept.
+
+A robot may keep the rest of its last sequence, brake, follow its route at some speed and lateral offset, or drive two
+arcs, forwards or backwards. The sequences are rolled out with the kinematics of the simulator, from where the robot is.
+The cost of a sequence is the time that is left to the goal from where it ends, along the route and back to it.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warehouse_env.kernel import inline, kernel, part
+from warehouse_env.simulation.driver.line import along_after, look_ahead
+from warehouse_env.simulation.physics.footprint import body_touches_shelf, touches_obstacle
+from warehouse_env.simulation.physics.geometry import body_at, grown
+from warehouse_env.simulation.physics.kinematics import approach, braking, chassis_of, drive, next_motion
+from warehouse_env.simulation.physics.sweep import Sweep
+from warehouse_env.simulation.physics.trigonometry import HALF, ZERO, arc_tan2, sin_cos, wrap
+from warehouse_env.simulation.traffic.path_ahead import steer_along
+
+STAGE = 5  # physics steps from one decision to the next
+_STAGES = 6  # of a sequence at most, before it brakes
+_BRAKING = 15  # physics steps to stop from full speed
+STEPS = STAGE * _STAGES + _BRAKING  # of a sequence at most
+KEPT, STANDS, _FOLLOWS, _ARCS = range(4)  # kinds of sequences, of which the first two are sequences themselves
+_COLUMNS = 7  # of a program: the kind, and two of speed [m/s], offset [m] or steering [rad], and number of stages
+X, Y, COS, SIN, SWEEP = range(5)  # columns of a pose: the body's centre and heading
+UNKNOWN, FREE, BLOCKED = range(3)  # whether a sequence keeps off shelves
+
+_ROUTE_SPEED = np.float32(1.4)  # [m/s] at which the rest of a route is priced,
+_BESIDE = np.float32(1.0)  # [s/m] beside it,
+_TURN, _TURN_BACK = np.float32(0.6), np.float32(3.0)  # [s/rad] off its direction, up to a right angle and beyond it
+_BACK, _AHEAD = np.float32(3.0), np.float32(12.0)  # [m] of the route around the robot to which an end may belong
+_LOOK = np.float32(0.6)  # [m] ahead of which the route's direction counts
+_SHELF = np.float32(1.0)  # [s] for ending nearer to a shelf than each of these: the tail swings out towards it
+_NEAR_SHELF, _AT_SHELF = np.float32(0.11), np.float32(0.05)  # [m]
+_RIGHT_ANGLE = np.float32(0.5 * math.pi)
+_ARRIVES = np.float32(-1000.0)  # cost of reaching the goal at once
+_NEAR_GOAL = np.float32(9.0)  # [m], farther than a sequence leads
+# [m] to shelves, more than the rounding of poses in a whole sequence; for robots that are nearer than that already
+_ROOM, _LEAST_ROOM = np.float32(1e-3), np.float32(5e-5)
+
+
+class Scene(NamedTuple):
+    """A world in which robots choose."""
+
+    robots: Any  # ROBOT[N]
+    routes: NDArray[np.float32]  # [N, R, 2] [m]
+    table: NDArray[np.float32]  # [K, 7], see programs
+    p: Any  # PARAMETERS of all robots
+    floor: Any
+
+
+class Sequences(NamedTuple):
+    """K sequences of each of N robots, of S poses at most: a pose after each substep."""
+
+    poses: NDArray[np.float32]  # [N, K, S, 5]; SWEEP [m]: half of what any point of the body moves before or after it
+    counts: NDArray[np.int32]  # [N, K], poses
+    boxes: NDArray[np.float32]  # [N, K, 4] [m]: least x, most x, least y, most y of the body's centre
+    costs: NDArray[np.float32]  # [N, K] [s]
+    controls: NDArray[np.float32]  # [N, K, STEPS, 2], acceleration [m/s^2] and steering rate [rad/s] of each step
+    clear: NDArray[np.int8]  # [N, K], UNKNOWN, FREE or BLOCKED
+    kept: NDArray[np.float32]  # [N, STEPS, 2], the controls that are left of the last sequence chosen
+    left: NDArray[np.int32]  # [N], their number
+    known: NDArray[np.int64]  # [N], sequences that have been rolled out
+
+
+_PACES = tuple(itertools.product((0.5, 1.0, 1.5), (0.0, -0.35, 0.35, -0.7, 0.7), (1, 2, 4, _STAGES)))
+ALONG = 2 + len(_PACES)  # the first sequences, which keep the last one, brake or follow the route
+
+
+def programs() -> NDArray[np.float32]:
+    """Return the programs of all sequences, float32[K, 7]; those along the route are the first ALONG."""
+    rows: list[tuple[float, ...]] = [(KEPT,), (STANDS,), *((_FOLLOWS, *pace) for pace in _PACES)]
+    angles = [math.radians(angle) for angle in (-60, -30, 0, 30, 60)]
+    for first in itertools.product((-0.5, 0.6), angles, (1, 2)):
+        rows.append((_ARCS, *first))
+        rows += ((_ARCS, *first, *then) for then in itertools.product((-0.5, 0.8), angles, (2, 4)))
+    table = np.zeros((len(rows), _COLUMNS), np.float32)
+    for row, values in zip(table, rows, strict=True):
+        row[: len(values)] = values
+    return table
+
+
+def make_sequences(robots: int, count: int, substeps: int) -> Sequences:
+    """Return room for `count` sequences of each robot; nothing is left of a last one."""
+    each, floats = (robots, count), np.float32
+    return Sequences(
+        np.zeros((*each, 1 + STEPS * substeps, 5), floats), np.zeros(each, np.int32), np.zeros((*each, 4), floats),
+        np.zeros(each, floats), np.zeros((*each, STEPS, 2), floats), np.zeros(each, np.int8),
+        np.zeros((robots, STEPS, 2), floats), np.zeros(robots, np.int32), np.zeros(robots, np.int64),
+    )  # fmt: skip
+
+
+@inline
+def _put(poses, n, x, y, heading, p):
+    """Write the body at a pose of its front axle."""
+    s, c = sin_cos(heading)
+    pose = poses[n]
+    pose[X], pose[Y], pose[COS], pose[SIN], pose[SWEEP] = x - p["offset"] * c, y - p["offset"] * s, c, s, ZERO
+    if n > 0:
+        before = poses[n - 1]
+        dx, dy, turn = pose[X] - before[X], pose[Y] - before[Y], abs(c * before[SIN] - s * before[COS])
+        moved = HALF * (np.sqrt(dx * dx + dy * dy) + p["radius"] * turn)
+        pose[SWEEP], before[SWEEP] = moved, max(before[SWEEP], moved)
+
+
+@inline
+def body_with(pose, room, p):
+    """Return the body at a pose with some room [m] around it."""
+    return grown(body_at(pose[X], pose[Y], pose[COS], pose[SIN], p), room)
+
+
+@inline
+def _target(program, t, speed, steer):
+    """Return (speed [m/s], steering [rad] or offset [m]) that a program wants in step t; speed 0 once it brakes."""
+    stage = np.float32(t // STAGE)
+    if program[0] != STANDS and stage < program[3]:
+        return program[1], program[2]
+    if stage < program[3] + program[6]:
+        return program[4], program[5]
+    return ZERO, program[2] if program[0] == _FOLLOWS else steer
+
+
+@part
+def _roll_out(r, route, program, kept, left, p, floor, poses, controls):
+    """Write the poses and controls of a sequence; return (number of poses, x, y, heading of the axle at its end)."""
+    motion, on_route, chassis, dt = r["motion"], r["on_route"], chassis_of(p), p["dt"]
+    x, y, heading, speed, steer = motion["x"], motion["y"], motion["heading"], motion["speed"], motion["steer"]
+    points, spacing, along = on_route["points"], on_route["spacing"], on_route["position"]
+    line = route, points, spacing, np.float32(points - 1) * spacing
+    brake, turn, step = p["max_acceleration"], p["max_steer_rate"], p["time_step"]
+    _put(poses, 0, x, y, heading, p)
+    n = 1
+    for t in range(STEPS):
+        if program[0] == KEPT and t < left:
+            acceleration, rate = kept[t, 0], kept[t, 1]
+        else:
+            wanted, way = _target(program, t, speed, steer)
+            if wanted == ZERO and speed == ZERO:
+                break
+            if program[0] == _FOLLOWS:
+                s, c = sin_cos(heading)
+                look = look_ahead(max(speed, ZERO), p)
+                way = steer_along(line, along, way, look, (x, y, c, s), p, floor) if points >= 2 else ZERO
+            acceleration = (approach(speed, wanted, brake * step) - speed) / step
+            if wanted == ZERO:
+                acceleration = braking(speed, p)
+            rate = (approach(steer, way, turn * step) - steer) / step
+        controls[t, 0], controls[t, 1] = acceleration, rate
+        for _ in range(p["substeps"]):
+            next_speed, next_steer = next_motion(speed, steer, acceleration, rate, chassis, dt)
+            x, y, heading = drive((x, y, heading), speed, next_speed, steer, next_steer, chassis, dt)
+            speed, steer = next_speed, next_steer
+            _put(poses, n, x, y, heading, p)
+            n += 1
+        if abs(speed) < np.float32(1e-6):
+            speed = ZERO
+        if program[0] == _FOLLOWS and points >= 2:
+            along = along_after(route, points, spacing, along, max(speed, ZERO) * step, x, y)
+    return n, x, y, heading
+
+
+@part
+def _to_go(r, route, x, y, heading):
+    """Return the time [s] that is left from a pose of rest: along the route, beside it, and off its direction."""
+    on_route, task = r["on_route"], r["task"]
+    points, spacing = on_route["points"], on_route["spacing"]
+    if points < 2:
+        dx, dy = task["goal_x"] - x, task["goal_y"] - y
+        return np.sqrt(dx * dx + dy * dy) / _ROUTE_SPEED
+    first = max(int((on_route["position"] - _BACK) / spacing), 0)
+    last = min(int((on_route["position"] + _AHEAD) / spacing) + 1, points - 1)
+    nearest, least = first, np.float32(np.inf)
+    for k in range(first, last + 1):
+        dx, dy = route[k, 0] - x, route[k, 1] - y
+        if dx * dx + dy * dy < least:
+            nearest, least = k, dx * dx + dy * dy
+    a = min(nearest, points - 2)
+    dx, dy = x - route[a, 0], y - route[a, 1]
+    ux, uy = (route[a + 1, 0] - route[a, 0]) / spacing, (route[a + 1, 1] - route[a, 1]) / spacing
+    ahead = dx * ux + dy * uy
+    beside = abs(ux * dy - uy * dx) if ZERO <= ahead <= spacing else np.sqrt(least)
+    along = np.float32(a) * spacing + ahead
+    b = max(min(int((along + _LOOK) / spacing), points - 2), 0)
+    off = abs(wrap(heading - arc_tan2(route[b + 1, 1] - route[b, 1], route[b + 1, 0] - route[b, 0])))
+    turn = _TURN * min(off, _RIGHT_ANGLE) + _TURN_BACK * max(off - _RIGHT_ANGLE, ZERO)
+    return max(np.float32(points - 1) * spacing - along, ZERO) / _ROUTE_SPEED + _BESIDE * beside + turn
+
+
+@part
+def _measure(i, k, r, p, sequences):
+    """Write the box of a sequence; where it reaches the goal, its cost is the time until then."""
+    poses, box, task = sequences.poses[i, k], sequences.boxes[i, k], r["task"]
+    box[0] = box[1] = poses[0, X]
+    box[2] = box[3] = poses[0, Y]
+    dx, dy = task["goal_x"] - r["motion"]["x"], task["goal_y"] - r["motion"]["y"]
+    near, arrived, within = dx * dx + dy * dy < _NEAR_GOAL * _NEAR_GOAL, False, p["arrival_radius"]
+    for n in range(sequences.counts[i, k]):
+        x, y = poses[n, X], poses[n, Y]
+        box[0], box[1], box[2], box[3] = min(box[0], x), max(box[1], x), min(box[2], y), max(box[3], y)
+        dx, dy = task["goal_x"] - x - p["offset"] * poses[n, COS], task["goal_y"] - y - p["offset"] * poses[n, SIN]
+        if near and n > 0 and not arrived and dx * dx + dy * dy < within * within:
+            sequences.costs[i, k], arrived = _ARRIVES + np.float32(n) * p["dt"], True
+
+
+@part
+def roll_out(i, last, scene, sequences):
+    """Roll out and price the sequences of robot i before number `last` that are not known yet."""
+    r, p = scene.robots[i], scene.p
+    for k in range(sequences.known[i], last):
+        count, x, y, heading = _roll_out(
+            r, scene.routes[i], scene.table[k], sequences.kept[i], sequences.left[i], p, scene.floor,
+            sequences.poses[i, k], sequences.controls[i, k],
+        )  # fmt: skip
+        sequences.counts[i, k], sequences.clear[i, k] = count, UNKNOWN if k else FREE
+        sequences.costs[i, k] = _to_go(r, scene.routes[i], x, y, heading)
+        for room in (_NEAR_SHELF, _AT_SHELF):
+            if body_touches_shelf(body_with(sequences.poses[i, k, count - 1], room, p), scene.floor):
+                sequences.costs[i, k] += _SHELF
+        _measure(i, k, r, p, sequences)
+    sequences.known[i] = max(sequences.known[i], last)
+
+
+@part
+def keeps_off_shelves(i, k, scene, sequences):
+    """Return whether a sequence keeps off shelves, exactly: on the whole way, where it is near one."""
+    clear, poses, p, floor = sequences.clear, sequences.poses[i, k], scene.p, scene.floor
+    if clear[i, k] == UNKNOWN:
+        clear[i, k] = FREE
+        room = _LEAST_ROOM if body_touches_shelf(body_with(poses[0], _ROOM, p), floor) else _ROOM
+        was_near = True
+        for n in range(1, sequences.counts[i, k]):
+            before, pose, sweep = poses[n - 1], poses[n], poses[n, SWEEP]
+            is_near = body_touches_shelf(body_with(pose, room + sweep, p), floor)
+            if is_near or was_near:
+                swept = Sweep(body_with(before, room, p), body_with(pose, room, p), ZERO)
+                if touches_obstacle(swept, sweep + sweep, True, p, floor):
+                    clear[i, k] = BLOCKED
+                    break
+            was_near = is_near
+    return clear[i, k] == FREE
+
+
+@kernel
+def keep(chosen, sequences):
+    """Make the sequences `chosen` int[N] those whose rest is left."""
+    for i in range(chosen.shape[0]):
+        k = chosen[i]
+        steps = (sequences.counts[i, k] - 1) // ((sequences.poses.shape[2] - 1) // STEPS)
+        sequences.kept[i], sequences.left[i] = sequences.controls[i, k], steps
+
+
+@kernel
+def drive_on(sequences):
+    """Drop the controls of a stage, which has been driven."""
+    for i in range(sequences.left.shape[0]):
+        left = max(sequences.left[i] - STAGE, 0)
+        for t in range(left):
+            sequences.kept[i, t] = sequences.kept[i, t + STAGE]
+        sequences.left[i] = left
