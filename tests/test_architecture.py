@@ -71,6 +71,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "agents": (*PLANNING, "warehouse_env.observation", "agents"),
     "train.reporting": ("warehouse_env", "train.reporting"),
     "train.books": BELOW_TRAIN,
+    "train.epibt": (*BELOW_TRAIN, "train.epibt"),
     "train.execute": (*BELOW_TRAIN, "train.execute"),
     "train.job_files": (*BELOW_TRAIN, "train.execute.lifelong"),
     "train.kinds": BELOW_TRAIN,
@@ -91,6 +92,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "train.evaluation": (
         *BELOW_TRAIN,
         "train.books",
+        "train.epibt",
         "train.execute",
         "train.job_files",
         "train.reporting",

@@ -1,0 +1,137 @@
+"""Test the central planner: its motions, its choices, who gives way, and its place in evaluations."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from train.epibt import NEEDS, Epibt, check_config
+from train.epibt.inheritance import touch
+from train.epibt.sequences import COS, KEPT, SIN, STAGE, STANDS, X, Y, programs
+from train.evaluation.recorded import record
+from train.evaluation.rollout import Experiment, make_experiment, run
+from warehouse_env.config import EnvConfig, FleetPart, RobotSpec
+from warehouse_env.errors import ConfigError
+from warehouse_env.kernel import kernel
+from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.simulation.tasks.assignment import Assignment
+from warehouse_env.traffic_spec import UncertaintySpec
+
+ROBOTS = 24
+
+
+def _config(robots: int = ROBOTS, **given: Any) -> EnvConfig:
+    return EnvConfig(num_agents=robots, planner="astar_turns", max_steps=10_000, **NEEDS).replace(**given)
+
+
+def _experiment(episodes: int = 2) -> Experiment:
+    base = EnvConfig("narrow", ROBOTS, "astar_turns")
+    return make_experiment("epibt", base, episodes, 10.0, 31_000_000)
+
+
+@kernel
+def _touching(held, p, sequences):
+    """Return the number of pairs of robots whose sequences touch."""
+    count = 0
+    for i in range(len(held)):
+        for j in range(i):
+            count += touch(i, held[i], j, held[j], p, sequences)
+    return count
+
+
+def test_robots_drive_their_sequences_which_never_touch() -> None:
+    simulator = Simulator(_config(layout="single_lane"), 1)
+    simulator.reset([7])
+    planner, goals = Epibt(simulator.config, 1), 0
+    p, robots = simulator.setup.planned.shared[0], simulator.robots[0]
+    for step in range(200):
+        actions = planner.act(simulator)
+        held, sequences = planner._choosing.held, planner._sequences
+        if step % STAGE == 0:
+            assert _touching(held, p, sequences) == 0
+        simulator.step(actions)
+        goals += int(robots["events"]["arrived"].sum())
+        last = np.minimum((step % STAGE + 1) * simulator.config.substeps, sequences.counts[range(ROBOTS), held] - 1)
+        poses, motion = sequences.poses[range(ROBOTS), held, last], robots["motion"]
+        middle = np.stack([motion["x"] - p["offset"] * motion["cos"], motion["y"] - p["offset"] * motion["sin"]], -1)
+        np.testing.assert_allclose(poses[:, [X, Y]], middle, atol=1e-5)
+        np.testing.assert_allclose(poses[:, [COS, SIN]], np.stack([motion["cos"], motion["sin"]], -1), atol=1e-5)
+    assert goals > ROBOTS // 2
+    assert not robots["totals"]["hits_robot"].any()
+    assert not robots["totals"]["hits_shelf"].any()
+
+
+def test_every_sequence_ends_at_rest_clear_of_shelves_if_it_may_be_chosen() -> None:
+    simulator = Simulator(_config(1, layout="narrow"), 1)
+    simulator.reset([3])
+    planner = Epibt(simulator.config, 1)
+    planner.act(simulator)
+    rolled, table = planner._sequences, programs()
+    assert table[0, 0] == KEPT
+    assert table[1, 0] == STANDS
+    dt = simulator.config.time_step
+    for k in range(int(rolled.known[0])):
+        steps = (rolled.counts[0, k] - 1) // simulator.config.substeps
+        assert abs(rolled.controls[0, k, :steps, 0].sum() * dt) < 1e-5  # it starts at rest as well
+
+
+def test_a_younger_robot_backs_out_of_a_passage_for_an_older_one() -> None:
+    occupied = np.ones((5, 14), bool)
+    occupied[2, 1:13] = False
+    occupied[1:4, 11:13] = False  # a bay at the east end; the west end is closed
+    grid = GridMap(occupied, name="passage", picks=[(2, 1), (1, 12)], stations=[(3, 12), (2, 12)])
+    simulator = Simulator(_config(2), 1, grid=grid)
+    west, east = grid.centre(np.array([(2, 3), (2, 8)]))
+    starts = np.array([(*west, 0.0), (*east, np.pi)])  # nose to nose in the aisle
+    goals = grid.centre(np.array([(3, 12), (2, 1)]))
+    simulator.reset_to([Assignment(starts, goals)])
+    simulator.robots[0]["task"]["age"] = 100, 0
+    planner, backed = Epibt(simulator.config, 1), 0.0
+    for _ in range(600):
+        simulator.step(planner.act(simulator))
+        backed = max(backed, float(simulator.robots[0, 1]["motion"]["x"]) - east[0])
+        if simulator.robots[0, 0]["events"]["arrived"]:
+            break
+    assert simulator.robots[0, 0]["events"]["arrived"]
+    assert backed > 2.0
+    assert not simulator.robots[0]["totals"]["hits_robot"].any()
+
+
+def test_a_row_does_not_depend_on_the_episodes_beside_it() -> None:
+    rows = run(_experiment())
+    alone = run(_experiment(1))
+    assert {**rows[0], "ms_per_step": 0.0} == {**alone[0], "ms_per_step": 0.0}
+    assert rows[0]["goals"] > 0
+    assert rows[0]["collisions_robot"] == rows[0]["collisions_shelf"] == 0
+
+
+def test_a_recorded_episode_replays_to_the_bit() -> None:
+    episode = record(_experiment(1))
+    *_, last = episode.replay()
+    assert last is not None
+    assert episode.policy == "epibt"
+
+
+@pytest.mark.parametrize(
+    ("given", "what"),
+    [
+        ({"action_type": "discrete"}, "action types"),
+        ({"action_repeat": 2}, "action_repeat=2"),
+        ({"tasks": "one_shot"}, "one-shot"),
+        ({"arrival": "stop"}, "stop at their goals"),
+        ({"people": 2}, "people"),
+        ({"fleet": (FleetPart(2, RobotSpec(max_speed=1.0)),)}, "several kinds"),
+        ({"uncertainty": UncertaintySpec(latency=0.3)}, "latency"),
+    ],
+)
+def test_what_it_does_not_plan_for_is_refused(given: dict[str, Any], what: str) -> None:
+    with pytest.raises(ConfigError, match=f"epibt does not plan for .*{what}"):
+        check_config(_config().replace(**given))
+
+
+def test_a_disturbance_of_observations_is_refused() -> None:
+    with pytest.raises(ConfigError, match="sees the state"):
+        make_experiment("epibt", EnvConfig(num_agents=2), 1, 1.0, 0, disturbance="long")
