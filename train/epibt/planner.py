@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from train.epibt.inheritance import choose_all, make_choosing
-from train.epibt.sequences import STAGE, STEPS, Scene, drive_on, keep, make_sequences, programs
+from train.epibt.sequences import STAGE, STEPS, Scene, make_sequences, programs
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
 from warehouse_env.simulation.simulator import Simulator
@@ -58,10 +58,11 @@ class Epibt:
 
     def _decide(self, simulator: Simulator, world: int) -> None:
         """Let the robots of a world choose what they drive from now on."""
-        sequences = self._sequences._replace(kept=self._kept[world], left=self._left[world])
-        if self._steps:
-            drive_on(sequences)
-        routes, setup = simulator.worlds.routes[world], simulator.setup
-        scene = Scene(simulator.robots[world], routes, self._table, setup.planned.shared[0], setup.floor)
-        choose_all(scene, sequences, self._choosing)
-        keep(self._choosing.held, sequences)
+        kept, left = self._kept[world], self._left[world]
+        if self._steps:  # a stage has been driven
+            kept[:, :-STAGE], left[:] = kept[:, STAGE:].copy(), np.maximum(left - STAGE, 0)
+        sequences, setup = self._sequences._replace(kept=kept, left=left), simulator.setup
+        routes, p = simulator.worlds.routes[world], setup.planned.shared[0]
+        choose_all(Scene(simulator.robots[world], routes, self._table, p, setup.floor), sequences, self._choosing)
+        chosen = np.arange(len(left)), self._choosing.held
+        kept[:], left[:] = sequences.controls[chosen], (sequences.counts[chosen] - 1) // int(p["substeps"])

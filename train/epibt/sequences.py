@@ -14,11 +14,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from warehouse_env.kernel import inline, kernel, part
+from warehouse_env.kernel import inline, part
 from warehouse_env.simulation.driver.line import along_after, look_ahead
 from warehouse_env.simulation.physics.footprint import body_touches_shelf, touches_obstacle
 from warehouse_env.simulation.physics.geometry import body_at, grown
-from warehouse_env.simulation.physics.kinematics import approach, braking, chassis_of, drive, next_motion
+from warehouse_env.simulation.physics.kinematics import approach, chassis_of, drive, next_motion
 from warehouse_env.simulation.physics.sweep import Sweep
 from warehouse_env.simulation.physics.trigonometry import HALF, ZERO, arc_tan2, sin_cos, wrap
 from warehouse_env.simulation.traffic.path_ahead import steer_along
@@ -32,6 +32,7 @@ _COLUMNS = 7  # of a program: the kind, and two of speed [m/s], offset [m] or st
 X, Y, COS, SIN, SWEEP = range(5)  # columns of a pose: the body's centre and heading
 UNKNOWN, FREE, BLOCKED = range(3)  # whether a sequence keeps off shelves
 
+_STILL = np.float32(1e-6)  # [m/s] that are rounding
 _ROUTE_SPEED = np.float32(1.4)  # [m/s] at which the rest of a route is priced,
 _BESIDE = np.float32(1.0)  # [s/m] beside it,
 _TURN, _TURN_BACK = np.float32(0.6), np.float32(3.0)  # [s/rad] off its direction, up to a right angle and beyond it
@@ -117,7 +118,7 @@ def body_with(pose, room, p):
 
 
 @inline
-def _target(program, t, speed, steer):
+def _target(program, t, steer):
     """Return (speed [m/s], steering [rad] or offset [m]) that a program wants in step t; speed 0 once it brakes."""
     stage = np.float32(t // STAGE)
     if program[0] != STANDS and stage < program[3]:
@@ -128,30 +129,28 @@ def _target(program, t, speed, steer):
 
 
 @part
-def _roll_out(r, route, program, kept, left, p, floor, poses, controls):
-    """Write the poses and controls of a sequence; return (number of poses, x, y, heading of the axle at its end)."""
+def _roll_out(i, k, scene, sequences):
+    """Write the poses and controls of sequence k of robot i; return the pose (x, y, heading) of its axle at the end."""
+    r, route, program, p = scene.robots[i], scene.routes[i], scene.table[k], scene.p
     motion, on_route, chassis, dt = r["motion"], r["on_route"], chassis_of(p), p["dt"]
     x, y, heading, speed, steer = motion["x"], motion["y"], motion["heading"], motion["speed"], motion["steer"]
     points, spacing, along = on_route["points"], on_route["spacing"], on_route["position"]
     line = route, points, spacing, np.float32(points - 1) * spacing
-    brake, turn, step = p["max_acceleration"], p["max_steer_rate"], p["time_step"]
+    poses, controls, kept, left = sequences.poses[i, k], sequences.controls[i, k], sequences.kept[i], sequences.left[i]
+    follows, step, n = program[0] == _FOLLOWS and points >= 2, p["time_step"], 1
     _put(poses, 0, x, y, heading, p)
-    n = 1
     for t in range(STEPS):
-        if program[0] == KEPT and t < left:
+        if k == KEPT and t < left:
             acceleration, rate = kept[t, 0], kept[t, 1]
         else:
-            wanted, way = _target(program, t, speed, steer)
+            wanted, way = _target(program, t, steer)
             if wanted == ZERO and speed == ZERO:
                 break
-            if program[0] == _FOLLOWS:
+            if follows:
                 s, c = sin_cos(heading)
-                look = look_ahead(max(speed, ZERO), p)
-                way = steer_along(line, along, way, look, (x, y, c, s), p, floor) if points >= 2 else ZERO
-            acceleration = (approach(speed, wanted, brake * step) - speed) / step
-            if wanted == ZERO:
-                acceleration = braking(speed, p)
-            rate = (approach(steer, way, turn * step) - steer) / step
+                way = steer_along(line, along, way, look_ahead(max(speed, ZERO), p), (x, y, c, s), p, scene.floor)
+            acceleration = (approach(speed, wanted, p["max_acceleration"] * step) - speed) / step
+            rate = (approach(steer, way, p["max_steer_rate"] * step) - steer) / step
         controls[t, 0], controls[t, 1] = acceleration, rate
         for _ in range(p["substeps"]):
             next_speed, next_steer = next_motion(speed, steer, acceleration, rate, chassis, dt)
@@ -159,11 +158,12 @@ def _roll_out(r, route, program, kept, left, p, floor, poses, controls):
             speed, steer = next_speed, next_steer
             _put(poses, n, x, y, heading, p)
             n += 1
-        if abs(speed) < np.float32(1e-6):
+        if abs(speed) < _STILL:
             speed = ZERO
-        if program[0] == _FOLLOWS and points >= 2:
+        if follows:
             along = along_after(route, points, spacing, along, max(speed, ZERO) * step, x, y)
-    return n, x, y, heading
+    sequences.counts[i, k] = n
+    return x, y, heading
 
 
 @part
@@ -212,16 +212,13 @@ def _measure(i, k, r, p, sequences):
 @part
 def roll_out(i, last, scene, sequences):
     """Roll out and price the sequences of robot i before number `last` that are not known yet."""
-    r, p = scene.robots[i], scene.p
+    r, p, poses, counts = scene.robots[i], scene.p, sequences.poses[i], sequences.counts[i]
     for k in range(sequences.known[i], last):
-        count, x, y, heading = _roll_out(
-            r, scene.routes[i], scene.table[k], sequences.kept[i], sequences.left[i], p, scene.floor,
-            sequences.poses[i, k], sequences.controls[i, k],
-        )  # fmt: skip
-        sequences.counts[i, k], sequences.clear[i, k] = count, UNKNOWN if k else FREE
+        x, y, heading = _roll_out(i, k, scene, sequences)
+        sequences.clear[i, k] = UNKNOWN if k != KEPT else FREE
         sequences.costs[i, k] = _to_go(r, scene.routes[i], x, y, heading)
         for room in (_NEAR_SHELF, _AT_SHELF):
-            if body_touches_shelf(body_with(sequences.poses[i, k, count - 1], room, p), scene.floor):
+            if body_touches_shelf(body_with(poses[k, counts[k] - 1], room, p), scene.floor):
                 sequences.costs[i, k] += _SHELF
         _measure(i, k, r, p, sequences)
     sequences.known[i] = max(sequences.known[i], last)
@@ -245,22 +242,3 @@ def keeps_off_shelves(i, k, scene, sequences):
                     break
             was_near = is_near
     return clear[i, k] == FREE
-
-
-@kernel
-def keep(chosen, sequences):
-    """Make the sequences `chosen` int[N] those whose rest is left."""
-    for i in range(chosen.shape[0]):
-        k = chosen[i]
-        steps = (sequences.counts[i, k] - 1) // ((sequences.poses.shape[2] - 1) // STEPS)
-        sequences.kept[i], sequences.left[i] = sequences.controls[i, k], steps
-
-
-@kernel
-def drive_on(sequences):
-    """Drop the controls of a stage, which has been driven."""
-    for i in range(sequences.left.shape[0]):
-        left = max(sequences.left[i] - STAGE, 0)
-        for t in range(left):
-            sequences.kept[i, t] = sequences.kept[i, t + STAGE]
-        sequences.left[i] = left
