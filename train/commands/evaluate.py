@@ -71,7 +71,7 @@ class Driven(Checked):
 
     policy: tuple[str, ...] = ("follow", "brake", "reinforce", "ppo", "shielded")
     """Policies to compare: names of `warehouse policies`, folders of trained policies, or your own, FILE.py:CLASS or
-    MODULE:CLASS."""
+    MODULE:CLASS; epibt is a central planner that drives all robots."""
     layout: Annotated[tuple[str, ...], BY_MAP] = (EnvConfig.layout,)
     """Floors to drive on: names of `warehouse layouts`, files NAME.map, NAME.yaml of map_server with parameters, as in
     hall.yaml:cell=0.75, or your own, FILE.py:FUNCTION."""

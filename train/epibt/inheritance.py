@@ -17,14 +17,15 @@ from numpy.typing import NDArray
 from train.epibt.sequences import ALONG, STANDS, SWEEP, X, Y, body_with, keeps_off_shelves, roll_out
 from warehouse_env.heap import pop, push
 from warehouse_env.kernel import inline, kernel, part, whole
-from warehouse_env.simulation.physics.geometry import rectangles_touch, squared_distance
+from warehouse_env.simulation.physics.geometry import grown, rectangles_touch, squared_distance
+from warehouse_env.simulation.physics.sweep import Sweep, touch_between
 from warehouse_env.simulation.physics.trigonometry import ZERO
 
 DEPTH = 12  # robots in a row that push each other
 _PUSHED = 3  # robots that a sequence may push
 _OPTIONS = 12  # sequences that push others, of a robot
 _CHOICES = 200  # of robots, for the sake of one
-_GAP = np.float32(0.005)  # [m] between bodies beside what they may move between two poses
+_GAP = np.float32(0.005)  # [m] around each body
 _PUSHES = np.float32(0.3)  # [s], price of pushing a robot, for one that is pushed itself
 _IN_THE_WAY = np.float32(1.0)  # [s], price of stopping where a robot that goes first wants to drive,
 _GETS_ON = np.float32(0.3)  # [s] less than braking, from which a way along the route is good enough
@@ -70,20 +71,29 @@ def make_choosing(robots: int, count: int) -> Choosing:
 
 @part
 def touch(i, k, j, m, p, sequences):
-    """Return whether sequence k of robot i may touch sequence m of robot j, at a pose of both or between two."""
+    """Return whether sequence k of robot i touches sequence m of robot j, exactly on the whole way."""
     one, other = sequences.boxes[i, k], sequences.boxes[j, m]
     reach = np.float32(2.0) * p["radius"] + np.float32(0.2)
     if one[0] > other[1] + reach or other[0] > one[1] + reach:
         return False
     if one[2] > other[3] + reach or other[2] > one[3] + reach:
         return False
-    poses, counts, last = sequences.poses, sequences.counts[i, k] - 1, sequences.counts[j, m] - 1
+    poses, counts, last, was_near = sequences.poses, sequences.counts[i, k] - 1, sequences.counts[j, m] - 1, True
     for n in range(max(counts, last) + 1):
-        a, b, gap = poses[i, k, min(n, counts)], poses[j, m, min(n, last)], _GAP if n > 0 else ZERO
+        a, b = poses[i, k, min(n, counts)], poses[j, m, min(n, last)]
         own, their = a[SWEEP] if n <= counts else ZERO, b[SWEEP] if n <= last else ZERO
-        body, other_body = body_with(a, own + gap, p), body_with(b, their + gap, p)
-        if squared_distance(body, other_body) < reach * reach and rectangles_touch(body, other_body):
-            return True
+        body, other_body, is_near = body_with(a, own + _GAP, p), body_with(b, their + _GAP, p), False
+        if squared_distance(body, other_body) < reach * reach:
+            is_near = rectangles_touch(body, other_body)
+        if n > 0 and (is_near or was_near):
+            body, other_body = body_with(a, ZERO, p), body_with(b, ZERO, p)
+            if rectangles_touch(grown(body, _GAP), grown(other_body, _GAP)):
+                return True
+            before, other_before = poses[i, k, min(n - 1, counts)], poses[j, m, min(n - 1, last)]
+            swept = Sweep(body_with(before, ZERO, p), body, ZERO)
+            if touch_between(swept, Sweep(body_with(other_before, ZERO, p), other_body, ZERO), p["offset"], p, p):
+                return True
+        was_near = is_near
     return False
 
 
