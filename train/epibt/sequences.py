@@ -40,6 +40,9 @@ _BACK, _AHEAD = np.float32(3.0), np.float32(12.0)  # [m] of the route around the
 _LOOK = np.float32(0.6)  # [m] ahead of which the route's direction counts
 _SHELF = np.float32(1.0)  # [s] for ending nearer to a shelf than each of these: the tail swings out towards it
 _NEAR_SHELF, _AT_SHELF = np.float32(0.11), np.float32(0.05)  # [m]
+# From so many seconds of standing on, sequences become cheaper by chance, by so much for each second and at most [s]. So
+# a robot leaves a pose from which all ends seem worse.
+_PATIENT, _RESTLESS, _WILDEST = np.float32(3.0), np.float32(0.2), np.float32(3.0)
 _RIGHT_ANGLE = np.float32(0.5 * math.pi)
 _ARRIVES = np.float32(-1000.0)  # cost of reaching the goal at once
 _NEAR_GOAL = np.float32(9.0)  # [m], farther than a sequence leads
@@ -209,6 +212,13 @@ def _measure(i, k, r, p, sequences):
             sequences.costs[i, k], arrived = _ARRIVES + np.float32(n) * p["dt"], True
 
 
+@inline
+def _chance(age, k):
+    """Return a number of 0 to 1 that looks drawn, from the steps of a task and the number of a sequence."""
+    mixed = (np.uint32(age) * np.uint32(2654435761) + np.uint32(k)) * np.uint32(2246822519)
+    return np.float32((mixed >> np.uint32(8)) & np.uint32(0xFFFF)) / np.float32(65536.0)
+
+
 @part
 def roll_out(i, last, scene, sequences):
     """Roll out and price the sequences of robot i before number `last` that are not known yet."""
@@ -220,6 +230,9 @@ def roll_out(i, last, scene, sequences):
         for room in (_NEAR_SHELF, _AT_SHELF):
             if body_touches_shelf(body_with(poses[k, counts[k] - 1], room, p), scene.floor):
                 sequences.costs[i, k] += _SHELF
+        if k > STANDS:
+            stood = r["clocks"]["standing_time"] - _PATIENT
+            sequences.costs[i, k] -= min(max(_RESTLESS * stood, ZERO), _WILDEST) * _chance(r["task"]["age"], k)
         _measure(i, k, r, p, sequences)
     sequences.known[i] = max(sequences.known[i], last)
 

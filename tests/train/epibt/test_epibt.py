@@ -9,7 +9,19 @@ import pytest
 
 from train.epibt import NEEDS, Epibt, check_config
 from train.epibt.inheritance import touch
-from train.epibt.sequences import COS, KEPT, SIN, STAGE, STANDS, X, Y, programs
+from train.epibt.sequences import (
+    COS,
+    KEPT,
+    SIN,
+    STAGE,
+    STANDS,
+    Scene,
+    X,
+    Y,
+    make_sequences,
+    programs,
+    roll_out,
+)  # fmt: skip
 from train.evaluation.recorded import record
 from train.evaluation.rollout import Experiment, make_experiment, run
 from warehouse_env.config import EnvConfig, FleetPart, RobotSpec
@@ -64,7 +76,27 @@ def test_robots_drive_their_sequences_which_never_touch() -> None:
     assert not robots["totals"]["hits_shelf"].any()
 
 
-def test_every_sequence_ends_at_rest_clear_of_shelves_if_it_may_be_chosen() -> None:
+@kernel
+def _roll_out_all(scene, sequences):
+    for i in range(len(scene.robots)):
+        roll_out(i, len(scene.table), scene, sequences)
+
+
+def test_a_queue_may_set_out_at_once_though_it_stands_close() -> None:
+    simulator = Simulator(_config(2), 1, grid=GridMap(np.zeros((5, 14), bool), picks=[(2, 12), (0, 12)]))
+    goals = simulator.grid.centre(np.array([(2, 12), (0, 12)]))
+    apart = simulator.config.robot.length + 0.02
+    simulator.reset_to([Assignment(np.array([(3.0, 2.5, 0.0), (3.0 + apart, 2.5, 0.0)]), goals)])
+    p, table = simulator.setup.planned.shared[0], programs()
+    sequences = make_sequences(2, len(table), simulator.config.substeps)
+    scene = Scene(simulator.robots[0], simulator.worlds.routes[0], table, p, simulator.setup.floor)
+    _roll_out_all(scene, sequences)
+    ahead = int(np.flatnonzero((table == np.array([3, 0.6, 0, 2, 0, 0, 0], np.float32)).all(axis=1))[0])
+    for first, second, expected in ((ahead, ahead, 0), (ahead, STANDS, 1), (STANDS, ahead, 0), (STANDS, STANDS, 0)):
+        assert _touching(np.array([first, second]), p, sequences) == expected
+
+
+def test_every_sequence_ends_at_rest() -> None:
     simulator = Simulator(_config(1, layout="narrow"), 1)
     simulator.reset([3])
     planner = Epibt(simulator.config, 1)
@@ -75,7 +107,7 @@ def test_every_sequence_ends_at_rest_clear_of_shelves_if_it_may_be_chosen() -> N
     dt = simulator.config.time_step
     for k in range(int(rolled.known[0])):
         steps = (rolled.counts[0, k] - 1) // simulator.config.substeps
-        assert abs(rolled.controls[0, k, :steps, 0].sum() * dt) < 1e-5  # it starts at rest as well
+        assert abs(rolled.controls[0, k, :steps, 0].sum() * dt) < 1e-5  # of what it gains in speed from rest on
 
 
 def test_a_younger_robot_backs_out_of_a_passage_for_an_older_one() -> None:
