@@ -40,8 +40,8 @@ _BACK, _AHEAD = np.float32(3.0), np.float32(12.0)  # [m] of the route around the
 _LOOK = np.float32(0.6)  # [m] ahead of which the route's direction counts
 _SHELF = np.float32(1.0)  # [s] for ending nearer to a shelf than each of these: the tail swings out towards it
 _NEAR_SHELF, _AT_SHELF = np.float32(0.11), np.float32(0.05)  # [m]
-# From so many seconds of standing on, sequences become cheaper by chance, by so much for each second and at most [s]. So
-# a robot leaves a pose from which all ends seem worse.
+# From so many seconds of standing on, sequences become cheaper by chance, by so much for each second and at most [s].
+# So a robot leaves a pose from which all ends seem worse.
 _PATIENT, _RESTLESS, _WILDEST = np.float32(3.0), np.float32(0.2), np.float32(3.0)
 _RIGHT_ANGLE = np.float32(0.5 * math.pi)
 _ARRIVES = np.float32(-1000.0)  # cost of reaching the goal at once
