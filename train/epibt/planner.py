@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from train.epibt.inheritance import choose_all, make_choosing
-from train.epibt.sequences import STAGE, STEPS, Scene, make_sequences, programs
+from train.epibt.sequences import BRAKING, FASTEST, STAGE, STEPS, Scene, make_sequences, programs
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
 from warehouse_env.simulation.simulator import Simulator
@@ -19,6 +19,7 @@ NEEDS: dict[str, Any] = {"action_type": "raw", "traffic": "routes"}  # fields of
 
 def check_config(config: EnvConfig) -> None:
     """Raise ConfigError for environments that the planner is not made for."""
+    robot, braking = config.robot, BRAKING * config.time_step
     for wrong, what in (
         (config.action_type != "raw", "action types other than raw"),
         (config.action_repeat != 1, f"action_repeat={config.action_repeat}"),
@@ -26,6 +27,10 @@ def check_config(config: EnvConfig) -> None:
         (config.arrival != "pass", "robots that stop at their goals, as for service, orders and batteries"),
         (config.people > 0, "people"),
         (len(config.kinds) > 1, "fleets of several kinds of robots"),
+        (
+            min(robot.max_speed, FASTEST) > braking * robot.max_acceleration + 1e-6,
+            f"robots that take longer than {braking:g} s to stop",
+        ),
         (config.uncertainty is not None, "latency, losses and errors"),
     ):
         if wrong:

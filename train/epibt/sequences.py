@@ -25,8 +25,8 @@ from warehouse_env.simulation.traffic.path_ahead import steer_along
 
 STAGE = 5  # physics steps from one decision to the next
 _STAGES = 6  # of a sequence at most, before it brakes
-_BRAKING = 15  # physics steps to stop from full speed
-STEPS = STAGE * _STAGES + _BRAKING  # of a sequence at most
+FASTEST, BRAKING = 1.5, 15  # [m/s] at most, and physics steps in which a robot can stop from there
+STEPS = STAGE * _STAGES + BRAKING  # of a sequence at most
 KEPT, STANDS, _FOLLOWS, _ARCS = range(4)  # kinds of sequences, of which the first two are sequences themselves
 _COLUMNS = 7  # of a program: the kind, and two of speed [m/s], offset [m] or steering [rad], and number of stages
 X, Y, COS, SIN, SWEEP = range(5)  # columns of a pose: the body's centre and heading
@@ -74,7 +74,7 @@ class Sequences(NamedTuple):
     known: NDArray[np.int64]  # [N], sequences that have been rolled out
 
 
-_PACES = tuple(itertools.product((0.5, 1.0, 1.5), (0.0, -0.35, 0.35, -0.7, 0.7), (1, 2, 4, _STAGES)))
+_PACES = tuple(itertools.product((0.5, 1.0, FASTEST), (0.0, -0.35, 0.35, -0.7, 0.7), (1, 2, 4, _STAGES)))
 ALONG = 2 + len(_PACES)  # the first sequences, which keep the last one, brake or follow the route
 
 

@@ -155,6 +155,7 @@ def test_a_recorded_episode_replays_to_the_bit() -> None:
         ({"tasks": "one_shot"}, "one-shot"),
         ({"arrival": "stop"}, "stop at their goals"),
         ({"people": 2}, "people"),
+        ({"robot": RobotSpec(max_acceleration=0.5)}, "longer than 1.5 s to stop"),
         ({"fleet": (FleetPart(2, RobotSpec(max_speed=1.0)),)}, "several kinds"),
         ({"uncertainty": UncertaintySpec(latency=0.3)}, "latency"),
     ],
