@@ -163,7 +163,7 @@ def test_lane_is_in_the_middle_of_a_one_way_aisle() -> None:
     solid = np.pad(grid.occupied[::-1], 1, constant_values=True).astype(np.uint8)
     arrows = np.pad(grid.one_way[::-1], 1)
     points = grid.centre([(1, column) for column in range(9)])
-    how = 1.0, 0.5, np.inf, 1.0  # all by position, as the book of routes calls it: compiled once
+    how = 1.0, 0.5, 1.0, np.inf  # all by position, as the book of routes calls it: compiled once
     one_way = drivable_line(points, solid, arrows, *how)
     two_way = drivable_line(points, solid, np.zeros_like(arrows), *how)
     inner, other = ((line[:, 0] > 3.0) & (line[:, 0] < 6.0) for line in (one_way, two_way))
