@@ -1,10 +1,10 @@
 """Priority inheritance over sequences of motions (EPIBT, arXiv 2511.09193, after PIBT of Okumura et al. 2022).
 
-Every robot always holds a sequence that ends at rest, and no two of these ever touch. Robots choose anew in turn, the
-one longest on its way first. It takes its best sequence that is clear of those held; only if its way along the route is
-not clear, arcs are rolled out as well. A better one may be in the way of a few robots that have not chosen yet: these
-choose first, with its priority, and may push others in turn. If one of them finds nothing, all this is undone. A robot
-that finds nothing keeps what it holds.
+Every robot always holds a sequence that ends at rest, and no two held sequences touch. In each decision the robots
+choose in turn; the robot with the oldest task chooses first. It takes its cheapest sequence that is clear of all held
+ones. If its way along the route is not clear, it also considers arcs. A cheaper sequence may push a few robots that
+have not chosen yet. These then choose next, with its priority, and may push others in turn. If one of them finds no
+sequence, the attempt is undone. A robot that finds none keeps the sequence that it holds.
 """
 
 from __future__ import annotations
@@ -21,35 +21,35 @@ from warehouse_env.simulation.physics.geometry import grown, rectangles_touch, s
 from warehouse_env.simulation.physics.sweep import Sweep, touch_between
 from warehouse_env.simulation.physics.trigonometry import ZERO
 
-DEPTH = 12  # robots in a row that push each other
-_PUSHED = 3  # robots that a sequence may push
-_OPTIONS = 12  # sequences that push others, of a robot
-_CHOICES = 200  # of robots, for the sake of one
+DEPTH = 12  # most robots in a chain of pushes
+_PUSHED = 3  # most robots that a sequence may push
+_OPTIONS = 12  # most sequences of a robot that push others and are tried
+_CHOICES = 200  # most choices of robots because one robot pushes
 _GAP = np.float32(0.005)  # [m] around each body
-_PUSHES = np.float32(0.3)  # [s], price of pushing a robot, for one that is pushed itself
-_GETS_ON = np.float32(0.3)  # [s] less than braking, from which a way along the route is good enough
-_IN_THE_WAY = np.float32(1.0)  # [s], price of stopping where a robot that goes first wants to drive,
-_COUNTED = 2  # such robots at most
-_BESIDE = np.float32(0.05)  # [m] around the bodies on their way
+_PUSHES = np.float32(0.3)  # [s], price of each push by a robot that is pushed itself
+_GETS_ON = np.float32(0.3)  # [s], least saving over braking for which a robot considers no arcs
+_IN_THE_WAY = np.float32(1.0)  # [s], price of stopping on the preferred way of a robot with higher priority,
+_COUNTED = 2  # for so many such robots at most,
+_BESIDE = np.float32(0.05)  # [m] of room around their bodies
 NONE = -1
 
 
 class Choosing(NamedTuple):
-    """What N robots have chosen so far, and the stack of those who choose for the sake of one."""
+    """What N robots have chosen so far, and the stack of robots that push each other."""
 
     held: NDArray[np.int64]  # [N], the sequence that each holds
     locked: NDArray[np.bool_]  # [N], whether it has chosen
-    lifted: NDArray[np.bool_]  # [N], whether it is pushed, so that nobody need keep clear of what it holds
+    lifted: NDArray[np.bool_]  # [N], whether it is pushed: others need not keep clear of its sequence
     keys: NDArray[np.float32]  # [K], a heap of sequences by cost
     items: NDArray[np.int64]  # [K]
-    wishes: NDArray[np.int64]  # [N], the best along the route that keeps off shelves
-    easy: NDArray[np.bool_]  # [N], whether that is the best of all along the route
+    wishes: NDArray[np.int64]  # [N], the cheapest along the route that keeps off shelves
+    easy: NDArray[np.bool_]  # [N], whether that is the cheapest of all along the route
     ranks: NDArray[np.int64]  # [N], 0: first
     # of each robot on the stack, [DEPTH + 1, ...]:
     who: NDArray[np.int64]  # the robot,
-    best: NDArray[np.int64]  # its best sequence that pushes nobody, or NONE,
+    best: NDArray[np.int64]  # its best sequence that pushes no robot, or NONE,
     least: NDArray[np.float32]  # what that costs [s],
-    options: NDArray[np.int64]  # [..., _OPTIONS + 1, 1 + _PUSHED], sequences and whom they push, or NONE,
+    options: NDArray[np.int64]  # [..., _OPTIONS + 1, 1 + _PUSHED], sequences and the robots that they push, or NONE,
     prices: NDArray[np.float32]  # [..., _OPTIONS] [s],
     many: NDArray[np.int64]  # how many options there are,
     tried: NDArray[np.int64]  # the option tried, and
@@ -98,13 +98,13 @@ def touch(i, k, j, m, p, sequences):
 
 
 @part
-def _in_the_way(i, k, p, sequences, now):
-    """Return how many robots that go first want to drive where sequence k of robot i ends, _COUNTED at most."""
+def _count_blocked(i, k, p, sequences, state):
+    """Return how many robots of higher priority prefer to drive where sequence k of robot i ends, _COUNTED at most."""
     end, count, reach = sequences.poses[i, k, sequences.counts[i, k] - 1], 0, np.float32(2.0) * p["radius"]
     stands = body_with(end, ZERO, p)
-    for j in range(now.held.shape[0]):
-        m = now.wishes[j]
-        if now.ranks[j] >= now.ranks[i] or count == _COUNTED:
+    for j in range(state.held.shape[0]):
+        m = state.wishes[j]
+        if state.ranks[j] >= state.ranks[i] or count == _COUNTED:
             continue
         box = sequences.boxes[j, m]
         if not (box[0] - reach < end[X] < box[1] + reach and box[2] - reach < end[Y] < box[3] + reach):
@@ -118,12 +118,12 @@ def _in_the_way(i, k, p, sequences, now):
 
 
 @part
-def _whom_it_pushes(i, k, depth, p, sequences, now):
-    """Write into the next option whom sequence k pushes; return how many, NONE if it is in the way of too many."""
-    option, pushed = now.options[depth, now.many[depth]], 0
-    for j in range(now.held.shape[0]):
-        if j != i and not now.lifted[j] and touch(i, k, j, now.held[j], p, sequences):
-            if now.locked[j] or pushed == _PUSHED:
+def _find_pushed(i, k, depth, p, sequences, state):
+    """Write the robots that sequence k pushes into the next option; return how many, NONE if it may not push them."""
+    option, pushed = state.options[depth, state.many[depth]], 0
+    for j in range(state.held.shape[0]):
+        if j != i and not state.lifted[j] and touch(i, k, j, state.held[j], p, sequences):
+            if state.locked[j] or pushed == _PUSHED:
                 return whole(NONE)
             option[1 + pushed] = j
             pushed += 1
@@ -133,135 +133,135 @@ def _whom_it_pushes(i, k, depth, p, sequences, now):
 
 
 @inline
-def _heap_of(i, sequences, now):
+def _fill_heap(i, sequences, state):
     """Put the known sequences of robot i on the heap; return its size."""
     size = 0
     for k in range(sequences.known[i]):
-        size = push(now.keys, now.items, size, sequences.costs[i, k], k)
+        size = push(state.keys, state.items, size, sequences.costs[i, k], k)
     return size
 
 
 @inline
-def _consider(i, k, depth, scene, sequences, now):
-    """Make sequence k of robot i the best or an option, if it may be driven and is better than the best."""
-    pushed = _whom_it_pushes(i, k, depth, scene.p, sequences, now)
-    if pushed == NONE or (pushed > 0 and (depth == DEPTH or now.many[depth] == _OPTIONS)):
+def _consider(i, k, depth, scene, sequences, state):
+    """Make sequence k of robot i the best one or an option, if it is allowed and cheaper than the best one."""
+    pushed = _find_pushed(i, k, depth, scene.p, sequences, state)
+    if pushed == NONE or (pushed > 0 and (depth == DEPTH or state.many[depth] == _OPTIONS)):
         return
-    price = sequences.costs[i, k] + _IN_THE_WAY * np.float32(_in_the_way(i, k, scene.p, sequences, now))
-    if pushed == 0 and price < now.least[depth]:
-        now.best[depth], now.least[depth] = k, price
+    price = sequences.costs[i, k] + _IN_THE_WAY * np.float32(_count_blocked(i, k, scene.p, sequences, state))
+    if pushed == 0 and price < state.least[depth]:
+        state.best[depth], state.least[depth] = k, price
     elif pushed > 0:
-        option = now.many[depth]
-        now.options[depth, option, 0] = k
-        now.prices[depth, option] = price + (_PUSHES * np.float32(pushed) if depth > 0 else ZERO)
-        now.many[depth] = option + 1
+        option = state.many[depth]
+        state.options[depth, option, 0] = k
+        state.prices[depth, option] = price + (_PUSHES * np.float32(pushed) if depth > 0 else ZERO)
+        state.many[depth] = option + 1
 
 
 @part
-def _choose(i, depth, scene, sequences, now):
-    """Put robot i on the stack: find its best sequence that pushes nobody, and better ones that do."""
-    now.locked[i], now.who[depth], now.tried[depth] = True, i, NONE
-    now.best[depth], now.least[depth], now.many[depth] = NONE, np.float32(np.inf), 0
-    k, costs = now.wishes[i], sequences.costs[i]
-    if k > STANDS and now.easy[i] and costs[k] < costs[STANDS] - _GETS_ON:
-        _consider(i, k, depth, scene, sequences, now)
-        if now.least[depth] == costs[k]:
+def _choose(i, depth, scene, sequences, state):
+    """Put robot i on the stack: find its best sequence that pushes no robot, and better ones that do."""
+    state.locked[i], state.who[depth], state.tried[depth] = True, i, NONE
+    state.best[depth], state.least[depth], state.many[depth] = NONE, np.float32(np.inf), 0
+    k, costs = state.wishes[i], sequences.costs[i]
+    if k > STANDS and state.easy[i] and costs[k] < costs[STANDS] - _GETS_ON:
+        _consider(i, k, depth, scene, sequences, state)
+        if state.least[depth] == costs[k]:
             return
     roll_out(i, scene.table.shape[0], scene, sequences)
-    now.best[depth], now.least[depth], now.many[depth] = NONE, np.float32(np.inf), 0
-    size = _heap_of(i, sequences, now)
+    state.best[depth], state.least[depth], state.many[depth] = NONE, np.float32(np.inf), 0
+    size = _fill_heap(i, sequences, state)
     while size > 0:
-        cost, item, size = pop(now.keys, now.items, size)
-        if cost >= now.least[depth]:
+        cost, item, size = pop(state.keys, state.items, size)
+        if cost >= state.least[depth]:
             break
         if keeps_off_shelves(i, item, scene, sequences):
-            _consider(i, item, depth, scene, sequences, now)
+            _consider(i, item, depth, scene, sequences, state)
 
 
 @inline
-def _undo(depth, now):
-    """Take back what has been chosen since the option of a robot on the stack was tried."""
-    for j in range(now.held.shape[0]):
-        now.held[j] = now.before[depth, 0, j]
-        now.locked[j], now.lifted[j] = now.before[depth, 1, j] != 0, now.before[depth, 2, j] != 0
+def _undo(depth, state):
+    """Undo all choices made since a robot on the stack tried its option."""
+    for j in range(state.held.shape[0]):
+        state.held[j] = state.before[depth, 0, j]
+        state.locked[j], state.lifted[j] = state.before[depth, 1, j] != 0, state.before[depth, 2, j] != 0
 
 
 @inline
-def _try_next(depth, may_push, now):
+def _try_next(depth, may_push, state):
     """Try the next option of a robot on the stack that is better than its best; return whether there is one."""
-    i = now.who[depth]
-    for option in range(now.tried[depth] + 1, now.many[depth]):
-        if now.prices[depth, option] >= now.least[depth] or not may_push:
+    i = state.who[depth]
+    for option in range(state.tried[depth] + 1, state.many[depth]):
+        if state.prices[depth, option] >= state.least[depth] or not may_push:
             continue
-        now.tried[depth] = option
-        for j in range(now.held.shape[0]):
-            now.before[depth, 0, j] = now.held[j]
-            now.before[depth, 1, j], now.before[depth, 2, j] = now.locked[j], now.lifted[j]
-        now.held[i], now.lifted[i] = now.options[depth, option, 0], False
+        state.tried[depth] = option
+        for j in range(state.held.shape[0]):
+            state.before[depth, 0, j] = state.held[j]
+            state.before[depth, 1, j], state.before[depth, 2, j] = state.locked[j], state.lifted[j]
+        state.held[i], state.lifted[i] = state.options[depth, option, 0], False
         for n in range(1, 1 + _PUSHED):
-            if now.options[depth, option, n] != NONE:
-                now.lifted[now.options[depth, option, n]] = True
+            if state.options[depth, option, n] != NONE:
+                state.lifted[state.options[depth, option, n]] = True
         return True
     return False
 
 
 @inline
-def _next_pushed(depth, now):
+def _next_pushed(depth, state):
     """Return the next robot that must choose because of the option tried, or NONE."""
     for n in range(1, 1 + _PUSHED):
-        j = now.options[depth, now.tried[depth], n]
-        if j != NONE and now.lifted[j]:
+        j = state.options[depth, state.tried[depth], n]
+        if j != NONE and state.lifted[j]:
             return j
     return whole(NONE)
 
 
 @part
-def _choose_for(first, scene, sequences, now):
-    """Let robot `first` choose, and those that it pushes; return whether it found anything."""
+def _choose_for(first, scene, sequences, state):
+    """Let robot `first` and the robots that it pushes choose; return whether it found a sequence."""
     depth, choices, found = 0, 1, False
-    _choose(first, depth, scene, sequences, now)
-    going = _try_next(depth, True, now)  # an option is tried: those that it pushes choose
+    _choose(first, depth, scene, sequences, state)
+    going = _try_next(depth, True, state)  # whether an option is being tried
     while True:
         if going:
-            j = _next_pushed(depth, now)
+            j = _next_pushed(depth, state)
             if j != NONE:
                 depth, choices = depth + 1, choices + 1
-                _choose(j, depth, scene, sequences, now)
-                going = _try_next(depth, choices < _CHOICES, now)
+                _choose(j, depth, scene, sequences, state)
+                going = _try_next(depth, choices < _CHOICES, state)
                 continue
             found = True
         else:  # no option is left
-            i, found = now.who[depth], now.best[depth] != NONE
+            i, found = state.who[depth], state.best[depth] != NONE
             if found:
-                now.held[i], now.lifted[i] = now.best[depth], False
+                state.held[i], state.lifted[i] = state.best[depth], False
             else:
-                now.locked[i] = False
+                state.locked[i] = False
         if depth == 0:
             return found
         depth -= 1
         if found:
             going = True
         else:
-            _undo(depth, now)
-            going = _try_next(depth, choices < _CHOICES, now)
+            _undo(depth, state)
+            going = _try_next(depth, choices < _CHOICES, state)
 
 
 @kernel
-def choose_all(scene, sequences, now):
-    """Let all robots choose a sequence each: `now.held`."""
+def choose_all(scene, sequences, state):
+    """Let all robots choose a sequence each: `state.held`."""
     turn = np.argsort(-scene.robots["task"]["age"], kind="mergesort")  # of equals the lower first
     for n in range(turn.size):
         i = turn[n]
-        now.ranks[i], sequences.known[i] = n, 0
+        state.ranks[i], sequences.known[i] = n, 0
         roll_out(i, ALONG, scene, sequences)
-        now.held[i], now.locked[i], now.lifted[i], now.wishes[i] = 0, False, False, 0
-        size, now.easy[i] = _heap_of(i, sequences, now), True
+        state.held[i], state.locked[i], state.lifted[i], state.wishes[i] = 0, False, False, 0
+        size, state.easy[i] = _fill_heap(i, sequences, state), True
         while size > 0:
-            _, k, size = pop(now.keys, now.items, size)
+            _, k, size = pop(state.keys, state.items, size)
             if keeps_off_shelves(i, k, scene, sequences):
-                now.wishes[i] = k
+                state.wishes[i] = k
                 break
-            now.easy[i] = False
+            state.easy[i] = False
     for i in turn:
-        if not now.locked[i] and not _choose_for(i, scene, sequences, now):
-            now.held[i], now.locked[i] = 0, True
+        if not state.locked[i] and not _choose_for(i, scene, sequences, state):
+            state.held[i], state.locked[i] = 0, True

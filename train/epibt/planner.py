@@ -1,4 +1,4 @@
-"""The central planner: it sees all robots of a world and gives each the acceleration and steering rate to drive."""
+"""The central planner: it sees all robots of a world and commands the acceleration and steering rate of each."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def check_config(config: EnvConfig) -> None:
 
 
 class Epibt:
-    """Priority inheritance over sequences of motions, along live routes. A robot chooses every STAGE physics steps."""
+    """Priority inheritance over sequences of motions along live routes. Robots choose every STAGE physics steps."""
 
     def __init__(self, config: EnvConfig, worlds: int) -> None:
         """Begin an episode in each world; ConfigError as of `check_config`."""
@@ -62,7 +62,7 @@ class Epibt:
         return np.where(drives, self._kept[:, :, since] / self._most, np.float32(0.0))
 
     def _decide(self, simulator: Simulator, world: int) -> None:
-        """Let the robots of a world choose what they drive from now on."""
+        """Let the robots of a world choose their next sequences."""
         kept, left = self._kept[world], self._left[world]
         if self._steps:  # a stage has been driven
             kept[:, :-STAGE], left[:] = kept[:, STAGE:].copy(), np.maximum(left - STAGE, 0)

@@ -1,8 +1,8 @@
-"""Sequences of motions: what a robot may do in the next seconds. Each ends at rest, so it can always be kept.
+"""Sequences of motions: the candidates of a robot for the next seconds. Every sequence ends at rest.
 
 A robot may keep the rest of its last sequence, brake, follow its route at some speed and lateral offset, or drive two
-arcs, forwards or backwards. The sequences are rolled out with the kinematics of the simulator, from where the robot is.
-The cost of a sequence is the time that is left to the goal from where it ends, along the route and back to it.
+arcs, forwards or backwards. Sequences are rolled out from the robot's state with the kinematics of the simulator. The
+cost of a sequence is the time left to the goal from its end: back to the route, and along the rest of it.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ _ROOM, _LEAST_ROOM = np.float32(1e-3), np.float32(5e-5)
 
 
 class Scene(NamedTuple):
-    """A world in which robots choose."""
+    """The world in which robots choose."""
 
     robots: Any  # ROBOT[N]
     routes: NDArray[np.float32]  # [N, R, 2] [m]
