@@ -26,6 +26,7 @@ _PUSHED = 3  # most robots that a sequence may push
 _OPTIONS = 12  # most sequences of a robot that push others and are tried
 _CHOICES = 200  # most choices of robots because one robot pushes
 _GAP = np.float32(0.005)  # [m] around each body
+_MOVED = np.float32(0.6)  # [m], more than any points of two bodies move between two poses
 _PUSHES = np.float32(0.3)  # [s], price of each push by a robot that is pushed itself
 _GETS_ON = np.float32(0.3)  # [s], least saving over braking for which a robot considers no arcs
 _IN_THE_WAY = np.float32(1.0)  # [s], price of stopping on the preferred way of a robot with higher priority,
@@ -73,7 +74,8 @@ def make_choosing(robots: int, count: int) -> Choosing:
 def touch(i, k, j, m, p, sequences):
     """Return whether sequence k of robot i touches sequence m of robot j, exactly on the whole way."""
     one, other = sequences.boxes[i, k], sequences.boxes[j, m]
-    reach = np.float32(2.0) * p["radius"] + np.float32(0.2)
+    circles, two = p["radius"] + p["radius"], np.float32(2.0)
+    reach = circles + _MOVED
     if one[0] > other[1] + reach or other[0] > one[1] + reach:
         return False
     if one[2] > other[3] + reach or other[2] > one[3] + reach:
@@ -83,6 +85,7 @@ def touch(i, k, j, m, p, sequences):
         a, b = poses[i, k, min(n, counts)], poses[j, m, min(n, last)]
         own, their = a[SWEEP] if n <= counts else ZERO, b[SWEEP] if n <= last else ZERO
         body, other_body, is_near = body_with(a, own + _GAP, p), body_with(b, their + _GAP, p), False
+        reach = circles + two * (own + their + two * _GAP)  # of the bodies with this room, by their circles
         if squared_distance(body, other_body) < reach * reach:
             is_near = rectangles_touch(body, other_body)
         if n > 0 and (is_near or was_near):

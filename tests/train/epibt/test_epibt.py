@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from train.epibt import NEEDS, Epibt, check_config
 from train.epibt.inheritance import touch
@@ -15,6 +16,7 @@ from train.epibt.sequences import (
     SIN,
     STAGE,
     STANDS,
+    SWEEP,
     Scene,
     X,
     Y,
@@ -94,6 +96,58 @@ def test_a_queue_may_set_out_at_once_though_it_stands_close() -> None:
     ahead = int(np.flatnonzero((table == np.array([3, 0.6, 0, 2, 0, 0, 0], np.float32)).all(axis=1))[0])
     for first, second, expected in ((ahead, ahead, 0), (ahead, STANDS, 1), (STANDS, ahead, 0), (STANDS, STANDS, 0)):
         assert _touching(np.array([first, second]), p, sequences) == expected
+
+
+def test_a_touch_between_two_poses_counts() -> None:
+    p = Simulator(_config(2), 1).setup.planned.shared[0]
+    sequences = make_sequences(2, 1, 2)
+    sequences.counts[:] = 2
+    sequences.poses[..., COS] = 1.0
+    sequences.poses[0, 0, :2, X] = 0.0, 3.0  # past the other in one step
+    sequences.poses[:, 0, :2, SWEEP] = [[1.5], [0.0]]
+    sequences.boxes[0, 0, 1] = 3.0
+    for aside, expected in ((0.0, 1), (0.58, 1), (0.63, 0)):
+        sequences.poses[1, 0, :2, X], sequences.poses[1, 0, :2, Y] = 1.5, aside
+        sequences.boxes[1, 0] = 1.5, 1.5, aside, aside
+        assert _touching(np.zeros(2, np.int64), p, sequences) == expected
+
+
+def test_a_robot_that_has_stood_finds_other_motions_cheaper_by_chance() -> None:
+    simulator = Simulator(_config(1, layout="narrow"), 1)
+    simulator.reset([3])
+    robots, table = simulator.robots[0], programs()
+    scene = Scene(robots, simulator.worlds.routes[0], table, simulator.setup.planned.shared[0], simulator.setup.floor)
+
+    def costs(stood: float, age: int) -> NDArray[np.float32]:
+        robots["clocks"]["standing_time"], robots["task"]["age"] = stood, age
+        sequences = make_sequences(1, len(table), simulator.config.substeps)
+        _roll_out_all(scene, sequences)
+        return sequences.costs[0]
+
+    usual, one, other = costs(1.0, 5), costs(100.0, 5), costs(100.0, 6)
+    for stood in (one, other):
+        saved = usual - stood
+        np.testing.assert_array_equal(saved[: STANDS + 1], 0.0)
+        assert (saved >= 0.0).all()
+        assert 2.0 < saved.max() <= 3.0 + 1e-4
+    assert (one != other).any()
+    np.testing.assert_array_equal(usual, costs(1.0, 6))
+
+
+def test_a_push_that_fails_is_undone() -> None:
+    occupied = np.ones((9, 9), bool)
+    occupied[1:8:3, 1:8] = occupied[1:8, 1:8:3] = False  # one-cell aisles that cross
+    grid = GridMap(occupied, name="crossings")
+    simulator = Simulator(_config(14), 1, grid=grid)
+    simulator.reset([2])
+    planner, p = Epibt(simulator.config, 1), simulator.setup.planned.shared[0]
+    for step in range(150):
+        actions = planner.act(simulator)
+        if step % STAGE == 0:
+            assert not planner._choosing.lifted.any()
+            assert _touching(planner._choosing.held, p, planner._sequences) == 0
+        simulator.step(actions)
+    assert not simulator.robots[0]["totals"]["hits_robot"].any()
 
 
 def test_every_sequence_ends_at_rest() -> None:
