@@ -78,21 +78,25 @@ class Places:
         self._queues: dict[Cell, deque[int]] = {}
 
     def take(self, robot: int, cell: Cell) -> None:
-        """Let a robot hold a free cell, and give up the cell it held and its place in queues."""
+        """Let a robot hold a free cell, and give up the cell it held and its place in a queue."""
         self.leave(robot)
         self.held_by[cell], self._held[robot] = robot, cell
 
     def leave(self, robot: int) -> None:
-        """Take a robot's cell and its place in queues away."""
+        """Take a robot's cell and its place in a queue away."""
         if robot in self._held:
             del self.held_by[self._held.pop(robot)]
+        self._leave_queue(robot)
+
+    def _leave_queue(self, robot: int) -> None:
         for cell in [cell for cell, queue in self._queues.items() if robot in queue]:
             self._queues[cell].remove(robot)
             if not self._queues[cell]:
                 del self._queues[cell]
 
     def queue(self, robot: int, cell: Cell) -> None:
-        """Add a robot to the queue for a cell."""
+        """Add a robot to the queue for a cell, instead of the one that it is in."""
+        self._leave_queue(robot)
         self._queues.setdefault(cell, deque()).append(robot)
 
     def queued(self, cell: Cell) -> int:
