@@ -1,10 +1,11 @@
 """Priority inheritance over sequences of motions (EPIBT, arXiv 2511.09193, after PIBT of Okumura et al. 2022).
 
 Every robot always holds a sequence that ends at rest, and no two held sequences touch. In each decision the robots
-choose in turn; the robot with the oldest task chooses first. It takes its cheapest sequence that is clear of all held
-ones. If its way along the route is not clear, it also considers arcs. A cheaper sequence may push a few robots that
-have not chosen yet. These then choose next, with its priority, and may push others in turn. If one of them finds no
-sequence, the attempt is undone. A robot that finds none keeps the sequence that it holds.
+choose in turn: those that retreat, then the others by the age of their tasks, the oldest first. A robot takes its
+cheapest sequence that is clear of all held ones. If its way along the route is not clear, it also considers arcs. A
+cheaper sequence may push a few robots that have not chosen yet. These then choose next, with its priority, and may push
+others in turn. If one of them finds no sequence, the attempt is undone. A robot that finds none keeps the sequence that
+it holds.
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ _GETS_ON = np.float32(0.3)  # [s], least saving over braking for which a robot c
 _IN_THE_WAY = np.float32(1.0)  # [s], price of stopping on the preferred way of a robot with higher priority,
 _COUNTED = 2  # for so many such robots at most,
 _BESIDE = np.float32(0.05)  # [m] of room around their bodies
+_FIRST = 1 << 32  # [steps], more than the age of any task
 NONE = -1
 
 
@@ -252,7 +254,8 @@ def _choose_for(first, scene, sequences, state):
 @kernel
 def choose_all(scene, sequences, state):
     """Let all robots choose a sequence each: `state.held`."""
-    turn = np.argsort(-scene.robots["task"]["age"], kind="mergesort")  # of equals the lower first
+    ages = scene.robots["task"]["age"] + _FIRST * sequences.turns
+    turn = np.argsort(-ages, kind="mergesort")  # of equals the lower first
     for n in range(turn.size):
         i = turn[n]
         state.ranks[i], sequences.known[i] = n, 0

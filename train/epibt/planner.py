@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from train.epibt.inheritance import choose_all, make_choosing
-from train.epibt.sequences import BRAKING, FASTEST, STAGE, STEPS, Scene, make_sequences, programs
+from train.epibt.sequences import BRAKING, FASTEST, LAST, RETREATS, STAGE, STEPS, Scene, make_sequences, programs
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
 from warehouse_env.simulation.simulator import Simulator
 
 NAME = "epibt"
 NEEDS: dict[str, Any] = {"action_type": "raw", "traffic": "routes"}  # fields of EnvConfig
+# A robot that has stood within a metre for _PATIENCE [s] begins to retreat with probability _CHANCE in each decision.
+# For _RETREAT decisions it backs out and chooses first. For as many more it chooses last, so that others can push it.
+_PATIENCE, _CHANCE, _RETREAT = 12.0, 0.05, 20
 
 
 def check_config(config: EnvConfig) -> None:
@@ -48,18 +52,28 @@ class Epibt:
         self._sequences = make_sequences(robots, len(self._table), config.substeps)
         self._choosing = make_choosing(robots, len(self._table))
         self._kept, self._left = np.zeros((worlds, robots, STEPS, 2), np.float32), np.zeros((worlds, robots), np.int32)
+        self._backs = np.zeros((worlds, robots), np.int64)  # decisions for which a robot still retreats
         self._most = np.array([robot.max_acceleration, robot.max_steering_rate], np.float32)
         self._steps = 0  # physics steps so far
 
-    def act(self, simulator: Simulator) -> NDArray[np.float32]:
-        """Return the raw actions float32[B, N, 2] of all robots."""
+    def act(self, simulator: Simulator, generators: Sequence[np.random.Generator]) -> NDArray[np.float32]:
+        """Return the raw actions float32[B, N, 2] of all robots; generators: of each world."""
         since = self._steps % STAGE
         if since == 0:
             for world in range(simulator.num_worlds):
+                self._draw_retreats(world, simulator.robots[world]["clocks"]["standing_time"], generators[world])
                 self._decide(simulator, world)
         self._steps += 1
         drives = (since < self._left)[..., None]
         return np.where(drives, self._kept[:, :, since] / self._most, np.float32(0.0))
+
+    def _draw_retreats(self, world: int, stood: NDArray[np.float32], generator: np.random.Generator) -> None:
+        """Let some robots begin to retreat; stood: float32[N] [s]."""
+        backs, drawn = self._backs[world], generator.random(stood.shape)
+        backs[:] = np.maximum(backs - 1, 0)
+        begins = (backs == 0) & (stood > _PATIENCE) & (drawn < _CHANCE)
+        backs[begins] = 2 * _RETREAT
+        self._sequences.turns[:] = np.where(backs > _RETREAT, RETREATS, np.where(backs > 0, LAST, 0))
 
     def _decide(self, simulator: Simulator, world: int) -> None:
         """Let the robots of a world choose their next sequences."""

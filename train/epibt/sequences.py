@@ -30,6 +30,7 @@ STEPS = STAGE * _STAGES + BRAKING  # of a sequence at most
 KEPT, STANDS, _FOLLOWS, _ARCS = range(4)  # kinds of sequences, of which the first two are sequences themselves
 _COLUMNS = 7  # of a program: the kind, and two of speed [m/s], offset [m] or steering [rad], and number of stages
 X, Y, COS, SIN, SWEEP = range(5)  # columns of a pose: the body's centre and heading
+RETREATS, LAST = 1, -1  # of a robot that backs out and chooses first, and of one that chooses last
 UNKNOWN, FREE, BLOCKED = range(3)  # whether a sequence keeps off shelves
 
 _STILL = np.float32(1e-6)  # [m/s] that are rounding
@@ -40,9 +41,7 @@ _BACK, _AHEAD = np.float32(3.0), np.float32(12.0)  # [m] of the route around the
 _LOOK = np.float32(0.6)  # [m] ahead of which the route's direction counts
 _SHELF = np.float32(1.0)  # [s] for ending nearer to a shelf than each of these: the tail swings out towards it
 _NEAR_SHELF, _AT_SHELF = np.float32(0.11), np.float32(0.05)  # [m]
-# From so many seconds of standing on, sequences become cheaper by chance, by so much for each second and at most [s].
-# So a robot leaves a pose from which all ends seem worse.
-_PATIENT, _RESTLESS, _WILDEST = np.float32(3.0), np.float32(0.2), np.float32(3.0)
+_BACKING = np.float32(3.0)  # times as slow as _ROUTE_SPEED: a metre of the route from which a robot retreats
 _RIGHT_ANGLE = np.float32(0.5 * math.pi)
 _ARRIVES = np.float32(-1000.0)  # cost of reaching the goal at once
 _NEAR_GOAL = np.float32(9.0)  # [m], farther than a sequence leads
@@ -72,6 +71,7 @@ class Sequences(NamedTuple):
     kept: NDArray[np.float32]  # [N, STEPS, 2], the controls that are left of the last sequence chosen
     left: NDArray[np.int32]  # [N], their number
     known: NDArray[np.int64]  # [N], sequences that have been rolled out
+    turns: NDArray[np.int64]  # [N], RETREATS, LAST, or 0
 
 
 _PACES = tuple(itertools.product((0.5, 1.0, FASTEST), (0.0, -0.35, 0.35, -0.7, 0.7), (1, 2, 4, _STAGES)))
@@ -98,6 +98,7 @@ def make_sequences(robots: int, count: int, substeps: int) -> Sequences:
         np.zeros((*each, 1 + STEPS * substeps, 5), floats), np.zeros(each, np.int32), np.zeros((*each, 4), floats),
         np.zeros(each, floats), np.zeros((*each, STEPS, 2), floats), np.zeros(each, np.int8),
         np.zeros((robots, STEPS, 2), floats), np.zeros(robots, np.int32), np.zeros(robots, np.int64),
+        np.zeros(robots, np.int64),
     )  # fmt: skip
 
 
@@ -170,8 +171,11 @@ def _roll_out(i, k, scene, sequences):
 
 
 @part
-def _to_go(r, route, x, y, heading):
-    """Return the time [s] that is left from a pose of rest: along the route, beside it, and off its direction."""
+def _to_go(r, route, x, y, heading, retreats):
+    """Return the time [s] that is left from a pose of rest: along the route, beside it, and off its direction.
+
+    retreats: to where the route comes from instead.
+    """
     on_route, task = r["on_route"], r["task"]
     points, spacing = on_route["points"], on_route["spacing"]
     if points < 2:
@@ -193,7 +197,8 @@ def _to_go(r, route, x, y, heading):
     b = max(min(int((along + _LOOK) / spacing), points - 2), 0)
     off = abs(wrap(heading - arc_tan2(route[b + 1, 1] - route[b, 1], route[b + 1, 0] - route[b, 0])))
     turn = _TURN * min(off, _RIGHT_ANGLE) + _TURN_BACK * max(off - _RIGHT_ANGLE, ZERO)
-    return max(np.float32(points - 1) * spacing - along, ZERO) / _ROUTE_SPEED + _BESIDE * beside + turn
+    way = _BACKING * along if retreats else max(np.float32(points - 1) * spacing - along, ZERO)
+    return way / _ROUTE_SPEED + _BESIDE * beside + turn
 
 
 @part
@@ -212,13 +217,6 @@ def _measure(i, k, r, p, sequences):
             sequences.costs[i, k], arrived = _ARRIVES + np.float32(n) * p["dt"], True
 
 
-@inline
-def _chance(age, k):
-    """Return a number of 0 to 1 that looks drawn, from the steps of a task and the number of a sequence."""
-    mixed = (np.uint32(age) * np.uint32(2654435761) + np.uint32(k)) * np.uint32(2246822519)
-    return np.float32((mixed >> np.uint32(8)) & np.uint32(0xFFFF)) / np.float32(65536.0)
-
-
 @part
 def roll_out(i, last, scene, sequences):
     """Roll out and price the sequences of robot i before number `last` that are not known yet."""
@@ -226,13 +224,10 @@ def roll_out(i, last, scene, sequences):
     for k in range(sequences.known[i], last):
         x, y, heading = _roll_out(i, k, scene, sequences)
         sequences.clear[i, k] = UNKNOWN if k != KEPT else FREE
-        sequences.costs[i, k] = _to_go(r, scene.routes[i], x, y, heading)
+        sequences.costs[i, k] = _to_go(r, scene.routes[i], x, y, heading, sequences.turns[i] == RETREATS)
         for room in (_NEAR_SHELF, _AT_SHELF):
             if body_touches_shelf(body_with(poses[k, counts[k] - 1], room, p), scene.floor):
                 sequences.costs[i, k] += _SHELF
-        if k > STANDS:
-            stood = r["clocks"]["standing_time"] - _PATIENT
-            sequences.costs[i, k] -= min(max(_RESTLESS * stood, ZERO), _WILDEST) * _chance(r["task"]["age"], k)
         _measure(i, k, r, p, sequences)
     sequences.known[i] = max(sequences.known[i], last)
 

@@ -159,8 +159,7 @@ def play_out(
 def decider(experiment: Experiment) -> Decider:
     """Return what chooses the actions from what the robots observe; the central planner sees all."""
     if experiment.policy == epibt.NAME:
-        planner = epibt.Epibt(experiment.config, len(experiment.seeds))
-        return lambda simulator, generators: planner.act(simulator)
+        return epibt.Epibt(experiment.config, len(experiment.seeds)).act
     config, name, eyes = experiment.config, experiment.disturbance, list[Senses]()
     if name is not None:  # which may give other commands than the policy was made for
         eyes = [Senses(DISTURBANCES[name], config, seed) for seed in experiment.seeds]

@@ -124,7 +124,8 @@ def test_a_robot_that_wants_a_held_cell_queues_and_gets_it_next() -> None:
     places.take(2, (5, 5))
     assert places.queued((5, 5)) == 1
     places.queue(3, (1, 1))  # a charger, say, since its battery is low: it waits for nothing else any more
-    assert places.queued((5, 5)) == 0 and places.queued((1, 1)) == 1
+    assert places.queued((5, 5)) == 0
+    assert places.queued((1, 1)) == 1
     assert not places.stands(2)
     assert places.stands(3)
 
