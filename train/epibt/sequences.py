@@ -2,7 +2,8 @@
 
 A robot may keep the rest of its last sequence, brake, follow its route at some speed and lateral offset, or drive two
 arcs, forwards or backwards. Sequences are rolled out from the robot's state with the kinematics of the simulator. The
-cost of a sequence is the time left to the goal from its end: back to the route, and along the rest of it.
+cost of a sequence is the time left to the goal from its end: back to the route, and along the rest of it. A robot that
+retreats prefers to back.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ _BACK, _AHEAD = np.float32(3.0), np.float32(12.0)  # [m] of the route around the
 _LOOK = np.float32(0.6)  # [m] ahead of which the route's direction counts
 _SHELF = np.float32(1.0)  # [s] for ending nearer to a shelf than each of these: the tail swings out towards it
 _NEAR_SHELF, _AT_SHELF = np.float32(0.11), np.float32(0.05)  # [m]
-_BACKING = np.float32(3.0)  # times as slow as _ROUTE_SPEED: a metre of the route from which a robot retreats
+_BACKING = np.float32(2.0)  # [s/m] that a robot drives ahead while it retreats
 _RIGHT_ANGLE = np.float32(0.5 * math.pi)
 _ARRIVES = np.float32(-1000.0)  # cost of reaching the goal at once
 _NEAR_GOAL = np.float32(9.0)  # [m], farther than a sequence leads
@@ -171,11 +172,8 @@ def _roll_out(i, k, scene, sequences):
 
 
 @part
-def _to_go(r, route, x, y, heading, retreats):
-    """Return the time [s] that is left from a pose of rest: along the route, beside it, and off its direction.
-
-    retreats: to where the route comes from instead.
-    """
+def _to_go(r, route, x, y, heading):
+    """Return the time [s] that is left from a pose of rest: along the route, beside it, and off its direction."""
     on_route, task = r["on_route"], r["task"]
     points, spacing = on_route["points"], on_route["spacing"]
     if points < 2:
@@ -197,8 +195,7 @@ def _to_go(r, route, x, y, heading, retreats):
     b = max(min(int((along + _LOOK) / spacing), points - 2), 0)
     off = abs(wrap(heading - arc_tan2(route[b + 1, 1] - route[b, 1], route[b + 1, 0] - route[b, 0])))
     turn = _TURN * min(off, _RIGHT_ANGLE) + _TURN_BACK * max(off - _RIGHT_ANGLE, ZERO)
-    way = _BACKING * along if retreats else max(np.float32(points - 1) * spacing - along, ZERO)
-    return way / _ROUTE_SPEED + _BESIDE * beside + turn
+    return max(np.float32(points - 1) * spacing - along, ZERO) / _ROUTE_SPEED + _BESIDE * beside + turn
 
 
 @part
@@ -221,10 +218,15 @@ def _measure(i, k, r, p, sequences):
 def roll_out(i, last, scene, sequences):
     """Roll out and price the sequences of robot i before number `last` that are not known yet."""
     r, p, poses, counts = scene.robots[i], scene.p, sequences.poses[i], sequences.counts[i]
+    motion = r["motion"]
     for k in range(sequences.known[i], last):
         x, y, heading = _roll_out(i, k, scene, sequences)
         sequences.clear[i, k] = UNKNOWN if k != KEPT else FREE
-        sequences.costs[i, k] = _to_go(r, scene.routes[i], x, y, heading, sequences.turns[i] == RETREATS)
+        if sequences.turns[i] == RETREATS:
+            dx, dy = x - motion["x"], y - motion["y"]
+            sequences.costs[i, k] = _BACKING * (dx * motion["cos"] + dy * motion["sin"])
+        else:
+            sequences.costs[i, k] = _to_go(r, scene.routes[i], x, y, heading)
         for room in (_NEAR_SHELF, _AT_SHELF):
             if body_touches_shelf(body_with(poses[k, counts[k] - 1], room, p), scene.floor):
                 sequences.costs[i, k] += _SHELF
