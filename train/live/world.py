@@ -13,8 +13,8 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from agents import POLICIES, Actor, make_policy
-from train.evaluation.rollout import POLICY_STREAM, config_of
+from agents import POLICIES
+from train.evaluation.rollout import POLICY_STREAM, Experiment, config_of, decider
 from train.kinds import Kinds
 from warehouse_env.checked import Checked, check_names, from_plain
 from warehouse_env.config import EnvConfig
@@ -133,9 +133,9 @@ class World:
         base = EnvConfig(num_agents=setting.robots, planner=setting.planner, layout=setting.floor)
         config = config_of(setting.policy, base, setting.given)
         simulator = Simulator(config, grid=self.floors.load(setting.floor))
-        act = Actor(make_policy(setting.policy, config), config)
+        decide = decider(Experiment(setting.policy, config, setting.seed, episodes=(0,)))
         simulator.reset([setting.seed])
-        self.setting, self.simulator, self._act = setting, simulator, act
+        self.setting, self.simulator, self._decide = setting, simulator, decide
         self._rng = np.random.default_rng([setting.seed, POLICY_STREAM])
         self.steps = 0
         self._stations = simulator.grid.marked(simulator.grid.stations)
@@ -160,7 +160,7 @@ class World:
     def step(self) -> Moment:
         """Let all robots decide once; return the moment after."""
         simulator = self.simulator
-        simulator.step(self._act(simulator.observation, self._rng))
+        simulator.step(self._decide(simulator, [self._rng]))
         self.steps += 1
         return self.moment()
 

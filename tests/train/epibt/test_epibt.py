@@ -25,6 +25,7 @@ from train.epibt.sequences import (
 )  # fmt: skip
 from train.evaluation.recorded import record
 from train.evaluation.rollout import Experiment, make_experiment, run
+from train.live.world import LiveFloors, World, WorldSetting
 from warehouse_env.config import EnvConfig, FleetPart, RobotSpec
 from warehouse_env.errors import ConfigError
 from warehouse_env.kernel import kernel
@@ -199,6 +200,15 @@ def test_a_recorded_episode_replays_to_the_bit() -> None:
     *_, last = episode.replay()
     assert last is not None
     assert episode.policy == "epibt"
+
+
+def test_it_drives_a_live_world() -> None:
+    world = World(WorldSetting("epibt", "narrow", ROBOTS, 7, "astar_turns"), LiveFloors("narrow"))
+    for _ in range(50):
+        world.step()
+    totals = world.simulator.robots[0]["totals"]
+    assert totals["distance"].min() > 0.0
+    assert not totals["hits_robot"].any()
 
 
 @pytest.mark.parametrize(
