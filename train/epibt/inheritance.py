@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from train.epibt.sequences import ALONG, STANDS, SWEEP, X, Y, body_with, keeps_off_shelves, roll_out
+from train.epibt.sequences import ALONG, STANDS, SWEEP, body_with, keeps_off_shelves, roll_out
 from warehouse_env.heap import pop, push
 from warehouse_env.kernel import inline, kernel, part, whole
 from warehouse_env.simulation.physics.geometry import grown, rectangles_touch, squared_distance
@@ -30,9 +30,6 @@ _GAP = np.float32(0.005)  # [m] around each body
 _MOVED = np.float32(0.6)  # [m], more than any points of two bodies move between two poses
 _PUSHES = np.float32(0.3)  # [s], price of each push by a robot that is pushed itself
 _GETS_ON = np.float32(0.3)  # [s], least saving over braking for which a robot considers no arcs
-_IN_THE_WAY = np.float32(1.0)  # [s], price of stopping on the preferred way of a robot with higher priority,
-_COUNTED = 2  # for so many such robots at most,
-_BESIDE = np.float32(0.05)  # [m] of room around their bodies
 _FIRST = 1 << 32  # [steps], more than the age of any task
 NONE = -1
 
@@ -47,7 +44,6 @@ class Choosing(NamedTuple):
     items: NDArray[np.int64]  # [K]
     wishes: NDArray[np.int64]  # [N], the cheapest along the route that keeps off shelves
     easy: NDArray[np.bool_]  # [N], whether that is the cheapest of all along the route
-    ranks: NDArray[np.int64]  # [N], 0: first
     # of each robot on the stack, [DEPTH + 1, ...]:
     who: NDArray[np.int64]  # the robot,
     best: NDArray[np.int64]  # its best sequence that pushes no robot, or NONE,
@@ -65,7 +61,7 @@ def make_choosing(robots: int, count: int) -> Choosing:
     return Choosing(
         np.zeros(robots, ints), np.zeros(robots, np.bool_), np.zeros(robots, np.bool_),
         np.zeros(count, np.float32), np.zeros(count, ints), np.zeros(robots, ints), np.zeros(robots, np.bool_),
-        np.zeros(robots, ints), np.zeros(deep, ints), np.zeros(deep, ints),
+        np.zeros(deep, ints), np.zeros(deep, ints),
         np.zeros(deep, np.float32), np.zeros((deep, _OPTIONS + 1, 1 + _PUSHED), ints),
         np.zeros((deep, _OPTIONS), np.float32), np.zeros(deep, ints), np.zeros(deep, ints),
         np.zeros((deep, 3, robots), ints),
@@ -103,26 +99,6 @@ def touch(i, k, j, m, p, sequences):
 
 
 @part
-def _count_blocked(i, k, p, sequences, state):
-    """Return how many robots of higher priority prefer to drive where sequence k of robot i ends, _COUNTED at most."""
-    end, count, reach = sequences.poses[i, k, sequences.counts[i, k] - 1], 0, np.float32(2.0) * p["radius"]
-    stands = body_with(end, ZERO, p)
-    for j in range(state.held.shape[0]):
-        m = state.wishes[j]
-        if state.ranks[j] >= state.ranks[i] or count == _COUNTED:
-            continue
-        box = sequences.boxes[j, m]
-        if not (box[0] - reach < end[X] < box[1] + reach and box[2] - reach < end[Y] < box[3] + reach):
-            continue
-        for n in range(0, sequences.counts[j, m], 3):
-            body = body_with(sequences.poses[j, m, n], _BESIDE, p)
-            if squared_distance(body, stands) < reach * reach and rectangles_touch(body, stands):
-                count += 1
-                break
-    return count
-
-
-@part
 def _find_pushed(i, k, depth, p, sequences, state):
     """Write the robots that sequence k pushes into the next option; return how many, NONE if it may not push them."""
     option, pushed = state.options[depth, state.many[depth]], 0
@@ -152,13 +128,13 @@ def _consider(i, k, depth, scene, sequences, state):
     pushed = _find_pushed(i, k, depth, scene.p, sequences, state)
     if pushed == NONE or (pushed > 0 and (depth == DEPTH or state.many[depth] == _OPTIONS)):
         return
-    price = sequences.costs[i, k] + _IN_THE_WAY * np.float32(_count_blocked(i, k, scene.p, sequences, state))
-    if pushed == 0 and price < state.least[depth]:
-        state.best[depth], state.least[depth] = k, price
+    cost = sequences.costs[i, k]
+    if pushed == 0 and cost < state.least[depth]:
+        state.best[depth], state.least[depth] = k, cost
     elif pushed > 0:
         option = state.many[depth]
         state.options[depth, option, 0] = k
-        state.prices[depth, option] = price + (_PUSHES * np.float32(pushed) if depth > 0 else ZERO)
+        state.prices[depth, option] = cost + (_PUSHES * np.float32(pushed) if depth > 0 else ZERO)
         state.many[depth] = option + 1
 
 
@@ -256,9 +232,8 @@ def choose_all(scene, sequences, state):
     """Let all robots choose a sequence each: `state.held`."""
     ages = scene.robots["task"]["age"] + _FIRST * sequences.turns
     turn = np.argsort(-ages, kind="mergesort")  # of equals the lower first
-    for n in range(turn.size):
-        i = turn[n]
-        state.ranks[i], sequences.known[i] = n, 0
+    for i in range(turn.size):
+        sequences.known[i] = 0
         roll_out(i, ALONG, scene, sequences)
         state.held[i], state.locked[i], state.lifted[i], state.wishes[i] = 0, False, False, 0
         size, state.easy[i] = _fill_heap(i, sequences, state), True
