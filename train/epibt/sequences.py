@@ -1,9 +1,9 @@
 """Sequences of motions: the candidates of a robot for the next seconds. Every sequence ends at rest.
 
-A robot may keep the rest of its last sequence, brake, follow its route at some speed and lateral offset, or drive two
-arcs, forwards or backwards. Sequences are rolled out from the robot's state with the kinematics of the simulator. The
-cost of a sequence is the time left to the goal from its end: back to the route, and along the rest of it. A robot that
-retreats prefers to back.
+A robot may keep the rest of its last sequence, brake, follow its route at some speed and lateral offset, drive two
+arcs, or turn its wheels at rest and drive one arc, forwards or backwards. Sequences are rolled out from the robot's
+state with the kinematics of the simulator. The cost of a sequence is the time left to the goal from its end: back to
+the route, and along the rest of it. A robot that retreats prefers to back.
 """
 
 from __future__ import annotations
@@ -76,6 +76,8 @@ class Sequences(NamedTuple):
 
 
 _PACES = tuple(itertools.product((0.5, 1.0, FASTEST), (0.0, -0.35, 0.35, -0.7, 0.7), (1, 2, 4, _STAGES)))
+# Speed and stages of an arc before which the wheels turn at rest. Where shelves are near, others may not be free.
+_FROM_REST = (-0.2, 1), (0.2, 1), (-0.5, 1), (0.5, 1), (-0.5, 3)
 ALONG = 2 + len(_PACES)  # the first sequences, which keep the last one, brake or follow the route
 
 
@@ -86,6 +88,8 @@ def programs() -> NDArray[np.float32]:
     for first in itertools.product((-0.5, 0.6), angles, (1, 2)):
         rows.append((_ARCS, *first))
         rows += ((_ARCS, *first, *then) for then in itertools.product((-0.5, 0.8), angles, (2, 4)))
+    for angle, (speed, stages) in itertools.product(angles, _FROM_REST):
+        rows.append((_ARCS, 0.0, angle, 2, speed, angle, stages))
     table = np.zeros((len(rows), _COLUMNS), np.float32)
     for row, values in zip(table, rows, strict=True):
         row[: len(values)] = values
@@ -149,7 +153,7 @@ def _roll_out(i, k, scene, sequences):
             acceleration, rate = kept[t, 0], kept[t, 1]
         else:
             wanted, way = _target(program, t, steer)
-            if wanted == ZERO and speed == ZERO:
+            if wanted == ZERO and speed == ZERO and np.float32(t) >= program[3] * np.float32(STAGE):
                 break
             if follows:
                 s, c = sin_cos(heading)

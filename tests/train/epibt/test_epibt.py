@@ -146,6 +146,26 @@ def test_every_sequence_ends_at_rest() -> None:
         assert abs(rolled.controls[0, k, :steps, 0].sum() * dt) < 1e-5  # of what it gains in speed from rest on
 
 
+def test_wheels_may_turn_before_a_robot_drives() -> None:
+    simulator = Simulator(_config(1, layout="narrow"), 1)
+    simulator.reset([3])
+    robots, table = simulator.robots[0], programs()
+    robots["motion"]["steer"] = -1.0
+    sequences = make_sequences(1, len(table), simulator.config.substeps)
+    p = simulator.setup.planned.shared[0]
+    _roll_out_all(Scene(robots, simulator.worlds.routes[0], table, p, simulator.setup.floor), sequences)
+    chosen = np.flatnonzero((table[:, 0] == 3) & (table[:, 1] == 0.0))
+    assert len(chosen) == 25
+    for k in chosen:
+        driven = table[k, 3] * STAGE  # steps at rest
+        begins = int(driven) * simulator.config.substeps
+        poses = sequences.poses[0, k]
+        np.testing.assert_array_equal(poses[: begins + 1, X], poses[0, X])
+        assert np.hypot(*(poses[sequences.counts[0, k] - 1] - poses[0])[[X, Y]]) > 0.03
+        turned = -1.0 + sequences.controls[0, k, : int(driven), 1].sum() * simulator.config.time_step
+        assert turned == pytest.approx(min(table[k, 2], -1.0 + 1.5 * 2 * 0.5), abs=1e-4)
+
+
 def test_a_younger_robot_backs_out_of_a_passage_for_an_older_one() -> None:
     occupied = np.ones((5, 14), bool)
     occupied[2, 1:13] = False
