@@ -189,12 +189,12 @@ def test_a_younger_robot_backs_out_of_a_passage_for_an_older_one() -> None:
 
 
 def test_robots_leave_a_dead_end_in_which_the_older_one_drives_at_the_younger_one() -> None:
-    occupied = np.ones((5, 14), bool)
-    occupied[2, 1:13] = False
-    occupied[1:4, 9:13] = False  # a bay at the east end; the west end is closed
-    grid = GridMap(occupied, name="dead_end", picks=[(2, 1), (1, 12)], stations=[(3, 12), (2, 12)])
+    occupied = np.ones((5, 24), bool)
+    occupied[2, 1:23] = False
+    occupied[1:4, 19:23] = False  # a bay at the east end, farther than a robot retreats; the west end is closed
+    grid = GridMap(occupied, name="dead_end", picks=[(2, 1), (1, 22)], stations=[(3, 22), (2, 22)])
     simulator = Simulator(_config(2), 1, grid=grid)
-    (older, younger), goals = grid.centre(np.array([(2, 6), (2, 4)])), grid.centre(np.array([(2, 1), (3, 12)]))
+    (older, younger), goals = grid.centre(np.array([(2, 6), (2, 4)])), grid.centre(np.array([(2, 1), (3, 22)]))
     simulator.reset_to([Assignment(np.array([(*older, np.pi), (*younger, np.pi)]), goals)])
     simulator.robots[0]["task"]["age"] = 100, 0
     (planner, generators), arrived = _planner(simulator), np.zeros(2, bool)
