@@ -157,12 +157,11 @@ def test_wheels_may_turn_before_a_robot_drives() -> None:
     chosen = np.flatnonzero((table[:, 0] == 3) & (table[:, 1] == 0.0))
     assert len(chosen) == 25
     for k in chosen:
-        driven = table[k, 3] * STAGE  # steps at rest
-        begins = int(driven) * simulator.config.substeps
-        poses = sequences.poses[0, k]
+        turning = int(table[k, 3]) * STAGE  # steps at rest
+        begins, poses = turning * simulator.config.substeps, sequences.poses[0, k]
         np.testing.assert_array_equal(poses[: begins + 1, X], poses[0, X])
         assert np.hypot(*(poses[sequences.counts[0, k] - 1] - poses[0])[[X, Y]]) > 0.03
-        turned = -1.0 + sequences.controls[0, k, : int(driven), 1].sum() * simulator.config.time_step
+        turned = -1.0 + sequences.controls[0, k, :turning, 1].sum() * simulator.config.time_step
         assert turned == pytest.approx(min(table[k, 2], -1.0 + 1.5 * 2 * 0.5), abs=1e-4)
 
 
@@ -213,6 +212,21 @@ def test_a_row_does_not_depend_on_the_episodes_beside_it() -> None:
     assert {**rows[0], "ms_per_step": 0.0} == {**alone[0], "ms_per_step": 0.0}
     assert rows[0]["goals"] > 0
     assert rows[0]["collisions_robot"] == rows[0]["collisions_shelf"] == 0
+
+
+def test_retreats_do_not_depend_on_the_worlds_beside_it() -> None:
+    chosen = []
+    for seeds in ([3, 4], [4]):
+        simulator = Simulator(_config(8, layout="narrow"), len(seeds))
+        simulator.reset(seeds)
+        simulator.robots["clocks"]["standing_time"] = 100.0
+        planner = Epibt(simulator.config, len(seeds))
+        generators = [np.random.default_rng(seed) for seed in seeds]
+        actions = [planner.act(simulator, generators)[-1] for _ in range(STAGE * 20)]
+        chosen.append((np.array(actions), planner._backs[-1].copy()))
+    np.testing.assert_array_equal(chosen[0][0], chosen[1][0])
+    np.testing.assert_array_equal(chosen[0][1], chosen[1][1])
+    assert chosen[0][1].any()
 
 
 def test_a_recorded_episode_replays_to_the_bit() -> None:
