@@ -42,7 +42,7 @@ _BACK, _AHEAD = np.float32(3.0), np.float32(12.0)  # [m] of the route around the
 _LOOK = np.float32(0.6)  # [m] ahead of which the route's direction counts
 _SHELF = np.float32(1.0)  # [s] for ending nearer to a shelf than each of these: the tail swings out towards it
 _NEAR_SHELF, _AT_SHELF = np.float32(0.11), np.float32(0.05)  # [m]
-_BACKING = np.float32(2.0)  # [s/m] that a robot drives ahead while it retreats
+_BACKING = np.float32(2.0)  # [s/m], price of driving ahead during a retreat
 _RIGHT_ANGLE = np.float32(0.5 * math.pi)
 _ARRIVES = np.float32(-1000.0)  # cost of reaching the goal at once
 _NEAR_GOAL = np.float32(9.0)  # [m], farther than a sequence leads
@@ -76,7 +76,7 @@ class Sequences(NamedTuple):
 
 
 _PACES = tuple(itertools.product((0.5, 1.0, FASTEST), (0.0, -0.35, 0.35, -0.7, 0.7), (1, 2, 4, _STAGES)))
-# Speed and stages of an arc before which the wheels turn at rest. Where shelves are near, others may not be free.
+# Speed and stages of arcs that begin with the wheels turning at rest. Between shelves, no other sequence may be free.
 _FROM_REST = (-0.2, 1), (0.2, 1), (-0.5, 1), (0.5, 1), (-0.5, 3)
 ALONG = 2 + len(_PACES)  # the first sequences, which keep the last one, brake or follow the route
 
