@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from train.epibt.sequences import ALONG, STANDS, SWEEP, body_with, keeps_off_shelves, roll_out
+from train.epibt.sequences import AHEAD, KEPT, STANDS, SWEEP, body_with, estimate, keeps_off_shelves, roll_out
 from warehouse_env.heap import pop, push
 from warehouse_env.kernel import inline, kernel, part, whole
 from warehouse_env.simulation.physics.geometry import grown, rectangles_touch, squared_distance
@@ -42,8 +42,6 @@ class Choosing(NamedTuple):
     lifted: NDArray[np.bool_]  # [N], whether it is pushed: others need not keep clear of its sequence
     keys: NDArray[np.float32]  # [K], a heap of sequences by cost
     items: NDArray[np.int64]  # [K]
-    wishes: NDArray[np.int64]  # [N], the cheapest along the route that keeps off shelves
-    easy: NDArray[np.bool_]  # [N], whether that is the cheapest of all along the route
     # of each robot on the stack, [DEPTH + 1, ...]:
     who: NDArray[np.int64]  # the robot,
     best: NDArray[np.int64]  # its best sequence that pushes no robot, or NONE,
@@ -60,8 +58,7 @@ def make_choosing(robots: int, count: int) -> Choosing:
     deep, ints = DEPTH + 1, np.int64
     return Choosing(
         np.zeros(robots, ints), np.zeros(robots, np.bool_), np.zeros(robots, np.bool_),
-        np.zeros(count, np.float32), np.zeros(count, ints), np.zeros(robots, ints), np.zeros(robots, np.bool_),
-        np.zeros(deep, ints), np.zeros(deep, ints),
+        np.zeros(count, np.float32), np.zeros(count, ints), np.zeros(deep, ints), np.zeros(deep, ints),
         np.zeros(deep, np.float32), np.zeros((deep, _OPTIONS + 1, 1 + _PUSHED), ints),
         np.zeros((deep, _OPTIONS), np.float32), np.zeros(deep, ints), np.zeros(deep, ints),
         np.zeros((deep, 3, robots), ints),
@@ -123,6 +120,17 @@ def _fill_heap(i, sequences, state):
 
 
 @inline
+def _take(i, size, scene, sequences, state):
+    """Roll out the cheapest sequence of robot i and take it off the heap; return (cost [s], number, new size)."""
+    while True:
+        cost, k, size = pop(state.keys, state.items, size)
+        if sequences.counts[i, k] > 0:
+            return cost, k, size
+        roll_out(i, k, scene, sequences)
+        size = push(state.keys, state.items, size, sequences.costs[i, k], k)
+
+
+@inline
 def _consider(i, k, depth, scene, sequences, state):
     """Make sequence k of robot i the best one or an option, if it is allowed and cheaper than the best one."""
     pushed = _find_pushed(i, k, depth, scene.p, sequences, state)
@@ -143,16 +151,18 @@ def _choose(i, depth, scene, sequences, state):
     """Put robot i on the stack: find its best sequence that pushes no robot, and better ones that do."""
     state.locked[i], state.who[depth], state.tried[depth] = True, i, NONE
     state.best[depth], state.least[depth], state.many[depth] = NONE, np.float32(np.inf), 0
-    k, costs = state.wishes[i], sequences.costs[i]
-    if k > STANDS and state.easy[i] and costs[k] < costs[STANDS] - _GETS_ON:
-        _consider(i, k, depth, scene, sequences, state)
-        if state.least[depth] == costs[k]:
+    estimate(i, AHEAD + 1, scene, sequences)
+    roll_out(i, AHEAD, scene, sequences)
+    cost = sequences.costs[i, AHEAD]
+    if cost < sequences.costs[i, STANDS] - _GETS_ON and keeps_off_shelves(i, AHEAD, scene, sequences):
+        _consider(i, AHEAD, depth, scene, sequences, state)
+        if state.least[depth] == cost:
             return
-    roll_out(i, scene.table.shape[0], scene, sequences)
+    estimate(i, scene.table.shape[0], scene, sequences)
     state.best[depth], state.least[depth], state.many[depth] = NONE, np.float32(np.inf), 0
     size = _fill_heap(i, sequences, state)
     while size > 0:
-        cost, item, size = pop(state.keys, state.items, size)
+        cost, item, size = _take(i, size, scene, sequences, state)
         if cost >= state.least[depth]:
             break
         if keeps_off_shelves(i, item, scene, sequences):
@@ -232,17 +242,11 @@ def choose_all(scene, sequences, state):
     """Let all robots choose a sequence each: `state.held`."""
     ages = scene.robots["task"]["age"] + _FIRST * sequences.turns
     turn = np.argsort(-ages, kind="mergesort")  # of equals the lower first
+    sequences.known[:] = 0
     for i in range(turn.size):
-        sequences.known[i] = 0
-        roll_out(i, ALONG, scene, sequences)
-        state.held[i], state.locked[i], state.lifted[i], state.wishes[i] = 0, False, False, 0
-        size, state.easy[i] = _fill_heap(i, sequences, state), True
-        while size > 0:
-            _, k, size = pop(state.keys, state.items, size)
-            if keeps_off_shelves(i, k, scene, sequences):
-                state.wishes[i] = k
-                break
-            state.easy[i] = False
+        estimate(i, KEPT + 1, scene, sequences)
+        roll_out(i, KEPT, scene, sequences)
+        state.held[i], state.locked[i], state.lifted[i] = KEPT, False, False
     for i in turn:
         if not state.locked[i] and not _choose_for(i, scene, sequences, state):
-            state.held[i], state.locked[i] = 0, True
+            state.held[i], state.locked[i] = KEPT, True

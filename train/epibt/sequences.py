@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 from warehouse_env.kernel import inline, part
 from warehouse_env.simulation.driver.line import along_after, look_ahead
 from warehouse_env.simulation.physics.footprint import body_touches_shelf, touches_obstacle
-from warehouse_env.simulation.physics.geometry import body_at, grown
+from warehouse_env.simulation.physics.geometry import body_at, body_of, grown
 from warehouse_env.simulation.physics.kinematics import approach, chassis_of, drive, next_motion
 from warehouse_env.simulation.physics.sweep import Sweep
-from warehouse_env.simulation.physics.trigonometry import HALF, ZERO, arc_tan2, sin_cos, wrap
+from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO, arc_tan2, sin_cos, wrap
 from warehouse_env.simulation.traffic.path_ahead import steer_along
 
 STAGE = 5  # physics steps from one decision to the next
@@ -29,6 +29,7 @@ _STAGES = 6  # of a sequence at most, before it brakes
 FASTEST, BRAKING = 1.5, 15  # [m/s] at most, and physics steps in which a robot can stop from there
 STEPS = STAGE * _STAGES + BRAKING  # of a sequence at most
 KEPT, STANDS, _FOLLOWS, _ARCS = range(4)  # kinds of sequences, of which the first two are sequences themselves
+AHEAD = 2  # the sequence that follows the route as fast and far as possible
 _COLUMNS = 7  # of a program: the kind, and two of speed [m/s], offset [m] or steering [rad], and number of stages
 X, Y, COS, SIN, SWEEP = range(5)  # columns of a pose: the body's centre and heading
 RETREATS, LAST = 1, -1  # of a robot that backs out and chooses first, and of one that chooses last
@@ -64,30 +65,29 @@ class Sequences(NamedTuple):
     """K sequences of each of N robots, of S poses at most: a pose after each substep."""
 
     poses: NDArray[np.float32]  # [N, K, S, 5]; SWEEP [m]: half of what any point of the body moves before or after it
-    counts: NDArray[np.int32]  # [N, K], poses
+    counts: NDArray[np.int32]  # [N, K], poses; 0: not rolled out
     boxes: NDArray[np.float32]  # [N, K, 4] [m]: least x, most x, least y, most y of the body's centre
     costs: NDArray[np.float32]  # [N, K] [s]
     controls: NDArray[np.float32]  # [N, K, STEPS, 2], acceleration [m/s^2] and steering rate [rad/s] of each step
     clear: NDArray[np.int8]  # [N, K], UNKNOWN, FREE or BLOCKED
     kept: NDArray[np.float32]  # [N, STEPS, 2], the controls that are left of the last sequence chosen
     left: NDArray[np.int32]  # [N], their number
-    known: NDArray[np.int64]  # [N], sequences that have been rolled out
+    known: NDArray[np.int64]  # [N], sequences whose costs are estimated
     turns: NDArray[np.int64]  # [N], RETREATS, LAST, or 0
 
 
-_PACES = tuple(itertools.product((0.5, 1.0, FASTEST), (0.0, -0.35, 0.35, -0.7, 0.7), (1, 2, 4, _STAGES)))
+_PACES = tuple(itertools.product((FASTEST, 0.75), (0.0, -0.35, 0.35, -0.7, 0.7), (_STAGES, 3, 1)))
 # Speed and stages of arcs that begin with the wheels turning at rest. Between shelves, no other sequence may be free.
 _FROM_REST = (-0.2, 1), (0.2, 1), (-0.5, 1), (0.5, 1), (-0.5, 3)
-ALONG = 2 + len(_PACES)  # the first sequences, which keep the last one, brake or follow the route
 
 
 def programs() -> NDArray[np.float32]:
-    """Return the programs of all sequences, float32[K, 7]; those along the route are the first ALONG."""
+    """Return the programs of all sequences, float32[K, 7]."""
     rows: list[tuple[float, ...]] = [(KEPT,), (STANDS,), *((_FOLLOWS, *pace) for pace in _PACES)]
     angles = [math.radians(angle) for angle in (-60, -30, 0, 30, 60)]
     for first in itertools.product((-0.5, 0.6), angles, (1, 2)):
         rows.append((_ARCS, *first))
-        rows += ((_ARCS, *first, *then) for then in itertools.product((-0.5, 0.8), angles, (2, 4)))
+        rows += ((_ARCS, *first, *then, 3) for then in itertools.product((-0.5, 0.8), angles))
     for angle, (speed, stages) in itertools.product(angles, _FROM_REST):
         rows.append((_ARCS, 0.0, angle, 2, speed, angle, stages))
     table = np.zeros((len(rows), _COLUMNS), np.float32)
@@ -121,6 +121,13 @@ def _put(poses, n, x, y, heading, p):
 
 
 @inline
+def _squared_to_goal(task, x, y):
+    """Return the square of the distance [m^2] from a point to the robot's goal."""
+    dx, dy = task["goal_x"] - x, task["goal_y"] - y
+    return dx * dx + dy * dy
+
+
+@inline
 def body_with(pose, room, p):
     """Return the body at a pose with some room [m] around it."""
     return grown(body_at(pose[X], pose[Y], pose[COS], pose[SIN], p), room)
@@ -138,16 +145,23 @@ def _target(program, t, steer):
 
 
 @part
-def _roll_out(i, k, scene, sequences):
-    """Write the poses and controls of sequence k of robot i; return the pose (x, y, heading) of its axle at the end."""
+def _drive(i, k, exactly, scene, sequences):
+    """Drive sequence k of robot i; return the pose (x, y, heading) of its axle at the end, and the seconds [s] until it
+    reaches the goal, -1 if it does not.
+
+    exactly: by substeps, and poses and controls are written; else by whole physics steps.
+    """
     r, route, program, p = scene.robots[i], scene.routes[i], scene.table[k], scene.p
-    motion, on_route, chassis, dt = r["motion"], r["on_route"], chassis_of(p), p["dt"]
+    motion, on_route, task, chassis = r["motion"], r["on_route"], r["task"], chassis_of(p)
     x, y, heading, speed, steer = motion["x"], motion["y"], motion["heading"], motion["speed"], motion["steer"]
     points, spacing, along = on_route["points"], on_route["spacing"], on_route["position"]
     line = route, points, spacing, np.float32(points - 1) * spacing
     poses, controls, kept, left = sequences.poses[i, k], sequences.controls[i, k], sequences.kept[i], sequences.left[i]
-    follows, step, n = program[0] == _FOLLOWS and points >= 2, p["time_step"], 1
-    _put(poses, 0, x, y, heading, p)
+    follows, step, n, arrives = program[0] == _FOLLOWS and points >= 2, p["time_step"], 1, -ONE
+    substeps, dt = (p["substeps"], p["dt"]) if exactly else (1, step)
+    near, within = _squared_to_goal(task, x, y) < _NEAR_GOAL * _NEAR_GOAL, p["arrival_radius"] * p["arrival_radius"]
+    if exactly:
+        _put(poses, 0, x, y, heading, p)
     for t in range(STEPS):
         if k == KEPT and t < left:
             acceleration, rate = kept[t, 0], kept[t, 1]
@@ -160,19 +174,23 @@ def _roll_out(i, k, scene, sequences):
                 way = steer_along(line, along, way, look_ahead(max(speed, ZERO), p), (x, y, c, s), p, scene.floor)
             acceleration = (approach(speed, wanted, p["max_acceleration"] * step) - speed) / step
             rate = (approach(steer, way, p["max_steer_rate"] * step) - steer) / step
-        controls[t, 0], controls[t, 1] = acceleration, rate
-        for _ in range(p["substeps"]):
+        for _ in range(substeps):
             next_speed, next_steer = next_motion(speed, steer, acceleration, rate, chassis, dt)
             x, y, heading = drive((x, y, heading), speed, next_speed, steer, next_steer, chassis, dt)
             speed, steer = next_speed, next_steer
-            _put(poses, n, x, y, heading, p)
+            if exactly:
+                _put(poses, n, x, y, heading, p)
+            if near and arrives < ZERO and _squared_to_goal(task, x, y) < within:
+                arrives = np.float32(n) * dt
             n += 1
+        if exactly:
+            controls[t, 0], controls[t, 1] = acceleration, rate
         if abs(speed) < _STILL:
             speed = ZERO
         if follows:
             along = along_after(route, points, spacing, along, max(speed, ZERO) * step, x, y)
-    sequences.counts[i, k] = n
-    return x, y, heading
+    sequences.counts[i, k] = n if exactly else 0
+    return x, y, heading, arrives
 
 
 @part
@@ -202,40 +220,46 @@ def _to_go(r, route, x, y, heading):
     return max(np.float32(points - 1) * spacing - along, ZERO) / _ROUTE_SPEED + _BESIDE * beside + turn
 
 
+@inline
+def _price(i, k, exactly, scene, sequences):
+    """Drive sequence k of robot i and write its cost: where it reaches the goal, by the time until then."""
+    r, p, motion = scene.robots[i], scene.p, scene.robots[i]["motion"]
+    x, y, heading, arrives = _drive(i, k, exactly, scene, sequences)
+    if arrives >= ZERO:
+        cost = _ARRIVES + arrives
+    else:
+        if sequences.turns[i] == RETREATS:
+            cost = _BACKING * ((x - motion["x"]) * motion["cos"] + (y - motion["y"]) * motion["sin"])
+        else:
+            cost = _to_go(r, scene.routes[i], x, y, heading)
+        s, c = sin_cos(heading)
+        for room in (_NEAR_SHELF, _AT_SHELF):
+            if body_touches_shelf(grown(body_of(x, y, c, s, p), room), scene.floor):
+                cost += _SHELF
+    sequences.costs[i, k] = cost
+
+
 @part
-def _measure(i, k, r, p, sequences):
-    """Write the box of a sequence; where it reaches the goal, its cost is the time until then."""
-    poses, box, task = sequences.poses[i, k], sequences.boxes[i, k], r["task"]
+def estimate(i, last, scene, sequences):
+    """Estimate the costs of the sequences of robot i before number `last` that are not known yet."""
+    for k in range(sequences.known[i], last):
+        _price(i, k, False, scene, sequences)
+        sequences.clear[i, k] = UNKNOWN if k != KEPT else FREE
+    sequences.known[i] = max(sequences.known[i], last)
+
+
+@part
+def roll_out(i, k, scene, sequences):
+    """Write poses, box, controls and cost of sequence k of robot i, if that is not done."""
+    if sequences.counts[i, k] > 0:
+        return
+    _price(i, k, True, scene, sequences)
+    poses, box = sequences.poses[i, k], sequences.boxes[i, k]
     box[0] = box[1] = poses[0, X]
     box[2] = box[3] = poses[0, Y]
-    dx, dy = task["goal_x"] - r["motion"]["x"], task["goal_y"] - r["motion"]["y"]
-    near, arrived, within = dx * dx + dy * dy < _NEAR_GOAL * _NEAR_GOAL, False, p["arrival_radius"]
-    for n in range(sequences.counts[i, k]):
+    for n in range(1, sequences.counts[i, k]):
         x, y = poses[n, X], poses[n, Y]
         box[0], box[1], box[2], box[3] = min(box[0], x), max(box[1], x), min(box[2], y), max(box[3], y)
-        dx, dy = task["goal_x"] - x - p["offset"] * poses[n, COS], task["goal_y"] - y - p["offset"] * poses[n, SIN]
-        if near and n > 0 and not arrived and dx * dx + dy * dy < within * within:
-            sequences.costs[i, k], arrived = _ARRIVES + np.float32(n) * p["dt"], True
-
-
-@part
-def roll_out(i, last, scene, sequences):
-    """Roll out and price the sequences of robot i before number `last` that are not known yet."""
-    r, p, poses, counts = scene.robots[i], scene.p, sequences.poses[i], sequences.counts[i]
-    motion = r["motion"]
-    for k in range(sequences.known[i], last):
-        x, y, heading = _roll_out(i, k, scene, sequences)
-        sequences.clear[i, k] = UNKNOWN if k != KEPT else FREE
-        if sequences.turns[i] == RETREATS:
-            dx, dy = x - motion["x"], y - motion["y"]
-            sequences.costs[i, k] = _BACKING * (dx * motion["cos"] + dy * motion["sin"])
-        else:
-            sequences.costs[i, k] = _to_go(r, scene.routes[i], x, y, heading)
-        for room in (_NEAR_SHELF, _AT_SHELF):
-            if body_touches_shelf(body_with(poses[k, counts[k] - 1], room, p), scene.floor):
-                sequences.costs[i, k] += _SHELF
-        _measure(i, k, r, p, sequences)
-    sequences.known[i] = max(sequences.known[i], last)
 
 
 @part

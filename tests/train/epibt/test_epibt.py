@@ -19,6 +19,7 @@ from train.epibt.sequences import (
     Scene,
     X,
     Y,
+    estimate,
     make_sequences,
     programs,
     roll_out,
@@ -83,9 +84,16 @@ def test_robots_drive_their_sequences_which_never_touch() -> None:
 
 
 @kernel
+def _estimate_all(scene, sequences):
+    for i in range(len(scene.robots)):
+        estimate(i, len(scene.table), scene, sequences)
+
+
+@kernel
 def _roll_out_all(scene, sequences):
     for i in range(len(scene.robots)):
-        roll_out(i, len(scene.table), scene, sequences)
+        for k in range(len(scene.table)):
+            roll_out(i, k, scene, sequences)
 
 
 def test_a_queue_may_set_out_at_once_though_it_stands_close() -> None:
@@ -132,16 +140,38 @@ def test_a_push_that_fails_is_undone() -> None:
     assert not simulator.robots[0]["totals"]["hits_robot"].any()
 
 
+def test_estimates_are_close_to_the_costs_of_sequences_rolled_out() -> None:
+    simulator = Simulator(_config(layout="single_lane"), 1)
+    simulator.reset([7])
+    planner, generators = _planner(simulator)
+    for _ in range(4 * STAGE):
+        simulator.step(planner.act(simulator, generators))
+    robots, table = simulator.robots[0], programs()
+    sequences = make_sequences(ROBOTS, len(table), simulator.config.substeps)
+    scene = Scene(robots, simulator.worlds.routes[0], table, simulator.setup.planned.shared[0], simulator.setup.floor)
+    _estimate_all(scene, sequences)
+    assert not sequences.counts.any()
+    estimated = sequences.costs.copy()
+    _roll_out_all(scene, sequences)
+    arrive = (estimated < -900.0) != (sequences.costs < -900.0)  # whether only one of the two passes the goal
+    assert arrive.mean() < 0.01
+    off = np.abs(estimated - sequences.costs)[~arrive]
+    assert np.median(off) < 0.02
+    assert (off < 0.5).mean() > 0.95  # a shelf beside the end costs a second
+
+
 def test_every_sequence_ends_at_rest() -> None:
     simulator = Simulator(_config(1, layout="narrow"), 1)
     simulator.reset([3])
     planner, generators = _planner(simulator)
+    p, table, rolled = simulator.setup.planned.shared[0], programs(), planner._sequences
     planner.act(simulator, generators)
-    rolled, table = planner._sequences, programs()
+    rolled.left[:] = 0
+    _roll_out_all(Scene(simulator.robots[0], simulator.worlds.routes[0], table, p, simulator.setup.floor), rolled)
     assert table[0, 0] == KEPT
     assert table[1, 0] == STANDS
     dt = simulator.config.time_step
-    for k in range(int(rolled.known[0])):
+    for k in range(len(table)):
         steps = (rolled.counts[0, k] - 1) // simulator.config.substeps
         assert abs(rolled.controls[0, k, :steps, 0].sum() * dt) < 1e-5  # of what it gains in speed from rest on
 
