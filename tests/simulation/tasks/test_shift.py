@@ -12,6 +12,7 @@ import pytest
 from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.maps.layouts import make_layout
 from warehouse_env.maps.moves import label_regions
+from warehouse_env.routes.goals import face
 from warehouse_env.simulation.record.recording import Episode, Recorder
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.state import OWNER, field_of
@@ -130,17 +131,33 @@ def test_a_robot_that_wants_a_held_cell_queues_and_gets_it_next() -> None:
     assert places.stands(3)
 
 
+def test_robots_that_rest_or_charge_stand_along_the_wall_beside_them() -> None:
+    config = BASE.replace(layout="aisles:seed=741", orders=OrderSpec(), battery=BatterySpec(chargers=2))
+    picks, stations, _ = make_layout(config.layout).endpoints
+    orders = [Order(0.0, (picks[90 * robot],), stations[8 * robot], 500.0, 0.0) for robot in range(4)]
+    simulator = Simulator(config, orders=orders)
+    simulator.reset(1)
+    shift, robots = simulator.dispatcher.shifts[0], simulator.robots[0]  # type: ignore[index]
+    cruise(simulator, 1500)
+    assert {duty.doing for duty in shift.duties} == {Doing.RESTS, Doing.CHARGES}
+    parked = robots[robots["task"]["alive"] == 0]
+    assert len(parked) == 4
+    off = (parked["motion"]["heading"] + math.pi / 4) % (math.pi / 2) - math.pi / 4  # from the nearest axis
+    assert abs(off).max() <= BASE.pose_angle
+
+
 @pytest.mark.parametrize("layout", ["paper46", "narrow", "aisles:seed=741"])
 def test_robots_at_all_places_leave_all_endpoints_connected(layout: str) -> None:
     grid, config = make_layout(layout), BASE.replace(num_agents=40)
     places = standing_places(grid, config, 44)
     free = ~grid.occupied
     for place in places:
-        cells = disc_of(config, grid.cell_size) + place
+        along = face(grid, place, config.robot).poses  # in the middle of the cell, which holds the body
+        cells = np.array([place]) if along else disc_of(config, grid.cell_size) + place
         free[tuple(cells[((cells >= 0) & (cells < grid.shape)).all(axis=1)].T)] = False
     labels = label_regions(free)
     assert len({int(labels[cell]) for cell in grid.endpoints[2]}) == 1
-    assert len(places) >= 14
+    assert len(places) >= 26
     assert not set(places) & set(grid.endpoints[2])
 
 

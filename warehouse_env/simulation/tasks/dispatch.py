@@ -157,7 +157,8 @@ class Dispatcher(Portable):
         told = self._told.get((world, robot))
         if told is not None and told.cell == goal and told.poses:
             return told.poses if self._config.arrival == "pose" else tuple((x, y, math.nan) for x, y, _ in told.poses)
-        if self._config.arrival != "pose":
+        aside = self.shifts is not None and self.shifts[world].stands_aside(robot)  # at any heading it bars a lane
+        if self._config.arrival != "pose" and not aside:
             return ()
         return self.book.ends(goal, self._config.kinds[self._kind_of[robot]])
 

@@ -1,7 +1,8 @@
 """Waiting places beside the traffic for robots without a goal, and queues for cells that others hold.
 
-A place is a cell that is neither pick face nor station. A robot that stands there, at any heading, leaves all endpoints
-connected. Where the floor allows it, the free cells around the place stay connected, so it blocks no aisle.
+A place is a cell that is neither pick face nor station. A robot stands there along the obstacle beside it, or at any
+heading if there is none, and leaves all endpoints connected. Where the floor allows it, the free cells around the place
+stay connected, so it blocks no aisle.
 """
 
 from collections import deque
@@ -13,22 +14,22 @@ from numpy.typing import NDArray
 from warehouse_env.config import EnvConfig
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.maps.moves import label_regions
+from warehouse_env.routes.goals import face
 from warehouse_env.simulation.tasks.sampled import covered, disc_of
 
+_OWN_CELL = np.zeros((1, 2), np.int64)
 APART = 0.3  # [m] between the bodies of two that stand at neighbouring places, at any headings
 
 
 def standing_places(grid: GridMap, config: EnvConfig, count: int) -> list[Cell]:
     """Return up to `count` places that keep all endpoints connected.
 
-    Places that block no aisle come first, and of these the nearest to a station.
+    Places that block no aisle come first, of these those along an obstacle, and of these the nearest to a station.
     """
-    disc = disc_of(config, grid.cell_size)
     endpoints = grid.endpoints[2]
-    order = _by_use(grid, disc)
     apart = (2 * config.widest_body.farthest + APART) / grid.cell_size
     free, chosen = grid.region.copy(), list[Cell]()
-    for cell in order:
+    for cell, disc in _by_use(grid, config):
         if len(chosen) == count:
             break
         if any(np.hypot(cell[0] - r, cell[1] - c) < apart for r, c in chosen):
@@ -43,18 +44,20 @@ def standing_places(grid: GridMap, config: EnvConfig, count: int) -> list[Cell]:
     return chosen
 
 
-def _by_use(grid: GridMap, disc: NDArray[np.int64]) -> list[Cell]:
-    """Return the cells whose disc covers no endpoint, the best places first."""
-    ends = np.array(grid.endpoints[2])
-    stations = grid.stations
+def _by_use(grid: GridMap, config: EnvConfig) -> list[tuple[Cell, NDArray[np.int64]]]:
+    """Return the cells away from endpoints and what a robot there may bar (see `disc_of`), the best places first."""
+    ends, stations, body = np.array(grid.endpoints[2]), grid.stations, config.widest_body
+    disc = disc_of(config, grid.cell_size)
     reach = float(np.sqrt((disc**2).sum(axis=1).max()))
     found = []
     for row, column in grid.free_cells.tolist():
         if np.hypot(ends[:, 0] - row, ends[:, 1] - column).min() <= reach:
             continue
+        along = body.length <= grid.cell_size and len(face(grid, (row, column), body).poses) > 0
+        bars = _OWN_CELL if along else disc
         way = float(np.hypot(stations[:, 0] - row, stations[:, 1] - column).min())
-        found.append((_bars((row, column), disc, grid.region), way, (row, column)))
-    return [cell for _, _, cell in sorted(found)]
+        found.append((_bars((row, column), bars, grid.region), not along, way, (row, column), bars))
+    return [(cell, bars) for *_, cell, bars in sorted(found, key=lambda place: place[:-1])]
 
 
 def _bars(cell: Cell, disc: NDArray[np.int64], inside: NDArray[np.bool_]) -> bool:

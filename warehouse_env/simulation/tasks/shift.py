@@ -259,6 +259,10 @@ class Shift:
         points = np.stack([robots["motion"]["x"], robots["motion"]["y"]], axis=-1)
         return [(row, column) for row, column in self._grid.standing(points).tolist()]
 
+    def stands_aside(self, robot: int) -> bool:
+        """Whether a robot stands at its goal beside the traffic, or will: to wait, rest or charge."""
+        return self.duties[robot].doing in (Doing.WAITS, Doing.RESTS, Doing.CHARGER, Doing.CHARGES)
+
     def at_work(self) -> NDArray[np.bool_]:
         """Return bool[N]: whether a robot that stands will go on."""
         return np.array([duty.doing != Doing.BROKEN for duty in self.duties])
