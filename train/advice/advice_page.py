@@ -3,11 +3,11 @@
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from agents import entry_of
 from train.advice.answer import Advice, answer, effect_text, robots_text
 from train.advice.changes import Effect
 from train.advice.trials import BLOCK
 from train.evaluation.pictures import file_name
+from train.evaluation.rollout import summary_of
 from train.reporting.page import Link, Page, PagePart, Shown, made_by
 from train.reporting.report import Table, number, with_interval
 from warehouse_env.errors import counted
@@ -158,7 +158,7 @@ def _of_change(advice: Advice) -> PagePart:
 def _facts(advice: Advice) -> dict[str, str]:
     plan = advice.plan
     return made_by(**{
-        "Policies": ", ".join(f"`{policy}`: {entry_of(policy).summary}" for policy in plan.policies),
+        "Policies": ", ".join(f"`{policy}`: {summary_of(policy)}" for policy in plan.policies),
         "Robots": robots_text(plan),
         "Episodes": f"of {plan.seconds:g} s, seeds from {plan.seed} on, {BLOCK} for each use",
         "Rows": "`rows.jsonl` beside this page holds every episode",

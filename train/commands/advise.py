@@ -11,13 +11,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, ClassVar
 
-from agents import POLICIES, make_policy, policy_config
+from agents import POLICIES, policy_config
 from train.advice.advice_page import FOLDER, advice_page, hall_parts, loads_table, places_table, write_floor
 from train.advice.answer import advise, answer
 from train.advice.capacity import for_kinds, most_with_a_start
 from train.advice.trials import AdvicePlan, TimeBudget
 from train.commands.layouts import BY_MAP, check_connected
 from train.evaluation.jobs import Progress, Runner
+from train.evaluation.rollout import check_driver, config_of
 from train.evaluation.workers import GOES_ON, RowOptions
 from train.job_files import OwnSensors
 from train.kinds import Fleet, Work
@@ -55,7 +56,8 @@ class Advise(Fleet, Work, RowOptions, OwnSensors):
     """Other kinds of robots: a JSON file, as [{"share": 1, "robot": {"length": 1.4, "max_speed": 0.8}}]; if shares add
     up to less than 1, the others are default robots."""
     policy: tuple[str, ...] = ()
-    """Policies to choose from, names or folders (the shipped ones that rule out contact)."""
+    """Policies to choose from, names or folders (the shipped ones that rule out contact); also epibt, a central
+    planner."""
     minutes: float = 5.0
     """Time to spend [min], without compilation at first use; more minutes give more episodes and narrower intervals."""
     episodes: int | None = None
@@ -113,7 +115,7 @@ class Advise(Fleet, Work, RowOptions, OwnSensors):
         """Raise what is wrong with a policy or with the work, before the start."""
         kinds = {} if plan.kinds is None else plan.kinds.each()
         for policy in plan.policies:
-            make_policy(policy, policy_config(policy, EnvConfig(planner=self.planner)).replace(**plan.work, **kinds))
+            check_driver(policy, config_of(policy, EnvConfig(planner=self.planner), {**plan.work, **kinds}))
 
     def _plan(self, grid: GridMap) -> AdvicePlan:
         """Return the plan."""

@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar
 from agents import POLICIES
 from train.commands.evaluate import Drive
 from train.commands.layouts import BY_MAP
-from train.evaluation.rollout import config_of
+from train.evaluation.rollout import check_driver, config_of
 from train.kinds import Fleet
 from train.live.drive import WorldRunner
 from train.live.server import Server
@@ -45,6 +45,7 @@ class Live(Fleet, Drive):
         )  # fmt: skip
         make_planner(self.planner)
         config = config_of(self.policy, EnvConfig(num_agents=self.robots), setting.given)
+        check_driver(self.policy, config)
         about = about_live(floors, self.policy, self.robots)
         runner = WorldRunner(lambda: World(setting, floors))
         with Server(runner, live_page("Live warehouse", config.near_miss_gap, about), self.port) as server:

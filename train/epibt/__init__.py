@@ -1,5 +1,5 @@
 """A central planner for all robots: priority inheritance over sequences of motions."""
 
-from train.epibt.planner import NAME, NEEDS, Epibt, check_config
+from train.epibt.planner import NAME, NEEDS, SUMMARY, Epibt, check_config
 
-__all__ = ["NAME", "NEEDS", "Epibt", "check_config"]
+__all__ = ["NAME", "NEEDS", "SUMMARY", "Epibt", "check_config"]

@@ -14,7 +14,7 @@ from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
 from warehouse_env.simulation.simulator import Simulator
 
-NAME = "epibt"
+NAME, SUMMARY = "epibt", "a central planner: priority inheritance over sequences of motions"
 NEEDS: dict[str, Any] = {"action_type": "raw", "traffic": "routes"}  # fields of EnvConfig
 # A robot that has stood within a metre for _PATIENCE [s] begins to retreat with probability _CHANCE in each decision.
 # For _RETREAT decisions it backs out and chooses first. For as many more it chooses last, so that others can push it.

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from agents import Actor, LearnedPolicy, make_policy, policy_config
+from agents import Actor, LearnedPolicy, entry_of, make_policy, policy_config
 from agents.policy import Recurrent
 from train import epibt
 from train.books import simulator_of
@@ -92,14 +92,19 @@ def make_experiment(
         if wrong:
             raise ConfigError(f"{given} must be {must}")
     config = config_of(policy, base, chosen)
-    _check_driver(policy, config, disturbance)
+    check_driver(policy, config, disturbance)
     if disturbance is not None:
         config = DISTURBANCES[disturbance].config(config)
     steps = max(1, round(seconds / (config.time_step * config.action_repeat)))
     return Experiment(policy, config.replace(max_steps=steps), seed, tuple(range(episodes)), disturbance)
 
 
-def _check_driver(policy: str, config: EnvConfig, disturbance: str | None) -> None:
+def summary_of(policy: str) -> str:
+    """Describe a policy, or the central planner, in a line; ConfigError for an unknown one."""
+    return epibt.SUMMARY if policy == epibt.NAME else entry_of(policy).summary
+
+
+def check_driver(policy: str, config: EnvConfig, disturbance: str | None = None) -> None:
     """Raise what prevents a policy, or the central planner, from driving in a config."""
     if policy != epibt.NAME:
         make_policy(policy, config)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from train.cli import main
 from train.epibt import NEEDS, Epibt, check_config
 from train.epibt.inheritance import touch
 from train.epibt.sequences import (
@@ -27,6 +29,7 @@ from train.epibt.sequences import (
 from train.evaluation.recorded import record
 from train.evaluation.rollout import Experiment, make_experiment, run
 from train.live.world import LiveFloors, World, WorldSetting
+from train.reporting.rows import read_rows
 from warehouse_env.config import EnvConfig, FleetPart, RobotSpec
 from warehouse_env.errors import ConfigError
 from warehouse_env.kernel import kernel
@@ -273,6 +276,14 @@ def test_it_drives_a_live_world() -> None:
     totals = world.simulator.robots[0]["totals"]
     assert totals["distance"].min() > 0.0
     assert not totals["hits_robot"].any()
+
+
+def test_advise_may_choose_it(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    budget = ["--most", "2", "--episodes", "2", "--seconds", "10", "--processes", "1"]
+    assert main(["advise", "--policy", "epibt", "--layout", "narrow", *budget, "--out", str(tmp_path)]) == 0
+    assert {row["policy"] for row in read_rows(tmp_path / "rows.jsonl")} == {"epibt"}
+    assert "a central planner" in (tmp_path / "index.html").read_text()
 
 
 @pytest.mark.parametrize(
