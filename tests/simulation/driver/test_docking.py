@@ -152,13 +152,16 @@ HARD: dict[str, tuple[Pose, Pose]] = {
 }
 
 
-def arrive(start: Pose, goal: Pose, **changes: object) -> tuple[Simulator, float]:
-    """Drive from one pose to another at full speed; return the simulator and the seconds that it took."""
+def arrive(start: Pose, goal: Pose, backs: int = 0, **changes: object) -> tuple[Simulator, float]:
+    """Drive from one pose to another at full speed; return the simulator and the seconds that it took.
+
+    backs: of ten steps, how many ask for backing instead.
+    """
     config = EnvConfig(num_agents=1, planner="astar", arrival="pose", tasks="one_shot").replace(**changes)
     sim = Simulator(config, grid=WALL)
     sim.reset_to([Assignment([start], [goal])], seed=1)
-    for _ in range(900):
-        sim.step(np.full((1, 1), sim.cruise_action))
+    for step in range(900):
+        sim.step(np.full((1, 1), 0 if step % 10 < backs else sim.cruise_action))
         if sim.arrivals:
             return sim, sim.seconds(0)
     raise AssertionError(f"not there: {sim.state.pose[0, 0]}")
@@ -174,6 +177,13 @@ def test_a_robot_stands_at_the_pose_when_it_has_arrived(case: str, radius: float
     assert abs(math.remainder(heading - goal[2], 2 * math.pi)) <= math.radians(degrees)
     assert abs(float(sim.state.speed[0, 0])) <= 0.01
     assert seconds < 40.0
+    assert sim.robots["totals"]["hits_shelf"].sum() == 0
+
+
+@pytest.mark.parametrize("case", ["beside", "behind", "in the same cell, turned"])
+def test_a_robot_goes_on_docking_though_its_policy_backs_now_and_then(case: str) -> None:
+    sim, seconds = arrive(*HARD[case], backs=4)
+    assert seconds < 60.0
     assert sim.robots["totals"]["hits_shelf"].sum() == 0
 
 

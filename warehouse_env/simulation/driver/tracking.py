@@ -149,6 +149,8 @@ def follow(r, route, arcs, wanted_speed, offset, stopping, p, floor):
     """
     commanded, on_route, manoeuvre = r["commanded"], r["on_route"], r["manoeuvre"]
     tx, ty, ux, uy, angle = aim(r, route, p)
+    if stopping is not None and manoeuvre["arcs"] > 0 and manoeuvre["docks"] != 0:
+        wanted_speed = max(wanted_speed, ZERO)  # backing off would begin the docking anew
     manoeuvre["search_wait"] = max(manoeuvre["search_wait"] - p["time_step"], ZERO)
     commanded["wanted_speed"], commanded["wanted_offset"] = wanted_speed, offset
     steer, speed, on_line = commanded["follow_steer"], wanted_speed, wanted_speed
