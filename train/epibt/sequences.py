@@ -46,7 +46,6 @@ _NEAR_SHELF, _AT_SHELF = np.float32(0.11), np.float32(0.05)  # [m]
 _BACKING = np.float32(2.0)  # [s/m], price of driving ahead during a retreat
 _RIGHT_ANGLE = np.float32(0.5 * math.pi)
 _ARRIVES = np.float32(-1000.0)  # cost of reaching the goal at once
-_NEAR_GOAL = np.float32(9.0)  # [m], farther than a sequence leads
 # [m] to shelves, more than the rounding of poses in a whole sequence; for robots that are nearer than that already
 _ROOM, _LEAST_ROOM = np.float32(1e-3), np.float32(5e-5)
 
@@ -121,13 +120,6 @@ def _put(poses, n, x, y, heading, p):
 
 
 @inline
-def _squared_to_goal(task, x, y):
-    """Return the square of the distance [m^2] from a point to the robot's goal."""
-    dx, dy = task["goal_x"] - x, task["goal_y"] - y
-    return dx * dx + dy * dy
-
-
-@inline
 def body_with(pose, room, p):
     """Return the body at a pose with some room [m] around it."""
     return grown(body_at(pose[X], pose[Y], pose[COS], pose[SIN], p), room)
@@ -146,8 +138,7 @@ def _target(program, t, steer):
 
 @part
 def _drive(i, k, exactly, scene, sequences):
-    """Drive sequence k of robot i; return the pose (x, y, heading) of its axle at the end, and the seconds [s] until it
-    reaches the goal, -1 if it does not.
+    """Drive sequence k of robot i; return its axle's last pose (x, y, heading) and the seconds [s] to the goal, or -1.
 
     exactly: by substeps, and poses and controls are written; else by whole physics steps.
     """
@@ -156,19 +147,18 @@ def _drive(i, k, exactly, scene, sequences):
     x, y, heading, speed, steer = motion["x"], motion["y"], motion["heading"], motion["speed"], motion["steer"]
     points, spacing, along = on_route["points"], on_route["spacing"], on_route["position"]
     line = route, points, spacing, np.float32(points - 1) * spacing
-    poses, controls, kept, left = sequences.poses[i, k], sequences.controls[i, k], sequences.kept[i], sequences.left[i]
+    poses, controls = sequences.poses[i, k], sequences.controls[i, k]
     follows, step, n, arrives = program[0] == _FOLLOWS and points >= 2, p["time_step"], 1, -ONE
     substeps, dt = (p["substeps"], p["dt"]) if exactly else (1, step)
-    near, within = _squared_to_goal(task, x, y) < _NEAR_GOAL * _NEAR_GOAL, p["arrival_radius"] * p["arrival_radius"]
     if exactly:
         _put(poses, 0, x, y, heading, p)
     for t in range(STEPS):
-        if k == KEPT and t < left:
-            acceleration, rate = kept[t, 0], kept[t, 1]
+        wanted, way = _target(program, t, steer)
+        if k == KEPT and t < sequences.left[i]:
+            acceleration, rate = sequences.kept[i, t, 0], sequences.kept[i, t, 1]
+        elif wanted == ZERO and speed == ZERO and np.float32(t) >= program[3] * np.float32(STAGE):
+            break
         else:
-            wanted, way = _target(program, t, steer)
-            if wanted == ZERO and speed == ZERO and np.float32(t) >= program[3] * np.float32(STAGE):
-                break
             if follows:
                 s, c = sin_cos(heading)
                 way = steer_along(line, along, way, look_ahead(max(speed, ZERO), p), (x, y, c, s), p, scene.floor)
@@ -180,7 +170,8 @@ def _drive(i, k, exactly, scene, sequences):
             speed, steer = next_speed, next_steer
             if exactly:
                 _put(poses, n, x, y, heading, p)
-            if near and arrives < ZERO and _squared_to_goal(task, x, y) < within:
+            dx, dy = task["goal_x"] - x, task["goal_y"] - y
+            if arrives < ZERO and dx * dx + dy * dy < p["arrival_radius"] * p["arrival_radius"]:
                 arrives = np.float32(n) * dt
             n += 1
         if exactly:

@@ -142,12 +142,25 @@ def searches(r, route, p):
 
 
 @inline
+def _rejoins(r, arcs, angle, command, p, floor):
+    """Whether a robot leaves a manoeuvre that only leads forwards, since it may follow its route by a command."""
+    manoeuvre, (speed, steer) = r["manoeuvre"], command
+    aligned = max(abs(angle), abs(r["on_route"]["bearing"])) < BACK_ON and r["clocks"]["stalled_time"] < PATIENCE
+    if not (
+        aligned and manoeuvre["docks"] == 0 and leads_ahead(r, arcs) and may_drive(r, speed, steer, MARGIN, p, floor)
+    ):
+        return False
+    # MARGIN is not checked at the start, where the tail may swing into a shelf
+    return manoeuvre["arc_margin"] >= NARROW or may_drive(r, speed, steer, ZERO, p, floor)
+
+
+@inline
 def follow(r, route, arcs, wanted_speed, offset, stopping, p, floor):
     """Set target_speed, target_steer and follow_steer from a wanted speed [m/s] and lateral offset [m].
 
     stopping: see step.Features.
     """
-    commanded, on_route, manoeuvre = r["commanded"], r["on_route"], r["manoeuvre"]
+    commanded, manoeuvre = r["commanded"], r["manoeuvre"]
     tx, ty, ux, uy, angle = aim(r, route, p)
     if stopping is not None and manoeuvre["arcs"] > 0 and manoeuvre["docks"] != 0:
         wanted_speed = max(wanted_speed, ZERO)  # backing off would begin the docking anew
@@ -166,11 +179,7 @@ def follow(r, route, arcs, wanted_speed, offset, stopping, p, floor):
             on_line = min(on_line, arrival.speed_on_line(r, p))
             if manoeuvre["arcs"] == 0 and manoeuvre["search_wait"] <= ZERO and arrival.wants_to_dock(r):
                 manoeuvre["seeks"], manoeuvre["search_wait"] = ALONE if alone else AROUND_OTHERS, AGAIN
-        aligned = max(abs(angle), abs(on_route["bearing"])) < BACK_ON and r["clocks"]["stalled_time"] < PATIENCE
-        aligned = aligned and manoeuvre["docks"] == 0
-        leaves = aligned and leads_ahead(r, arcs) and may_drive(r, on_line, steer, MARGIN, p, floor)
-        # MARGIN is not checked at the start, where the tail may swing into a shelf
-        if leaves and (manoeuvre["arc_margin"] >= NARROW or may_drive(r, on_line, steer, ZERO, p, floor)):
+        if _rejoins(r, arcs, angle, (on_line, steer), p, floor):
             give_up(r)
     stops = speed == ZERO or speed < ZERO < r["motion"]["speed"]
     if stops and p["field"] == 0 and r["motion"]["speed"] != ZERO:
