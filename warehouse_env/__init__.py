@@ -4,8 +4,6 @@ Importing this package registers "Warehouse-v0" with Gymnasium and loads nothing
 imported when it is first used.
 """
 
-from __future__ import annotations
-
 import importlib
 from typing import TYPE_CHECKING, Any
 

@@ -1,7 +1,5 @@
 """`warehouse execute`: drive the plan of a grid planner with real bodies -> a row, a table, a recording."""
 
-from __future__ import annotations
-
 import bisect
 from collections import Counter
 from collections.abc import Sequence

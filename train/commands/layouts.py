@@ -1,7 +1,5 @@
 """What there is to choose from: `warehouse layouts` and `places` (floors and maps), `policies`, `planners`."""
 
-from __future__ import annotations
-
 import inspect
 from dataclasses import dataclass
 from pathlib import Path

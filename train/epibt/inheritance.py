@@ -8,8 +8,6 @@ others in turn. If one of them finds no sequence, the attempt is undone. A robot
 it holds.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The central planner: it sees all robots of a world and commands the acceleration and steering rate of each."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -6,8 +6,6 @@ state with the kinematics of the simulator. The cost of a sequence is the time l
 the route, and along the rest of it. A robot that retreats prefers to back.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from typing import Any, NamedTuple

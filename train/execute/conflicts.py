@@ -1,7 +1,5 @@
 """Where motions conflict: the areas that bodies sweep, and the pairs of motions whose areas share a point."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import NamedTuple

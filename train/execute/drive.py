@@ -4,8 +4,6 @@ Robots drive with `raw` actions, within their limits of acceleration and steerin
 that they stay on their arcs, and can always stop at the end of what they may drive.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from typing import NamedTuple
 

@@ -3,8 +3,6 @@
 A planner is a class made with the floor, with a method `plan`: see GridPlanner. `pibt` is ours.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 

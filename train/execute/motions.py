@@ -7,8 +7,6 @@ halfway; where aisles are too narrow for a curve, that is a manoeuvre (manoeuvre
 headings that make the whole path quickest.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Collection, Iterator, Sequence

@@ -7,8 +7,6 @@ delays. Motions that wait for each other in a cycle can never begin. Then an obs
 one of the motions is made by another curve, and the order found anew.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 

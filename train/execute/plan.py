@@ -1,7 +1,5 @@
 """Plans of grid planners: a cell for each robot at each step, checked. read.py reads them from files."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -8,8 +8,6 @@
   step to each cell: `Agent 3:(row,column,0)->(row,column,1)->...`.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 import re

@@ -1,7 +1,5 @@
 """Check a log of messages against VDA 5050 by official schemas and rules, independent of what writes messages."""
 
-from __future__ import annotations
-
 import functools
 import importlib
 import json

@@ -4,8 +4,6 @@ It cannot be run again, since its vehicles' commands are unknown; poses and orde
 of `warehouse record` with empty actions, and further members of the archive hold the orders.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import zipfile

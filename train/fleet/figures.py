@@ -1,7 +1,5 @@
 """Figures of a fleet from its poses, counted like the simulator's: metres, standing, near misses, contacts, goals."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

@@ -1,7 +1,5 @@
 """VDA 5050 messages: topics, headers, quality of service, factsheets, and logs as `mosquitto_sub -F %J` prints."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections import Counter

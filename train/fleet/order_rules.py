@@ -1,7 +1,5 @@
 """The rules of VDA 5050 for orders, and for the orders in states."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator
 from typing import Any

@@ -4,8 +4,6 @@ A new route updates the order: the base ends where the robot is then, and the ne
 shows beforehand where that will be, so a base is never withdrawn.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any, NamedTuple
 

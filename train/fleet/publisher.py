@@ -3,8 +3,6 @@
 Needs the package aiomqtt.
 """
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import importlib

@@ -3,8 +3,6 @@
 The usable parts of each message are kept; the rest is counted by its reason.
 """
 
-from __future__ import annotations
-
 import math
 from array import array
 from collections import Counter

@@ -1,7 +1,5 @@
 """When vehicles of a fleet were silent: after a last will, or for long without a message."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

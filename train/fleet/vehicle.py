@@ -1,7 +1,5 @@
 """One robot as a VDA 5050 vehicle: its orders with base and horizon, and its states, moment by moment."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple

@@ -1,7 +1,5 @@
 """Messages of VDA 5050 2.1.0 as version 3.0.0 writes them."""
 
-from __future__ import annotations
-
 from typing import Any
 
 _NAMES = {

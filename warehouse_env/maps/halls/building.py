@@ -4,8 +4,6 @@ Vertices are pixels of the drawing, to the right of and below its upper left cor
 is. Open-RMF's frame begins at that corner, in metres, with y up. A parameter is a pair of its type and its value.
 """
 
-from __future__ import annotations
-
 import json
 import math
 from pathlib import Path

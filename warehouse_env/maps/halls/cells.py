@@ -1,7 +1,5 @@
 """From a map's pixels to cells: how it is read, where cells begin, what is lost, and the report on that."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ region; `Hall.notes` says what was cut off. Scanned maps nearly always show spec
 windows, so they are not an error.
 """
 
-from __future__ import annotations
-
 import contextlib
 import math
 import multiprocessing

@@ -5,8 +5,6 @@ direction if one-way steps lead through it. A one-way step not yet kept gives it
 if that bars no other step. Steps without a lane cost planners more (`prices`).
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import dataclass, field
 from typing import NamedTuple

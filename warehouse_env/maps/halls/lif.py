@@ -4,8 +4,6 @@ Its drafts (0.11.0, as in its own examples) are read, too; version 2 has other n
 without an entry for a type of vehicle is closed to that type; a trajectory is a NURBS.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import os

@@ -6,8 +6,6 @@ itself is the share in per cent, unknown above 100. Row 0 of a picture is the no
 and memory proportional to the file.
 """
 
-from __future__ import annotations
-
 import io
 import math
 import warnings

@@ -4,8 +4,6 @@ NAME.places.json beside the map: {"picks": [{"id": 1, "x": 3.5, "y": 2.5}, ...],
 map's own frame, so it is valid for any size of cells.
 """
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Iterable

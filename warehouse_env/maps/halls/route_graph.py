@@ -6,8 +6,6 @@ highest speed]; of a node, its `place`, which is ours.
 An edge's `cost` replaces its length [m] in the cost of a route.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import os

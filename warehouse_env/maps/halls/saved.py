@@ -1,7 +1,5 @@
 """Write a floor for map_server: map and speed mask, with places, one-way cells and discs beside them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
