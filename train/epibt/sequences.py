@@ -134,6 +134,21 @@ def _target(program, t, steer):
     return ZERO, program[2] if program[0] == _FOLLOWS else steer
 
 
+@inline
+def _is_within(task, x, y, radius):
+    """Whether a point is less than `radius` [m] away from the goal."""
+    dx, dy = task["goal_x"] - x, task["goal_y"] - y
+    return dx * dx + dy * dy < radius * radius
+
+
+@inline
+def _controls(speed, steer, wanted, way, p):
+    """Return (acceleration [m/s^2], steering rate [rad/s]) of a step towards a speed and a steering angle."""
+    step = p["time_step"]
+    faster = approach(speed, wanted, p["max_acceleration"] * step) - speed
+    return faster / step, (approach(steer, way, p["max_steer_rate"] * step) - steer) / step
+
+
 @part
 def _drive(i, k, exactly, scene, sequences):
     """Drive sequence k of robot i; return its axle's last pose (x, y, heading) and the seconds [s] to the goal, or -1.
@@ -145,11 +160,10 @@ def _drive(i, k, exactly, scene, sequences):
     x, y, heading, speed, steer = motion["x"], motion["y"], motion["heading"], motion["speed"], motion["steer"]
     points, spacing, along = on_route["points"], on_route["spacing"], on_route["position"]
     line = route, points, spacing, np.float32(points - 1) * spacing
-    poses, controls = sequences.poses[i, k], sequences.controls[i, k]
-    follows, step, n, arrives = program[0] == _FOLLOWS and points >= 2, p["time_step"], 1, -ONE
+    poses, n, arrives, step = sequences.poses[i, k], 1, -ONE, p["time_step"]
+    follows = program[0] == _FOLLOWS and points >= 2
     substeps, dt = (p["substeps"], p["dt"]) if exactly else (1, step)
-    if exactly:
-        _put(poses, 0, x, y, heading, p)
+    _put(poses, 0, x, y, heading, p)
     for t in range(STEPS):
         wanted, way = _target(program, t, steer)
         if k == KEPT and t < sequences.left[i]:
@@ -160,22 +174,19 @@ def _drive(i, k, exactly, scene, sequences):
             if follows:
                 s, c = sin_cos(heading)
                 way = steer_along(line, along, way, look_ahead(max(speed, ZERO), p), (x, y, c, s), p, scene.floor)
-            acceleration = (approach(speed, wanted, p["max_acceleration"] * step) - speed) / step
-            rate = (approach(steer, way, p["max_steer_rate"] * step) - steer) / step
+            acceleration, rate = _controls(speed, steer, wanted, way, p)
         for _ in range(substeps):
             next_speed, next_steer = next_motion(speed, steer, acceleration, rate, chassis, dt)
             x, y, heading = drive((x, y, heading), speed, next_speed, steer, next_steer, chassis, dt)
             speed, steer = next_speed, next_steer
             if exactly:
                 _put(poses, n, x, y, heading, p)
-            dx, dy = task["goal_x"] - x, task["goal_y"] - y
-            if arrives < ZERO and dx * dx + dy * dy < p["arrival_radius"] * p["arrival_radius"]:
+            if arrives < ZERO and _is_within(task, x, y, p["arrival_radius"]):
                 arrives = np.float32(n) * dt
             n += 1
         if exactly:
-            controls[t, 0], controls[t, 1] = acceleration, rate
-        if abs(speed) < _STILL:
-            speed = ZERO
+            sequences.controls[i, k, t, 0], sequences.controls[i, k, t, 1] = acceleration, rate
+        speed = ZERO if abs(speed) < _STILL else speed
         if follows:
             along = along_after(route, points, spacing, along, max(speed, ZERO) * step, x, y)
     sequences.counts[i, k] = n if exactly else 0
