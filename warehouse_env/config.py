@@ -153,7 +153,7 @@ class EnvConfig(Checked):
     # when a goal is reached. pass: near it at any speed; stop: standing near it; pose: standing at its pose
     arrival: ArrivalMode = "pass"
     arrival_radius: float = 0.5  # [m], front axle to the goal's point, of "pass" and "stop"
-    pose_radius: float = 0.05  # [m], front axle to the goal's point, of "pose"
+    pose_radius: float = 0.05  # [m], front axle to the goal's point, of "pose" and waiting places
     pose_angle: float = math.radians(5.0)  # [rad], heading to the goal's, of "pose"
     near_miss_gap: float = 0.1  # [m]
     quick_searches: bool = False  # short searches of manoeuvres in every tenth step, for many worlds on a GPU

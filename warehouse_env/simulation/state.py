@@ -120,7 +120,8 @@ PARAMETERS = np.dtype(
         ("wheelbase", F), ("min_speed", F), ("max_speed", F), ("max_acceleration", F),
         ("max_steer", F), ("max_steer_rate", F),
         ("length_scale", F), ("width_scale", F),  # beside RobotSpec()
-        ("arrival_radius", F), ("arrival_angle", F), ("beyond", F),  # [m], [rad], and [m] aimed at beyond a route
+        ("arrival_radius", F), ("pose_radius", F), ("arrival_angle", F),  # [m], [m], [rad]
+        ("beyond", F),  # [m] aimed at beyond a route
         ("near_miss_gap", F), ("pair_range", F), ("stride", F), ("blur", F),
         ("cell", F), ("lidar_range", F), ("rays", I), ("neighbours", I), ("route_points", I), ("route_spacing", F),
         ("most_pairs", I), ("bucket", F), ("bucket_rows", I), ("bucket_columns", I),  # [m]; set by the Simulator
@@ -177,7 +178,8 @@ def _parameters_of_one(config: EnvConfig, robot: RobotSpec, cell: float) -> NDAr
         "max_acceleration": robot.max_acceleration,
         "max_steer": robot.max_steering, "max_steer_rate": robot.max_steering_rate,
         "arrival_radius": config.pose_radius if config.arrival == "pose" else config.arrival_radius,
-        "arrival_angle": config.pose_angle, "beyond": 0.0 if config.arrival == "pass" else np.inf,
+        "pose_radius": config.pose_radius, "arrival_angle": config.pose_angle,
+        "beyond": 0.0 if config.arrival == "pass" else np.inf,
         "near_miss_gap": config.near_miss_gap,
         "pair_range": 2 * radius + GAP_HORIZON + 2 * stride, "stride": stride, "blur": blur,
         "cell": cell, "lidar_range": sensor.lidar_range, "rays": sensor.rays, "neighbours": sensor.neighbours,

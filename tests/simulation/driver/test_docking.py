@@ -62,6 +62,15 @@ def drive(sim: Simulator, steps: int = 300) -> tuple[float, float]:
     raise AssertionError("nobody arrives")
 
 
+@pytest.mark.parametrize(("heading", "arrives"), [(float("nan"), True), (0.0, False)])
+def test_a_robot_that_stops_at_a_pose_stands_as_exactly_as_with_poses(heading: float, arrives: bool) -> None:
+    sim = simulator(arrival="stop")
+    sim.reset_to([Assignment([(8.9, 5.5, 0.0)], [(9.2, 5.5)])], seed=1)
+    sim.robots["task"]["goal_heading"] = heading
+    sim.step(np.full((1, 1), sim.config.speed_levels.index(0.0) * len(sim.config.lateral_offsets)))
+    assert (len(sim.arrivals) == 1) == arrives
+
+
 def test_in_passing_a_robot_arrives_at_speed_and_else_it_stands_at_the_end_of_its_route() -> None:
     off, speed = drive(simulator())
     assert 0.3 < off <= 0.5

@@ -51,10 +51,11 @@ def wants_to_dock(r):
 def is_there(r, p):
     """Whether a robot stands at its goal, within the radius and the angle asked for."""
     motion, task = r["motion"], r["task"]
-    dx, dy = task["goal_x"] - motion["x"], task["goal_y"] - motion["y"]
-    if dx * dx + dy * dy > p["arrival_radius"] * p["arrival_radius"] or abs(motion["speed"]) > STILL:
+    dx, dy, turn = task["goal_x"] - motion["x"], task["goal_y"] - motion["y"], motion["heading"] - task["goal_heading"]
+    within = p["arrival_radius"] if np.isnan(turn) else p["pose_radius"]
+    if dx * dx + dy * dy > within * within or abs(motion["speed"]) > STILL:
         return False
-    return not abs(wrap(motion["heading"] - task["goal_heading"])) > p["arrival_angle"]  # nan: any heading will do
+    return not abs(wrap(turn)) > p["arrival_angle"]  # nan: any heading will do
 
 
 @inline

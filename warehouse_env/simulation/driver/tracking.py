@@ -146,9 +146,8 @@ def _rejoins(r, arcs, angle, command, p, floor):
     """Whether a robot leaves a manoeuvre that only leads forwards, since it may follow its route by a command."""
     manoeuvre, (speed, steer) = r["manoeuvre"], command
     aligned = max(abs(angle), abs(r["on_route"]["bearing"])) < BACK_ON and r["clocks"]["stalled_time"] < PATIENCE
-    if not (
-        aligned and manoeuvre["docks"] == 0 and leads_ahead(r, arcs) and may_drive(r, speed, steer, MARGIN, p, floor)
-    ):
+    aligned = aligned and manoeuvre["docks"] == 0
+    if not (aligned and leads_ahead(r, arcs) and may_drive(r, speed, steer, MARGIN, p, floor)):
         return False
     # MARGIN is not checked at the start, where the tail may swing into a shelf
     return manoeuvre["arc_margin"] >= NARROW or may_drive(r, speed, steer, ZERO, p, floor)
