@@ -1,7 +1,8 @@
 """Priority inheritance over sequences of motions (EPIBT, arXiv 2511.09193, after PIBT of Okumura et al. 2022).
 
 Every robot always holds a sequence that ends at rest, and no two held sequences touch. In each decision the robots
-choose in turn: those that retreat, then the others by the age of their tasks, the oldest first. A robot takes its
+choose in turn: those that retreat, then the others by the age of their tasks, the oldest first. Robots that are served
+or parked stand. A robot takes its
 cheapest sequence that is clear of all held ones. If its way along the route is not clear, it also considers arcs. A
 cheaper sequence may push a few robots that have not chosen yet. These then choose next, with its priority, and may push
 others in turn. If one of them finds no sequence, the attempt is undone. A robot that finds none keeps the sequence that
@@ -64,10 +65,10 @@ def make_choosing(robots: int, count: int) -> Choosing:
 
 
 @part
-def touch(i, k, j, m, p, sequences):
+def touch(i, k, j, m, params, sequences):
     """Return whether sequence k of robot i touches sequence m of robot j, exactly on the whole way."""
-    one, other = sequences.boxes[i, k], sequences.boxes[j, m]
-    circles, two = p["radius"] + p["radius"], np.float32(2.0)
+    one, other, p, q = sequences.boxes[i, k], sequences.boxes[j, m], params[i], params[j]
+    circles, two = p["radius"] + q["radius"], np.float32(2.0)
     reach = circles + _MOVED
     if one[0] > other[1] + reach or other[0] > one[1] + reach:
         return False
@@ -77,28 +78,28 @@ def touch(i, k, j, m, p, sequences):
     for n in range(max(counts, last) + 1):
         a, b = poses[i, k, min(n, counts)], poses[j, m, min(n, last)]
         own, their = a[SWEEP] if n <= counts else ZERO, b[SWEEP] if n <= last else ZERO
-        body, other_body, is_near = body_with(a, own + _GAP, p), body_with(b, their + _GAP, p), False
+        body, other_body, is_near = body_with(a, own + _GAP, p), body_with(b, their + _GAP, q), False
         reach = circles + two * (own + their + two * _GAP)  # of the bodies with this room, by their circles
         if squared_distance(body, other_body) < reach * reach:
             is_near = rectangles_touch(body, other_body)
         if n > 0 and (is_near or was_near):
-            body, other_body = body_with(a, ZERO, p), body_with(b, ZERO, p)
+            body, other_body = body_with(a, ZERO, p), body_with(b, ZERO, q)
             if rectangles_touch(grown(body, _GAP), grown(other_body, _GAP)):
                 return True
             before, other_before = poses[i, k, min(n - 1, counts)], poses[j, m, min(n - 1, last)]
             swept = Sweep(body_with(before, ZERO, p), body, ZERO)
-            if touch_between(swept, Sweep(body_with(other_before, ZERO, p), other_body, ZERO), p["offset"], p, p):
+            if touch_between(swept, Sweep(body_with(other_before, ZERO, q), other_body, ZERO), q["offset"], p, q):
                 return True
         was_near = is_near
     return False
 
 
 @part
-def _find_pushed(i, k, depth, p, sequences, state):
+def _find_pushed(i, k, depth, params, sequences, state):
     """Write the robots that sequence k pushes into the next option; return how many, NONE if it may not push them."""
     option, pushed = state.options[depth, state.many[depth]], 0
     for j in range(state.held.shape[0]):
-        if j != i and not state.lifted[j] and touch(i, k, j, state.held[j], p, sequences):
+        if j != i and not state.lifted[j] and touch(i, k, j, state.held[j], params, sequences):
             if state.locked[j] or pushed == _PUSHED:
                 return whole(NONE)
             option[1 + pushed] = j
@@ -131,7 +132,7 @@ def _take(i, size, scene, sequences, state):
 @inline
 def _consider(i, k, depth, scene, sequences, state):
     """Make sequence k of robot i the best one or an option, if it is allowed and cheaper than the best one."""
-    pushed = _find_pushed(i, k, depth, scene.p, sequences, state)
+    pushed = _find_pushed(i, k, depth, scene.params, sequences, state)
     if pushed == NONE or (pushed > 0 and (depth == DEPTH or state.many[depth] == _OPTIONS)):
         return
     cost = sequences.costs[i, k]
@@ -244,7 +245,7 @@ def choose_all(scene, sequences, state):
     for i in range(turn.size):
         estimate(i, KEPT + 1, scene, sequences)
         roll_out(i, KEPT, scene, sequences)
-        state.held[i], state.locked[i], state.lifted[i] = KEPT, False, False
+        state.held[i], state.locked[i], state.lifted[i] = KEPT, scene.robots[i]["task"]["alive"] == 0, False
     for i in turn:
         if not state.locked[i] and not _choose_for(i, scene, sequences, state):
             state.held[i], state.locked[i] = KEPT, True

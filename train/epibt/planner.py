@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from train.epibt.inheritance import choose_all, make_choosing
-from train.epibt.sequences import BRAKING, FASTEST, LAST, RETREATS, STAGE, STEPS, Scene, make_sequences, programs
+from train.epibt.sequences import LAST, RETREATS, STAGE, Scene, braking_steps, make_sequences, programs
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
 from warehouse_env.simulation.simulator import Simulator
@@ -17,26 +17,31 @@ NEEDS: dict[str, Any] = {"action_type": "raw", "traffic": "routes"}  # fields of
 # A robot that has stood within a metre for _PATIENCE [s] begins to retreat with probability _CHANCE in each decision.
 # For _RETREAT decisions it backs out and chooses first. For as many more it chooses last, so that others can push it.
 _PATIENCE, _CHANCE, _RETREAT = 12.0, 0.05, 20
+_BRAKING = 60  # physics steps from the highest speed to rest, at most
 
 
 def check_config(config: EnvConfig) -> None:
     """Raise ConfigError for environments that the planner is not made for."""
-    robot, braking = config.robot, BRAKING * config.time_step
     for wrong, what in (
         (config.action_type != "raw", "action types other than raw"),
         (config.action_repeat != 1, f"action_repeat={config.action_repeat}"),
         (config.tasks == "one_shot", "one-shot tasks, since robots that park block others"),
-        (config.arrival != "pass", "robots that stop at their goals, as for service, orders and batteries"),
+        (config.arrival == "pose", "robots that stop at poses"),
         (config.people > 0, "people"),
-        (len(config.kinds) > 1, "fleets of several kinds of robots"),
-        (
-            min(robot.max_speed, FASTEST) > braking * robot.max_acceleration + 1e-6,
-            f"robots that take longer than {braking:g} s to stop",
-        ),
+        (braking_steps(config) > _BRAKING, f"robots that take longer than {_BRAKING * config.time_step:g} s to stop"),
         (config.uncertainty is not None, "latency, losses and errors"),
     ):
         if wrong:
             raise ConfigError(f"{NAME} does not plan for {what}")
+
+
+def scene_of(simulator: Simulator, world: int, table: NDArray[np.float32]) -> Scene:
+    """Return a world as the kernels see it."""
+    limits, (shared, kinds), config = simulator.worlds.limits, simulator.setup.planned, simulator.config
+    own = (shared if kinds is None else kinds) if limits is None else limits[world]
+    params = np.broadcast_to(own, config.num_agents).copy()
+    stops = config.arrival != "pass"
+    return Scene(simulator.robots[world], simulator.worlds.routes[world], table, params, stops, simulator.setup.floor)
 
 
 class Epibt:
@@ -45,31 +50,39 @@ class Epibt:
     def __init__(self, config: EnvConfig, worlds: int) -> None:
         """Begin an episode in each world; ConfigError as of `check_config`."""
         check_config(config)
-        robots, robot = config.num_agents, config.robot
+        robots = config.num_agents
         self._table = programs()
-        self._sequences = make_sequences(robots, len(self._table), config.substeps)
+        self._sequences = make_sequences(config, len(self._table))
         self._choosing = make_choosing(robots, len(self._table))
-        self._kept, self._left = np.zeros((worlds, robots, STEPS, 2), np.float32), np.zeros((worlds, robots), np.int32)
+        self._kept = np.zeros((worlds, *self._sequences.kept.shape), np.float32)
+        self._left = np.zeros((worlds, robots), np.int32)
         self._backs = np.zeros((worlds, robots), np.int64)  # decisions for which a robot still retreats
-        self._most = np.array([robot.max_acceleration, robot.max_steering_rate], np.float32)
+        most = [(robot.max_acceleration, robot.max_steering_rate) for robot in config.robots]
+        self._most = np.array(most, np.float32)
         self._steps = 0  # physics steps so far
 
     def act(self, simulator: Simulator, generators: Sequence[np.random.Generator]) -> NDArray[np.float32]:
-        """Return the raw actions float32[B, N, 2] of all robots; generators: of each world."""
+        """Return the raw actions float32[B, N, 2] of all robots; generators: of each world.
+
+        ConfigError on floors with speed limits.
+        """
+        if simulator.setup.equipment.zones is not None:
+            raise ConfigError(f"{NAME} does not plan for zones with a speed limit")
         since = self._steps % STAGE
         if since == 0:
             for world in range(simulator.num_worlds):
-                self._draw_retreats(world, simulator.robots[world]["clocks"]["standing_time"], generators[world])
+                self._draw_retreats(world, simulator.robots[world], generators[world])
                 self._decide(simulator, world)
         self._steps += 1
         drives = (since < self._left)[..., None]
         return np.where(drives, self._kept[:, :, since] / self._most, np.float32(0.0))
 
-    def _draw_retreats(self, world: int, stood: NDArray[np.float32], generator: np.random.Generator) -> None:
-        """Let some robots begin to retreat; stood: float32[N] [s]."""
-        backs, drawn = self._backs[world], generator.random(stood.shape)
+    def _draw_retreats(self, world: int, robots: NDArray[Any], generator: np.random.Generator) -> None:
+        """Let some of the robots ROBOT[N] begin to retreat."""
+        backs, drawn = self._backs[world], generator.random(robots.shape)
         backs[:] = np.maximum(backs - 1, 0)
-        begins = (backs == 0) & (stood > _PATIENCE) & (drawn < _CHANCE)
+        stood = (robots["clocks"]["standing_time"] > _PATIENCE) & (robots["task"]["alive"] != 0)
+        begins = (backs == 0) & stood & (drawn < _CHANCE)
         backs[begins] = 2 * _RETREAT
         self._sequences.turns[:] = np.where(backs > _RETREAT, RETREATS, np.where(backs > 0, LAST, 0))
 
@@ -78,8 +91,8 @@ class Epibt:
         kept, left = self._kept[world], self._left[world]
         if self._steps:  # a stage has been driven
             kept[:, :-STAGE], left[:] = kept[:, STAGE:].copy(), np.maximum(left - STAGE, 0)
-        sequences, setup = self._sequences._replace(kept=kept, left=left), simulator.setup
-        routes, p = simulator.worlds.routes[world], setup.planned.shared[0]
-        choose_all(Scene(simulator.robots[world], routes, self._table, p, setup.floor), sequences, self._choosing)
+        left[simulator.robots[world]["task"]["alive"] == 0] = 0
+        sequences = self._sequences._replace(kept=kept, left=left)
+        choose_all(scene_of(simulator, world, self._table), sequences, self._choosing)
         chosen = np.arange(len(left)), self._choosing.held
-        kept[:], left[:] = sequences.controls[chosen], (sequences.counts[chosen] - 1) // int(p["substeps"])
+        kept[:], left[:] = sequences.controls[chosen], (sequences.counts[chosen] - 1) // simulator.config.substeps

@@ -3,7 +3,8 @@
 A robot may keep the rest of its last sequence, brake, follow its route at some speed and lateral offset, drive two
 arcs, or turn its wheels at rest and drive one arc, forwards or backwards. Sequences are rolled out from the robot's
 state with the kinematics of the simulator. The cost of a sequence is the time left to the goal from its end: back to
-the route, and along the rest of it. A robot that retreats prefers to back.
+the route, and along the rest of it. A robot that retreats prefers to back. Where robots stop at their goals, a sequence
+ends as soon as the robot stands there.
 """
 
 import itertools
@@ -13,19 +14,21 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from warehouse_env.config import EnvConfig
 from warehouse_env.kernel import inline, part
+from warehouse_env.simulation.driver.arrival import stands_at
 from warehouse_env.simulation.driver.line import along_after, look_ahead
 from warehouse_env.simulation.physics.footprint import body_touches_shelf, touches_obstacle
 from warehouse_env.simulation.physics.geometry import body_at, body_of, grown
-from warehouse_env.simulation.physics.kinematics import approach, chassis_of, drive, next_motion
+from warehouse_env.simulation.physics.kinematics import approach, braking, chassis_of, drive, next_motion
 from warehouse_env.simulation.physics.sweep import Sweep
 from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO, arc_tan2, sin_cos, wrap
+from warehouse_env.simulation.tasks.shifts import slowed
 from warehouse_env.simulation.traffic.path_ahead import steer_along
 
 STAGE = 5  # physics steps from one decision to the next
 _STAGES = 6  # of a sequence at most, before it brakes
-FASTEST, BRAKING = 1.5, 15  # [m/s] at most, and physics steps in which a robot can stop from there
-STEPS = STAGE * _STAGES + BRAKING  # of a sequence at most
+FASTEST = 1.5  # [m/s] at most
 KEPT, STANDS, _FOLLOWS, _ARCS = range(4)  # kinds of sequences, of which the first two are sequences themselves
 AHEAD = 2  # the sequence that follows the route as fast and far as possible
 _COLUMNS = 7  # of a program: the kind, and two of speed [m/s], offset [m] or steering [rad], and number of stages
@@ -33,7 +36,7 @@ X, Y, COS, SIN, SWEEP = range(5)  # columns of a pose: the body's centre and hea
 RETREATS, LAST = 1, -1  # of a robot that backs out and chooses first, and of one that chooses last
 UNKNOWN, FREE, BLOCKED = range(3)  # whether a sequence keeps off shelves
 
-_STILL = np.float32(1e-6)  # [m/s] that are rounding
+_STILL, _ROUNDING = np.float32(1e-6), 1e-6  # [m/s] and [steps] that are rounding
 _ROUTE_SPEED = np.float32(1.4)  # [m/s] at which the rest of a route is priced,
 _BESIDE = np.float32(1.0)  # [s/m] beside it,
 _TURN, _TURN_BACK = np.float32(0.6), np.float32(3.0)  # [s/rad] off its direction, up to a right angle and beyond it
@@ -54,20 +57,21 @@ class Scene(NamedTuple):
     robots: Any  # ROBOT[N]
     routes: NDArray[np.float32]  # [N, R, 2] [m]
     table: NDArray[np.float32]  # [K, 7], see programs
-    p: Any  # PARAMETERS of all robots
+    params: NDArray[Any]  # PARAMETERS[N], of each robot under its load
+    stops: bool  # whether robots stop at their goals
     floor: Any
 
 
 class Sequences(NamedTuple):
-    """K sequences of each of N robots, of S poses at most: a pose after each substep."""
+    """K sequences of each of N robots, of T physics steps and S poses at most: a pose after each substep."""
 
     poses: NDArray[np.float32]  # [N, K, S, 5]; SWEEP [m]: half of what any point of the body moves before or after it
     counts: NDArray[np.int32]  # [N, K], poses; 0: not rolled out
     boxes: NDArray[np.float32]  # [N, K, 4] [m]: least x, most x, least y, most y of the body's centre
     costs: NDArray[np.float32]  # [N, K] [s]
-    controls: NDArray[np.float32]  # [N, K, STEPS, 2], acceleration [m/s^2] and steering rate [rad/s] of each step
+    controls: NDArray[np.float32]  # [N, K, T, 2], acceleration [m/s^2] and steering rate [rad/s] of each step
     clear: NDArray[np.int8]  # [N, K], UNKNOWN, FREE or BLOCKED
-    kept: NDArray[np.float32]  # [N, STEPS, 2], the controls that are left of the last sequence chosen
+    kept: NDArray[np.float32]  # [N, T, 2], the controls that are left of the last sequence chosen
     left: NDArray[np.int32]  # [N], their number
     known: NDArray[np.int64]  # [N], sequences whose costs are estimated
     turns: NDArray[np.int64]  # [N], RETREATS, LAST, or 0
@@ -93,13 +97,23 @@ def programs() -> NDArray[np.float32]:
     return table
 
 
-def make_sequences(robots: int, count: int, substeps: int) -> Sequences:
+def braking_steps(config: EnvConfig) -> int:
+    """Return the physics steps in which every robot can stop, under the heaviest load."""
+    steps = []
+    for robot in config.bodies:
+        fastest, acceleration = slowed(robot, robot.payload if config.loads else 0.0)
+        steps.append(math.ceil(min(fastest, FASTEST) / (acceleration * config.time_step) - _ROUNDING))
+    return max(steps)
+
+
+def make_sequences(config: EnvConfig, count: int) -> Sequences:
     """Return room for `count` sequences of each robot; nothing is left of a last one."""
+    robots, substeps, steps = config.num_agents, config.substeps, STAGE * _STAGES + braking_steps(config)
     each, floats = (robots, count), np.float32
     return Sequences(
-        np.zeros((*each, 1 + STEPS * substeps, 5), floats), np.zeros(each, np.int32), np.zeros((*each, 4), floats),
-        np.zeros(each, floats), np.zeros((*each, STEPS, 2), floats), np.zeros(each, np.int8),
-        np.zeros((robots, STEPS, 2), floats), np.zeros(robots, np.int32), np.zeros(robots, np.int64),
+        np.zeros((*each, 1 + steps * substeps, 5), floats), np.zeros(each, np.int32), np.zeros((*each, 4), floats),
+        np.zeros(each, floats), np.zeros((*each, steps, 2), floats), np.zeros(each, np.int8),
+        np.zeros((robots, steps, 2), floats), np.zeros(robots, np.int32), np.zeros(robots, np.int64),
         np.zeros(robots, np.int64),
     )  # fmt: skip
 
@@ -144,7 +158,7 @@ def _is_within(task, x, y, radius):
 @inline
 def _controls(speed, steer, wanted, way, p):
     """Return (acceleration [m/s^2], steering rate [rad/s]) of a step towards a speed and a steering angle."""
-    step = p["time_step"]
+    step, wanted = p["time_step"], min(max(wanted, p["min_speed"]), p["max_speed"])
     faster = approach(speed, wanted, p["max_acceleration"] * step) - speed
     return faster / step, (approach(steer, way, p["max_steer_rate"] * step) - steer) / step
 
@@ -155,7 +169,7 @@ def _drive(i, k, exactly, scene, sequences):
 
     exactly: by substeps, and poses and controls are written; else by whole physics steps.
     """
-    r, route, program, p = scene.robots[i], scene.routes[i], scene.table[k], scene.p
+    r, route, program, p = scene.robots[i], scene.routes[i], scene.table[k], scene.params[i]
     motion, on_route, task, chassis = r["motion"], r["on_route"], r["task"], chassis_of(p)
     x, y, heading, speed, steer = motion["x"], motion["y"], motion["heading"], motion["speed"], motion["steer"]
     points, spacing, along = on_route["points"], on_route["spacing"], on_route["position"]
@@ -164,9 +178,11 @@ def _drive(i, k, exactly, scene, sequences):
     follows = program[0] == _FOLLOWS and points >= 2
     substeps, dt = (p["substeps"], p["dt"]) if exactly else (1, step)
     _put(poses, 0, x, y, heading, p)
-    for t in range(STEPS):
+    for t in range(sequences.kept.shape[1]):
         wanted, way = _target(program, t, steer)
-        if k == KEPT and t < sequences.left[i]:
+        if scene.stops and arrives >= ZERO:
+            acceleration, rate = braking(speed, p), ZERO
+        elif k == KEPT and t < sequences.left[i]:
             acceleration, rate = sequences.kept[i, t, 0], sequences.kept[i, t, 1]
         elif wanted == ZERO and speed == ZERO and np.float32(t) >= program[3] * np.float32(STAGE):
             break
@@ -181,7 +197,7 @@ def _drive(i, k, exactly, scene, sequences):
             speed, steer = next_speed, next_steer
             if exactly:
                 _put(poses, n, x, y, heading, p)
-            if arrives < ZERO and _is_within(task, x, y, p["arrival_radius"]):
+            if arrives < ZERO and not scene.stops and _is_within(task, x, y, p["arrival_radius"]):
                 arrives = np.float32(n) * dt
             n += 1
         if exactly:
@@ -189,6 +205,12 @@ def _drive(i, k, exactly, scene, sequences):
         speed = ZERO if abs(speed) < _STILL else speed
         if follows:
             along = along_after(route, points, spacing, along, max(speed, ZERO) * step, x, y)
+        if scene.stops and arrives < ZERO and stands_at(task, x, y, heading, speed, p):
+            arrives = np.float32(n) * dt
+        if scene.stops and arrives >= ZERO and speed == ZERO:
+            break
+    if scene.stops and arrives < ZERO and stands_at(task, x, y, heading, speed, p):
+        arrives = ZERO
     sequences.counts[i, k] = n if exactly else 0
     return x, y, heading, arrives
 
@@ -223,7 +245,7 @@ def _to_go(r, route, x, y, heading):
 @inline
 def _price(i, k, exactly, scene, sequences):
     """Drive sequence k of robot i and write its cost: where it reaches the goal, by the time until then."""
-    r, p, motion = scene.robots[i], scene.p, scene.robots[i]["motion"]
+    r, p, motion = scene.robots[i], scene.params[i], scene.robots[i]["motion"]
     x, y, heading, arrives = _drive(i, k, exactly, scene, sequences)
     if arrives >= ZERO:
         cost = _ARRIVES + arrives
@@ -265,7 +287,7 @@ def roll_out(i, k, scene, sequences):
 @part
 def keeps_off_shelves(i, k, scene, sequences):
     """Return whether a sequence keeps off shelves, exactly: on the whole way, where it is near one."""
-    clear, poses, p, floor = sequences.clear, sequences.poses[i, k], scene.p, scene.floor
+    clear, poses, p, floor = sequences.clear, sequences.poses[i, k], scene.params[i], scene.floor
     if clear[i, k] == UNKNOWN:
         clear[i, k] = FREE
         room = _LEAST_ROOM if body_touches_shelf(body_with(poses[0], _ROOM, p), floor) else _ROOM

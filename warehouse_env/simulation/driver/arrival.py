@@ -48,14 +48,20 @@ def wants_to_dock(r):
 
 
 @inline
-def is_there(r, p):
-    """Whether a robot stands at its goal, within the radius and the angle asked for."""
-    motion, task = r["motion"], r["task"]
-    dx, dy, turn = task["goal_x"] - motion["x"], task["goal_y"] - motion["y"], motion["heading"] - task["goal_heading"]
+def stands_at(task, x, y, heading, speed, p):
+    """Whether a robot at a pose and a speed [m/s] stands at its goal, within the radius and the angle asked for."""
+    dx, dy, turn = task["goal_x"] - x, task["goal_y"] - y, heading - task["goal_heading"]
     within = p["arrival_radius"] if np.isnan(turn) else p["pose_radius"]
-    if dx * dx + dy * dy > within * within or abs(motion["speed"]) > STILL:
+    if dx * dx + dy * dy > within * within or abs(speed) > STILL:
         return False
     return not abs(wrap(turn)) > p["arrival_angle"]  # nan: any heading will do
+
+
+@inline
+def is_there(r, p):
+    """Whether a robot stands at its goal."""
+    motion = r["motion"]
+    return stands_at(r["task"], motion["x"], motion["y"], motion["heading"], motion["speed"], p)
 
 
 @inline

@@ -157,10 +157,13 @@ class Dispatcher(Portable):
         told = self._told.get((world, robot))
         if told is not None and told.cell == goal and told.poses:
             return told.poses if self._config.arrival == "pose" else tuple((x, y, math.nan) for x, y, _ in told.poses)
-        aside = self.shifts is not None and self.shifts[world].stands_aside(robot)  # at any heading it bars a lane
-        if self._config.arrival != "pose" and not aside:
+        if self._config.arrival != "pose" and not self._parks_along(world, robot):
             return ()
         return self.book.ends(goal, self._config.kinds[self._kind_of[robot]])
+
+    def _parks_along(self, world: int, robot: int) -> bool:
+        """Whether a robot must stand along the wall, as it would bar a lane else. Raw actions cannot aim that well."""
+        return self.shifts is not None and self.shifts[world].stands_aside(robot) and self._config.action_type != "raw"
 
     @property
     def route_table(self) -> RouteTable:
