@@ -47,6 +47,7 @@ _NEAR_SHELF, _AT_SHELF = np.float32(0.11), np.float32(0.05)  # [m]
 _BACKING = np.float32(2.0)  # [s/m], price of driving ahead during a retreat
 _RIGHT_ANGLE = np.float32(0.5 * math.pi)
 _ARRIVES = np.float32(-1000.0)  # cost of reaching the goal at once
+_OFF = np.float32(4.0)  # times the time left where a robot stops: one askew bars the lane while it is served
 # [m] to shelves, more than the rounding of poses in a whole sequence; for robots that are nearer than that already
 _ROOM, _LEAST_ROOM = np.float32(1e-3), np.float32(5e-5)
 
@@ -249,6 +250,8 @@ def _price(i, k, exactly, scene, sequences):
     x, y, heading, arrives = _drive(i, k, exactly, scene, sequences)
     if arrives >= ZERO:
         cost = _ARRIVES + arrives
+        if scene.stops:
+            cost += _OFF * _to_go(r, scene.routes[i], x, y, heading)
     else:
         if sequences.turns[i] == RETREATS:
             cost = _BACKING * ((x - motion["x"]) * motion["cos"] + (y - motion["y"]) * motion["sin"])
