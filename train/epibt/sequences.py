@@ -157,11 +157,19 @@ def _is_within(task, x, y, radius):
 
 
 @inline
-def _controls(speed, steer, wanted, way, p):
-    """Return (acceleration [m/s^2], steering rate [rad/s]) of a step towards a speed and a steering angle."""
-    step, wanted = p["time_step"], min(max(wanted, p["min_speed"]), p["max_speed"])
-    faster = approach(speed, wanted, p["max_acceleration"] * step) - speed
-    return faster / step, (approach(steer, way, p["max_steer_rate"] * step) - steer) / step
+def _command(program, t, line, along, state, p, floor):
+    """Return (acceleration [m/s^2], steering rate [rad/s], whether it is over) of a program in step t.
+
+    line, along: the route and the metres [m] reached on it, see steer_along; state: (x, y, heading, speed, steering).
+    """
+    (x, y, heading, speed, steer), step = state, p["time_step"]
+    wanted, way = _target(program, t, steer)
+    over = wanted == ZERO and speed == ZERO and np.float32(t) >= program[3] * np.float32(STAGE)
+    if program[0] == _FOLLOWS and line[1] >= 2 and not over:
+        s, c = sin_cos(heading)
+        way = steer_along(line, along, way, look_ahead(max(speed, ZERO), p), (x, y, c, s), p, floor)
+    faster = approach(speed, min(max(wanted, p["min_speed"]), p["max_speed"]), p["max_acceleration"] * step) - speed
+    return faster / step, (approach(steer, way, p["max_steer_rate"] * step) - steer) / step, over
 
 
 @part
@@ -176,22 +184,20 @@ def _drive(i, k, exactly, scene, sequences):
     points, spacing, along = on_route["points"], on_route["spacing"], on_route["position"]
     line = route, points, spacing, np.float32(points - 1) * spacing
     poses, n, arrives, step = sequences.poses[i, k], 1, -ONE, p["time_step"]
-    follows = program[0] == _FOLLOWS and points >= 2
     substeps, dt = (p["substeps"], p["dt"]) if exactly else (1, step)
     _put(poses, 0, x, y, heading, p)
     for t in range(sequences.kept.shape[1]):
-        wanted, way = _target(program, t, steer)
-        if scene.stops and arrives >= ZERO:
-            acceleration, rate = braking(speed, p), ZERO
+        if scene.stops and (arrives >= ZERO or stands_at(task, x, y, heading, speed, p)):
+            if speed == ZERO:
+                arrives = max(arrives, np.float32(n - 1) * dt)
+                break
+            arrives, acceleration, rate = np.float32(n - 1) * dt, braking(speed, p), ZERO
         elif k == KEPT and t < sequences.left[i]:
             acceleration, rate = sequences.kept[i, t, 0], sequences.kept[i, t, 1]
-        elif wanted == ZERO and speed == ZERO and np.float32(t) >= program[3] * np.float32(STAGE):
-            break
         else:
-            if follows:
-                s, c = sin_cos(heading)
-                way = steer_along(line, along, way, look_ahead(max(speed, ZERO), p), (x, y, c, s), p, scene.floor)
-            acceleration, rate = _controls(speed, steer, wanted, way, p)
+            acceleration, rate, over = _command(program, t, line, along, (x, y, heading, speed, steer), p, scene.floor)
+            if over:
+                break
         for _ in range(substeps):
             next_speed, next_steer = next_motion(speed, steer, acceleration, rate, chassis, dt)
             x, y, heading = drive((x, y, heading), speed, next_speed, steer, next_steer, chassis, dt)
@@ -204,14 +210,8 @@ def _drive(i, k, exactly, scene, sequences):
         if exactly:
             sequences.controls[i, k, t, 0], sequences.controls[i, k, t, 1] = acceleration, rate
         speed = ZERO if abs(speed) < _STILL else speed
-        if follows:
+        if program[0] == _FOLLOWS and points >= 2:
             along = along_after(route, points, spacing, along, max(speed, ZERO) * step, x, y)
-        if scene.stops and arrives < ZERO and stands_at(task, x, y, heading, speed, p):
-            arrives = np.float32(n) * dt
-        if scene.stops and arrives >= ZERO and speed == ZERO:
-            break
-    if scene.stops and arrives < ZERO and stands_at(task, x, y, heading, speed, p):
-        arrives = ZERO
     sequences.counts[i, k] = n if exactly else 0
     return x, y, heading, arrives
 
