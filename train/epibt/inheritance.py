@@ -14,7 +14,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from train.epibt.sequences import AHEAD, KEPT, STANDS, SWEEP, body_with, estimate, keeps_off_shelves, roll_out
+from train.epibt.sequences import (
+    AHEAD,
+    ARC_SPEED,
+    KEPT,
+    PLANNED,
+    STANDS,
+    SWEEP,
+    body_with,
+    estimate,
+    keeps_off_shelves,
+    roll_out,
+)  # fmt: skip
 from warehouse_env.heap import pop, push
 from warehouse_env.kernel import inline, kernel, part, whole
 from warehouse_env.simulation.physics.geometry import grown, rectangles_touch, squared_distance
@@ -151,10 +162,11 @@ def _choose(i, depth, scene, sequences, state):
     state.locked[i], state.who[depth], state.tried[depth] = True, i, NONE
     state.best[depth], state.least[depth], state.many[depth] = NONE, np.float32(np.inf), 0
     estimate(i, AHEAD + 1, scene, sequences)
-    roll_out(i, AHEAD, scene, sequences)
-    cost = sequences.costs[i, AHEAD]
-    if cost < sequences.costs[i, STANDS] - _GETS_ON and keeps_off_shelves(i, AHEAD, scene, sequences):
-        _consider(i, AHEAD, depth, scene, sequences, state)
+    first = whole(PLANNED) if sequences.arc[i, ARC_SPEED] < ZERO else whole(AHEAD)
+    roll_out(i, first, scene, sequences)
+    cost = sequences.costs[i, first]
+    if cost < sequences.costs[i, STANDS] - _GETS_ON and keeps_off_shelves(i, first, scene, sequences):
+        _consider(i, first, depth, scene, sequences, state)
         if state.least[depth] == cost:
             return
     estimate(i, scene.table.shape[0], scene, sequences)

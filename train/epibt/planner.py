@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from train.epibt.inheritance import choose_all, make_choosing
+from train.epibt.manoeuvres import Manoeuvres
 from train.epibt.sequences import LAST, RETREATS, STAGE, Scene, braking_steps, make_sequences, programs
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
@@ -54,6 +55,7 @@ class Epibt:
         self._table = programs()
         self._sequences = make_sequences(config, len(self._table))
         self._choosing = make_choosing(robots, len(self._table))
+        self._manoeuvres = Manoeuvres(worlds, robots)
         self._kept = np.zeros((worlds, *self._sequences.kept.shape), np.float32)
         self._left = np.zeros((worlds, robots), np.int32)
         self._backs = np.zeros((worlds, robots), np.int64)  # decisions for which a robot still retreats
@@ -92,7 +94,9 @@ class Epibt:
         if self._steps:  # a stage has been driven
             kept[:, :-STAGE], left[:] = kept[:, STAGE:].copy(), np.maximum(left - STAGE, 0)
         left[simulator.robots[world]["task"]["alive"] == 0] = 0
-        sequences = self._sequences._replace(kept=kept, left=left)
+        self._manoeuvres.go_on(simulator, world, self._steps // STAGE)
+        sequences = self._sequences._replace(kept=kept, left=left, arc=self._manoeuvres.arc[world])
         choose_all(scene_of(simulator, world, self._table), sequences, self._choosing)
+        self._manoeuvres.keep(world, self._choosing.held)
         chosen = np.arange(len(left)), self._choosing.held
         kept[:], left[:] = sequences.controls[chosen], (sequences.counts[chosen] - 1) // simulator.config.substeps

@@ -1,10 +1,10 @@
 """Sequences of motions: the candidates of a robot for the next seconds. Every sequence ends at rest.
 
-A robot may keep the rest of its last sequence, brake, follow its route at some speed and lateral offset, drive two
-arcs, or turn its wheels at rest and drive one arc, forwards or backwards. Sequences are rolled out from the robot's
-state with the kinematics of the simulator. The cost of a sequence is the time left to the goal from its end: back to
-the route, and along the rest of it. A robot that retreats prefers to back. Where robots stop at their goals, a sequence
-ends as soon as the robot stands there.
+A robot may keep the rest of its last sequence, brake, drive the next arc of a manoeuvre, follow its route at some speed
+and lateral offset, or drive two arcs, forwards or backwards. Sequences are rolled out from the robot's state with the
+kinematics of the simulator. The cost of a sequence is the time left to the goal from its end: back to the route, and
+along the rest of it. A robot that retreats prefers to back. Where robots stop at their goals, a sequence ends as soon
+as the robot stands there.
 """
 
 import itertools
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from warehouse_env.config import EnvConfig
 from warehouse_env.kernel import inline, part
-from warehouse_env.simulation.driver.arrival import stands_at
+from warehouse_env.simulation.driver.arrival import RESTS, speed_before, stands_at
 from warehouse_env.simulation.driver.line import along_after, look_ahead
 from warehouse_env.simulation.physics.footprint import body_touches_shelf, touches_obstacle
 from warehouse_env.simulation.physics.geometry import body_at, body_of, grown
@@ -29,8 +29,9 @@ from warehouse_env.simulation.traffic.path_ahead import steer_along
 STAGE = 5  # physics steps from one decision to the next
 _STAGES = 6  # of a sequence at most, before it brakes
 FASTEST = 1.5  # [m/s] at most
-KEPT, STANDS, _FOLLOWS, _ARCS = range(4)  # kinds of sequences, of which the first two are sequences themselves
-AHEAD = 2  # the sequence that follows the route as fast and far as possible
+KEPT, STANDS, PLANNED, _FOLLOWS, ARCS = range(5)  # kinds of sequences, the first three of which are sequences
+AHEAD = 3  # the sequence that follows the route as fast and far as possible
+ARC_X, ARC_Y, ARC_SPEED, ARC_STEER, ARC = range(5)  # columns of the arc that a robot drives, and their number
 _COLUMNS = 7  # of a program: the kind, and two of speed [m/s], offset [m] or steering [rad], and number of stages
 X, Y, COS, SIN, SWEEP = range(5)  # columns of a pose: the body's centre and heading
 RETREATS, LAST = 1, -1  # of a robot that backs out and chooses first, and of one that chooses last
@@ -48,6 +49,8 @@ _BACKING = np.float32(2.0)  # [s/m], price of driving ahead during a retreat
 _RIGHT_ANGLE = np.float32(0.5 * math.pi)
 _ARRIVES = np.float32(-1000.0)  # cost of reaching the goal at once
 _OFF = np.float32(4.0)  # times the time left where a robot stops: one askew bars the lane while it is served
+_GETS_OUT = np.float32(-500.0)  # cost of the next arc of a manoeuvre; its opposite if there is none
+_TURNED = np.float32(0.02)  # [rad] of steering error up to which it is driven
 # [m] to shelves, more than the rounding of poses in a whole sequence; for robots that are nearer than that already
 _ROOM, _LEAST_ROOM = np.float32(1e-3), np.float32(5e-5)
 
@@ -74,24 +77,21 @@ class Sequences(NamedTuple):
     clear: NDArray[np.int8]  # [N, K], UNKNOWN, FREE or BLOCKED
     kept: NDArray[np.float32]  # [N, T, 2], the controls that are left of the last sequence chosen
     left: NDArray[np.int32]  # [N], their number
+    arc: NDArray[np.float32]  # [N, ARC]: where it ends [m], at what speed [m/s] (0: none) and steering [rad]
     known: NDArray[np.int64]  # [N], sequences whose costs are estimated
     turns: NDArray[np.int64]  # [N], RETREATS, LAST, or 0
 
 
 _PACES = tuple(itertools.product((FASTEST, 0.75), (0.0, -0.35, 0.35, -0.7, 0.7), (_STAGES, 3, 1)))
-# Speed and stages of arcs that begin with the wheels turning at rest. Between shelves, no other sequence may be free.
-_FROM_REST = (-0.2, 1), (0.2, 1), (-0.5, 1), (0.5, 1), (-0.5, 3)
 
 
 def programs() -> NDArray[np.float32]:
     """Return the programs of all sequences, float32[K, 7]."""
-    rows: list[tuple[float, ...]] = [(KEPT,), (STANDS,), *((_FOLLOWS, *pace) for pace in _PACES)]
+    rows: list[tuple[float, ...]] = [(KEPT,), (STANDS,), (PLANNED,), *((_FOLLOWS, *pace) for pace in _PACES)]
     angles = [math.radians(angle) for angle in (-60, -30, 0, 30, 60)]
     for first in itertools.product((-0.5, 0.6), angles, (1, 2)):
-        rows.append((_ARCS, *first))
-        rows += ((_ARCS, *first, *then, 3) for then in itertools.product((-0.5, 0.8), angles))
-    for angle, (speed, stages) in itertools.product(angles, _FROM_REST):
-        rows.append((_ARCS, 0.0, angle, 2, speed, angle, stages))
+        rows.append((ARCS, *first))
+        rows += ((ARCS, *first, *then, 3) for then in itertools.product((-0.5, 0.8), angles))
     table = np.zeros((len(rows), _COLUMNS), np.float32)
     for row, values in zip(table, rows, strict=True):
         row[: len(values)] = values
@@ -114,8 +114,8 @@ def make_sequences(config: EnvConfig, count: int) -> Sequences:
     return Sequences(
         np.zeros((*each, 1 + steps * substeps, 5), floats), np.zeros(each, np.int32), np.zeros((*each, 4), floats),
         np.zeros(each, floats), np.zeros((*each, steps, 2), floats), np.zeros(each, np.int8),
-        np.zeros((robots, steps, 2), floats), np.zeros(robots, np.int32), np.zeros(robots, np.int64),
-        np.zeros(robots, np.int64),
+        np.zeros((robots, steps, 2), floats), np.zeros(robots, np.int32), np.zeros((robots, ARC), floats),
+        np.zeros(robots, np.int64), np.zeros(robots, np.int64),
     )  # fmt: skip
 
 
@@ -157,17 +157,36 @@ def _is_within(task, x, y, radius):
 
 
 @inline
-def _command(program, t, line, along, state, p, floor):
-    """Return (acceleration [m/s^2], steering rate [rad/s], whether it is over) of a program in step t.
+def _along_arc(arc, t, x, y, speed, steer, p):
+    """Return (speed [m/s], steering [rad], whether it is over) along an arc in step t: first the wheels turn."""
+    dx, dy, way = arc[ARC_X] - x, arc[ARC_Y] - y, arc[ARC_STEER]
+    left = np.sqrt(dx * dx + dy * dy)
+    if arc[ARC_SPEED] == ZERO or left < RESTS or t >= STAGE * _STAGES:
+        return ZERO, way, speed == ZERO
+    if speed == ZERO and abs(way - steer) > _TURNED:
+        return ZERO, way, False
+    fastest = min(abs(arc[ARC_SPEED]), speed_before(left, ZERO, abs(speed), p))
+    return fastest if arc[ARC_SPEED] > ZERO else -fastest, way, False
 
-    line, along: the route and the metres [m] reached on it, see steer_along; state: (x, y, heading, speed, steering).
+
+@inline
+def _command(i, k, t, along, state, scene, sequences):
+    """Return (acceleration [m/s^2], steering rate [rad/s], whether it is over) of sequence k of robot i in step t.
+
+    along: the metres [m] reached on the route; state: (x, y, heading, speed, steering).
     """
-    (x, y, heading, speed, steer), step = state, p["time_step"]
-    wanted, way = _target(program, t, steer)
-    over = wanted == ZERO and speed == ZERO and np.float32(t) >= program[3] * np.float32(STAGE)
-    if program[0] == _FOLLOWS and line[1] >= 2 and not over:
-        s, c = sin_cos(heading)
-        way = steer_along(line, along, way, look_ahead(max(speed, ZERO), p), (x, y, c, s), p, floor)
+    (x, y, heading, speed, steer), program, p = state, scene.table[k], scene.params[i]
+    if program[0] == PLANNED:
+        wanted, way, over = _along_arc(sequences.arc[i], t, x, y, speed, steer, p)
+    else:
+        wanted, way = _target(program, t, steer)
+        over = wanted == ZERO and speed == ZERO and np.float32(t) >= program[3] * np.float32(STAGE)
+        on_route = scene.robots[i]["on_route"]
+        points, spacing = on_route["points"], on_route["spacing"]
+        if program[0] == _FOLLOWS and points >= 2:
+            line, (s, c) = (scene.routes[i], points, spacing, np.float32(points - 1) * spacing), sin_cos(heading)
+            way = steer_along(line, along, way, look_ahead(max(speed, ZERO), p), (x, y, c, s), p, scene.floor)
+    step = p["time_step"]
     faster = approach(speed, min(max(wanted, p["min_speed"]), p["max_speed"]), p["max_acceleration"] * step) - speed
     return faster / step, (approach(steer, way, p["max_steer_rate"] * step) - steer) / step, over
 
@@ -182,7 +201,6 @@ def _drive(i, k, exactly, scene, sequences):
     motion, on_route, task, chassis = r["motion"], r["on_route"], r["task"], chassis_of(p)
     x, y, heading, speed, steer = motion["x"], motion["y"], motion["heading"], motion["speed"], motion["steer"]
     points, spacing, along = on_route["points"], on_route["spacing"], on_route["position"]
-    line = route, points, spacing, np.float32(points - 1) * spacing
     poses, n, arrives, step = sequences.poses[i, k], 1, -ONE, p["time_step"]
     substeps, dt = (p["substeps"], p["dt"]) if exactly else (1, step)
     _put(poses, 0, x, y, heading, p)
@@ -195,7 +213,7 @@ def _drive(i, k, exactly, scene, sequences):
         elif k == KEPT and t < sequences.left[i]:
             acceleration, rate = sequences.kept[i, t, 0], sequences.kept[i, t, 1]
         else:
-            acceleration, rate, over = _command(program, t, line, along, (x, y, heading, speed, steer), p, scene.floor)
+            acceleration, rate, over = _command(i, k, t, along, (x, y, heading, speed, steer), scene, sequences)
             if over:
                 break
         for _ in range(substeps):
@@ -248,7 +266,9 @@ def _price(i, k, exactly, scene, sequences):
     """Drive sequence k of robot i and write its cost: where it reaches the goal, by the time until then."""
     r, p, motion = scene.robots[i], scene.params[i], scene.robots[i]["motion"]
     x, y, heading, arrives = _drive(i, k, exactly, scene, sequences)
-    if arrives >= ZERO:
+    if k == PLANNED:
+        cost = _GETS_OUT if sequences.arc[i, ARC_SPEED] != ZERO else -_GETS_OUT
+    elif arrives >= ZERO:
         cost = _ARRIVES + arrives
         if scene.stops:
             cost += _OFF * _to_go(r, scene.routes[i], x, y, heading)

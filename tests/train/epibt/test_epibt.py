@@ -14,6 +14,7 @@ from train.epibt import NEEDS, Epibt, check_config
 from train.epibt.inheritance import touch
 from train.epibt.planner import scene_of
 from train.epibt.sequences import (
+    ARCS,
     COS,
     KEPT,
     SIN,
@@ -142,7 +143,7 @@ def test_a_queue_may_set_out_at_once_though_it_stands_close() -> None:
     sequences = make_sequences(simulator.config, len(table))
     scene = scene_of(simulator, 0, table)
     _roll_out_all(scene, sequences)
-    ahead = int(np.flatnonzero((table == np.array([3, 0.6, 0, 2, 0, 0, 0], np.float32)).all(axis=1))[0])
+    ahead = int(np.flatnonzero((table == np.array([ARCS, 0.6, 0, 2, 0, 0, 0], np.float32)).all(axis=1))[0])
     for first, second, expected in ((ahead, ahead, 0), (ahead, STANDS, 1), (STANDS, ahead, 0), (STANDS, STANDS, 0)):
         assert _touching(np.array([first, second]), scene.params, sequences) == expected
 
@@ -214,24 +215,6 @@ def test_every_sequence_ends_at_rest() -> None:
         assert abs(rolled.controls[0, k, :steps, 0].sum() * dt) < 1e-5  # of what it gains in speed from rest on
 
 
-def test_wheels_may_turn_before_a_robot_drives() -> None:
-    simulator = Simulator(_config(1, layout="narrow"), 1)
-    simulator.reset([3])
-    robots, table = simulator.robots[0], programs()
-    robots["motion"]["steer"] = -1.0
-    sequences = make_sequences(simulator.config, len(table))
-    _roll_out_all(scene_of(simulator, 0, table), sequences)
-    chosen = np.flatnonzero((table[:, 0] == 3) & (table[:, 1] == 0.0))
-    assert len(chosen) == 25
-    for k in chosen:
-        turning = int(table[k, 3]) * STAGE  # steps at rest
-        begins, poses = turning * simulator.config.substeps, sequences.poses[0, k]
-        np.testing.assert_array_equal(poses[: begins + 1, X], poses[0, X])
-        assert np.hypot(*(poses[sequences.counts[0, k] - 1] - poses[0])[[X, Y]]) > 0.03
-        turned = -1.0 + sequences.controls[0, k, :turning, 1].sum() * simulator.config.time_step
-        assert turned == pytest.approx(min(table[k, 2], -1.0 + 1.5 * 2 * 0.5), abs=1e-4)
-
-
 def test_a_younger_robot_backs_out_of_a_passage_for_an_older_one() -> None:
     occupied = np.ones((5, 14), bool)
     occupied[2, 1:13] = False
@@ -271,6 +254,22 @@ def test_robots_leave_a_dead_end_in_which_the_older_one_drives_at_the_younger_on
             break
     assert arrived.all()
     assert not simulator.robots[0]["totals"]["hits_robot"].any()
+
+
+def test_a_robot_turns_at_a_corner_where_every_single_sequence_costs_more_than_standing() -> None:
+    occupied = np.ones((6, 9), bool)
+    occupied[0, :] = occupied[:, 4] = False  # two one-cell aisles that meet
+    grid = GridMap(occupied, name="corner", picks=[(0, 8), (5, 4)], stations=[(0, 0), (0, 1)])
+    simulator = Simulator(_config(1), 1, grid=grid)
+    (x, y), goal = grid.centre(np.array((0, 4))), grid.centre(np.array([(0, 8)]))
+    simulator.reset_to([Assignment(np.array([(x + 0.04, y - 0.4, -1.457)]), goal)])
+    planner, generators = _planner(simulator)
+    for _ in range(250):
+        simulator.step(planner.act(simulator, generators))
+        if simulator.robots[0, 0]["events"]["arrived"]:
+            break
+    assert simulator.robots[0, 0]["events"]["arrived"]
+    assert not simulator.robots[0]["totals"]["hits_shelf"].any()
 
 
 def test_a_row_does_not_depend_on_the_episodes_beside_it() -> None:
