@@ -162,7 +162,7 @@ class Dispatcher(Portable):
         return self.book.ends(goal, self._config.kinds[self._kind_of[robot]])
 
     def _parks_along(self, world: int, robot: int) -> bool:
-        """Whether a robot must stand along the wall, as it would bar a lane else. Raw actions cannot aim that well."""
+        """Whether a robot is to stand along the wall, so that it bars no lane. Raw actions cannot aim that well."""
         return self.shifts is not None and self.shifts[world].stands_aside(robot) and self._config.action_type != "raw"
 
     @property
