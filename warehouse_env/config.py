@@ -154,7 +154,7 @@ class EnvConfig(Checked):
     arrival: ArrivalMode = "pass"
     arrival_radius: float = 0.5  # [m], front axle to the goal's point, of "pass" and "stop"
     pose_radius: float = 0.05  # [m], front axle to the goal's point, of "pose" and waiting places
-    pose_angle: float = math.radians(5.0)  # [rad], heading to the goal's, of "pose"
+    pose_angle: float = math.radians(5.0)  # [rad], heading to the goal's, likewise
     near_miss_gap: float = 0.1  # [m]
     quick_searches: bool = False  # short searches of manoeuvres in every tenth step, for many worlds on a GPU
     stuck_after: float = 60.0  # [s] without a metre of progress on the route

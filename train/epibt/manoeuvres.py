@@ -1,7 +1,7 @@
 """Manoeuvres back to the route, for robots that stand because no single sequence leads on.
 
-A robot that has stood for a while searches arcs around shelves, and around robots near by (traffic/recovery.py). Then
-it drives one arc after the other, each as a sequence of its own (`sequences.PLANNED`), until it chooses another one.
+A robot that has stood for a while searches for arcs around shelves and nearby robots (traffic/recovery.py). Then it
+drives one arc after the other, each as a sequence of its own (`sequences.PLANNED`), until it chooses another sequence.
 """
 
 import numpy as np
@@ -23,7 +23,7 @@ _REACHED = np.float32(0.03)  # [m] from its end at which an arc is driven
 
 @kernel
 def _go_on(due, arc, done, counts, world, setup, scratch):
-    """Write the arc that each robot at rest is to drive next; search a manoeuvre for those that are due."""
+    """Write the arc that each robot at rest is to drive next; search for a manoeuvre where one is due."""
     for i in range(due.size):
         motion, task, own, arcs = world.robots[i]["motion"], world.robots[i]["task"], arc[i], world.arcs[i]
         if task["alive"] == 0 or task["age"] <= STAGE:  # it has another goal than the manoeuvre
@@ -60,8 +60,8 @@ class Manoeuvres:
         stood = (robots["task"]["alive"] != 0) & (robots["clocks"]["standing_time"] > _STOOD)
         due = stood & ((np.arange(robots.size) + decision) % _EVERY == 0)
         searched = SearchWorld(robots, simulator.routes[world], simulator.people.persons[world], self._arcs[world])
-        counts = self._done[world], self._counts[world]
-        _go_on(due, self.arc[world], *counts, searched, simulator.search_setup, self._scratch)
+        progress = self._done[world], self._counts[world]
+        _go_on(due, self.arc[world], *progress, searched, simulator.search_setup, self._scratch)
 
     def keep(self, world: int, held: NDArray[np.int64]) -> None:
         """Drop the manoeuvres of robots that have chosen to drive otherwise; held int64[N]: their sequences."""

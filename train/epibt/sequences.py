@@ -29,7 +29,7 @@ from warehouse_env.simulation.traffic.path_ahead import steer_along
 STAGE = 5  # physics steps from one decision to the next
 _STAGES = 6  # of a sequence at most, before it brakes
 FASTEST = 1.5  # [m/s] at most
-KEPT, STANDS, PLANNED, _FOLLOWS, ARCS = range(5)  # kinds of sequences, the first three of which are sequences
+KEPT, STANDS, PLANNED, _FOLLOWS, TWO_ARCS = range(5)  # kinds of sequences, the first three of which are sequences
 AHEAD = 3  # the sequence that follows the route as fast and far as possible
 ARC_X, ARC_Y, ARC_SPEED, ARC_STEER, ARC = range(5)  # columns of the arc that a robot drives, and their number
 _COLUMNS = 7  # of a program: the kind, and two of speed [m/s], offset [m] or steering [rad], and number of stages
@@ -90,8 +90,8 @@ def programs() -> NDArray[np.float32]:
     rows: list[tuple[float, ...]] = [(KEPT,), (STANDS,), (PLANNED,), *((_FOLLOWS, *pace) for pace in _PACES)]
     angles = [math.radians(angle) for angle in (-60, -30, 0, 30, 60)]
     for first in itertools.product((-0.5, 0.6), angles, (1, 2)):
-        rows.append((ARCS, *first))
-        rows += ((ARCS, *first, *then, 3) for then in itertools.product((-0.5, 0.8), angles))
+        rows.append((TWO_ARCS, *first))
+        rows += ((TWO_ARCS, *first, *then, 3) for then in itertools.product((-0.5, 0.8), angles))
     table = np.zeros((len(rows), _COLUMNS), np.float32)
     for row, values in zip(table, rows, strict=True):
         row[: len(values)] = values

@@ -14,13 +14,13 @@ from train.epibt import NEEDS, Epibt, check_config
 from train.epibt.inheritance import touch
 from train.epibt.planner import scene_of
 from train.epibt.sequences import (
-    ARCS,
     COS,
     KEPT,
     SIN,
     STAGE,
     STANDS,
     SWEEP,
+    TWO_ARCS,
     X,
     Y,
     estimate,
@@ -143,7 +143,7 @@ def test_a_queue_may_set_out_at_once_though_it_stands_close() -> None:
     sequences = make_sequences(simulator.config, len(table))
     scene = scene_of(simulator, 0, table)
     _roll_out_all(scene, sequences)
-    ahead = int(np.flatnonzero((table == np.array([ARCS, 0.6, 0, 2, 0, 0, 0], np.float32)).all(axis=1))[0])
+    ahead = int(np.flatnonzero((table == np.array([TWO_ARCS, 0.6, 0, 2, 0, 0, 0], np.float32)).all(axis=1))[0])
     for first, second, expected in ((ahead, ahead, 0), (ahead, STANDS, 1), (STANDS, ahead, 0), (STANDS, STANDS, 0)):
         assert _touching(np.array([first, second]), scene.params, sequences) == expected
 
