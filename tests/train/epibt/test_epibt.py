@@ -14,6 +14,7 @@ from train.epibt import NEEDS, Epibt, check_config
 from train.epibt.inheritance import touch
 from train.epibt.planner import scene_of
 from train.epibt.sequences import (
+    ARC_SPEED,
     COS,
     KEPT,
     SIN,
@@ -92,7 +93,7 @@ def test_robots_drive_their_sequences_which_never_touch(given: dict[str, Any]) -
         middle = np.stack([motion["x"] - back * motion["cos"], motion["y"] - back * motion["sin"]], -1)
         np.testing.assert_allclose(poses[:, [X, Y]], middle, atol=1e-5)
         np.testing.assert_allclose(poses[:, [COS, SIN]], np.stack([motion["cos"], motion["sin"]], -1), atol=1e-5)
-    assert goals > ROBOTS // 3
+    assert goals > (ROBOTS // 3 if given else ROBOTS // 2)  # those that are served stand
     assert not robots["totals"]["hits_robot"].any()
     assert not robots["totals"]["hits_shelf"].any()
 
@@ -256,13 +257,19 @@ def test_robots_leave_a_dead_end_in_which_the_older_one_drives_at_the_younger_on
     assert not simulator.robots[0]["totals"]["hits_robot"].any()
 
 
-def test_a_robot_turns_at_a_corner_where_every_single_sequence_costs_more_than_standing() -> None:
+def _corner() -> Simulator:
+    """Return a world in which a robot stands askew where two one-cell aisles meet, with its goal around the corner."""
     occupied = np.ones((6, 9), bool)
     occupied[0, :] = occupied[:, 4] = False  # two one-cell aisles that meet
     grid = GridMap(occupied, name="corner", picks=[(0, 8), (5, 4)], stations=[(0, 0), (0, 1)])
     simulator = Simulator(_config(1), 1, grid=grid)
     (x, y), goal = grid.centre(np.array((0, 4))), grid.centre(np.array([(0, 8)]))
     simulator.reset_to([Assignment(np.array([(x + 0.04, y - 0.4, -1.457)]), goal)])
+    return simulator
+
+
+def test_a_robot_turns_at_a_corner_where_every_single_sequence_costs_more_than_standing() -> None:
+    simulator = _corner()
     planner, generators = _planner(simulator)
     for _ in range(250):
         simulator.step(planner.act(simulator, generators))
@@ -270,6 +277,21 @@ def test_a_robot_turns_at_a_corner_where_every_single_sequence_costs_more_than_s
             break
     assert simulator.robots[0, 0]["events"]["arrived"]
     assert not simulator.robots[0]["totals"]["hits_shelf"].any()
+
+
+@pytest.mark.parametrize(("field", "value"), [("age", 0), ("alive", 0)])
+def test_a_robot_that_has_another_goal_or_is_served_drops_its_manoeuvre(field: str, value: int) -> None:
+    simulator = _corner()
+    planner, generators = _planner(simulator)
+    for _ in range(100):
+        simulator.step(planner.act(simulator, generators))
+    arc, counts = planner._manoeuvres.arc[0, 0], planner._manoeuvres._counts[0]
+    assert arc[ARC_SPEED] != 0.0
+    assert counts[0] > 0
+    simulator.robots[0]["task"][field] = value
+    planner._manoeuvres.go_on(simulator, 0, 1)  # in which no search is due
+    assert arc[ARC_SPEED] == 0.0
+    assert counts[0] == 0
 
 
 def test_a_row_does_not_depend_on_the_episodes_beside_it() -> None:
