@@ -14,7 +14,6 @@ from warehouse_env.simulation.physics.geometry import Rectangle, rectangles_touc
 MARGIN = 0.04  # [m] between bodies that may be under way at the same time
 NONE = -1
 _STEP, _TURN = 0.05, 0.04  # [m], [rad] between two poses of an arc
-_BUCKET = 1.0  # [m], side of the squares by which near motions are found
 
 Body = tuple[float, float, float, float, float, float]  # x, y [m], cos, sin, half length, half width [m]
 Area = tuple[list[Body], tuple[Body, Body]]  # rectangles that a motion sweeps; the bodies at its start and its end
@@ -116,64 +115,23 @@ def sweeps_any(a, bodies, motions):
 
 
 @kernel
-def _conflict(a, b, motions):
-    """Whether the areas that two motions sweep share a point."""
-    one, other = motions.box[a], motions.box[b]
-    if one[0] > other[1] or other[0] > one[1] or one[2] > other[3] or other[2] > one[3]:
-        return False
-    for k in range(motions.first[b], motions.first[b + 1]):  # noqa: SIM110
-        if _sweeps(a, motions.swept[k], motions):
-            return True
-    return False
+def _conflicts(motions, order):
+    """Return int64[C, 2]: all pairs of motions of two robots whose areas share a point, the earlier one first.
 
-
-@inline
-def _squares(box, columns, rows):
-    """Return the first and last column and row of the squares that a box reaches."""
-    return (
-        max(int(box[0] / _BUCKET), 0), min(int(box[1] / _BUCKET), columns - 1),
-        max(int(box[2] / _BUCKET), 0), min(int(box[3] / _BUCKET), rows - 1),
-    )  # fmt: skip
-
-
-@kernel
-def _buckets(motions, rows, columns):
-    """Return (where each square begins int64[S + 1], the motions near each, in order)."""
-    begins, filled = np.zeros(rows * columns + 1, np.int64), np.zeros(rows * columns + 1, np.int64)
-    near = np.empty(0, np.int64)
-    for fill in range(2):
-        if fill:
-            begins[1:] = np.cumsum(filled)[:-1]
-            filled[:] = begins
-            near = np.empty(begins[-1], np.int64)
-        for p in range(len(motions.robot)):
-            left, right, low, high = _squares(motions.box[p], columns, rows)
-            for row in range(low, high + 1):
-                for column in range(left, right + 1):
-                    square = row * columns + column
-                    if fill:
-                        near[filled[square]] = p
-                    filled[square] += 1
-    return begins, near
-
-
-@kernel
-def _conflicts(motions, begins, near, columns):
-    """Return int64[C, 2]: all pairs of motions of two robots whose areas share a point, the earlier one first."""
-    pairs, many = [(0, 0)], len(motions.robot)
-    seen, rows = np.full(many, NONE), (len(begins) - 1) // columns
-    for b in range(many):
-        left, right, low, high = _squares(motions.box[b], columns, rows)
-        for row in range(low, high + 1):
-            for square in range(row * columns + left, row * columns + right + 1):
-                for k in range(begins[square], begins[square + 1]):
-                    a = near[k]
-                    if a >= b:
-                        break
-                    if seen[a] != b and motions.robot[a] != motions.robot[b]:
-                        seen[a] = b
-                        if _conflict(a, b, motions):
-                            pairs.append((a, b))
+    order: the motions by the least x that they reach.
+    """
+    pairs, box, first = [(0, 0)], motions.box, motions.first
+    for k in range(len(order)):
+        one = order[k]
+        for m in range(k + 1, len(order)):
+            other = order[m]
+            if box[other, 0] > box[one, 1]:
+                break
+            if motions.robot[one] == motions.robot[other] or box[one, 2] > box[other, 3] or box[other, 2] > box[one, 3]:
+                continue
+            a, b = min(one, other), max(one, other)
+            if sweeps_any(a, motions.swept[first[b] : first[b + 1]], motions):
+                pairs.append((a, b))
     return np.array(pairs)[1:]
 
 
@@ -189,12 +147,7 @@ def swept_rests(pairs, motions):
     return found
 
 
-def conflicts(motions: Motions, shape: tuple[float, float]) -> NDArray[np.int64]:
-    """Return int64[C, 2], sorted: all pairs of motions of two robots that conflict, the earlier one first.
-
-    shape: of the floor (rows, columns) [m].
-    """
-    rows, columns = (math.ceil(side / _BUCKET) for side in shape)
-    begins, near = _buckets(motions, rows, columns)
-    pairs = _conflicts(motions, begins, near, columns)
+def conflicts(motions: Motions) -> NDArray[np.int64]:
+    """Return int64[C, 2], sorted: all pairs of motions of two robots that conflict, the earlier one first."""
+    pairs = _conflicts(motions, np.argsort(motions.box[:, 0], kind="stable"))
     return np.asarray(pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))])

@@ -86,10 +86,9 @@ def _order(
     place = {(i, k): p for p, (_, i, k) in enumerate(ranked)}
     of = [[place[i, k] for k in range(len(motions))] for i, motions in enumerate(own)]
     motions = collect([areas.of(own[i][k]) for _, i, k in ranked], ranked, of)
-    (rows, columns), size = areas.curves.grid.shape, areas.curves.grid.cell_size
     standing = np.array([areas.body(pose) for pose, m in zip(starts, own, strict=True) if not m]).reshape(-1, 6)
     over = np.array([p for p in range(len(ranked)) if sweeps_any(p, standing, motions)], np.int64)
-    pairs = conflicts(motions, (rows * size, columns * size))
+    pairs = conflicts(motions)
     cycles = dict[int, list[int]]()
     edges = np.column_stack([over, over])  # these never begin
     if len(pairs):
