@@ -14,7 +14,7 @@ from agents import POLICIES, Actor, add_policy, make_policy, policy_config
 from tests.pages import PAGES, fenced
 from train.evaluation.recorded import record, shares_of
 from train.evaluation.rollout import Experiment, make_experiment, run
-from train.live.world import LiveFloors, Make, World, WorldSetting
+from train.live.world import Make, World, WorldSetting, live_floors
 from warehouse_env import EnvConfig, Simulator, observation_layout
 from warehouse_env.config import TrafficMode
 from warehouse_env.errors import ConfigError
@@ -88,7 +88,7 @@ def test_memory_counts_decisions_when_evaluated_recorded_and_live(here: Path) ->
         alone = dataclasses.replace(four, episodes=(k,))
         np.testing.assert_array_equal(record(alone).pose[:, 0], expected_poses(5 + k, four.config.max_steps))
         assert run(alone)[0]["robot_km"] == row["robot_km"]
-    live = World(WorldSetting(four.policy, "open", 3, 6, "astar"), LiveFloors("open"))
+    live = World(WorldSetting(four.policy, "open", 3, 6, "astar"), live_floors("open"))
     for seed in (6, 7):
         live.make(Make(seed=seed))
         for pose in expected_poses(seed, 5)[1:]:

@@ -2,6 +2,7 @@
 
 import threading
 import webbrowser
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
@@ -12,8 +13,9 @@ from train.evaluation.rollout import check_driver, config_of
 from train.kinds import Fleet
 from train.live.drive import WorldRunner
 from train.live.server import Server
-from train.live.world import MOST_ROBOTS, LiveFloors, World, WorldSetting
+from train.live.world import MOST_ROBOTS, World, WorldSetting, live_floors
 from warehouse_env.config import EnvConfig
+from warehouse_env.maps.layouts import make_layout
 from warehouse_env.planning import make_planner
 from warehouse_env.render.pages import about_page, live_page
 
@@ -39,9 +41,10 @@ class Live(Fleet, Drive):
 
     def run(self) -> None:
         """Print the address and serve until Ctrl-C."""
-        floors = LiveFloors(self.layout)
+        make_layout(self.layout)  # may raise before anything is served
+        floors = live_floors(self.layout)
         setting = WorldSetting(
-            self.policy, floors.first, self.robots, self.seed, self.planner, self.chosen(), self.kinds()
+            self.policy, next(iter(floors)), self.robots, self.seed, self.planner, self.chosen(), self.kinds()
         )  # fmt: skip
         make_planner(self.planner)
         config = config_of(self.policy, EnvConfig(num_agents=self.robots), setting.given)
@@ -67,10 +70,10 @@ class Live(Fleet, Drive):
             raise runner.failed
 
 
-def about_live(floors: LiveFloors, policy: str, robots: int) -> dict[str, object]:
+def about_live(floors: Iterable[str], policy: str, robots: int) -> dict[str, object]:
     """Return the choices that the page offers, and how the world begins."""
     return about_page(MOST_ROBOTS) | {
-        "layers": about_page(robots)["layers"], "terms": [], "floors": floors.names, "most": MOST_ROBOTS,
+        "layers": about_page(robots)["layers"], "terms": [], "floors": list(floors), "most": MOST_ROBOTS,
         "policies": {policy: "the first one"} | {name: entry.summary for name, entry in POLICIES.items()},
     }  # fmt: skip
 

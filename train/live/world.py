@@ -103,36 +103,26 @@ class WorldSetting:
         return {**self.chosen, **({} if self.kinds is None else self.kinds.of(self.robots))}
 
 
-class LiveFloors:
-    """The named layouts, and the first floor, which may be a file's."""
-
-    def __init__(self, layout: str) -> None:
-        """Read the first floor; ConfigError or MapError if there is none."""
-        self.first = Path(layout).name
-        self._given = make_layout(layout)
-        self.names = list(dict.fromkeys([self.first, *LAYOUTS]))
-
-    def load(self, name: str) -> GridMap:
-        """Return a floor of `names`; pages cannot name files."""
-        if name == self.first:
-            return self._given
-        check_known("floor", [name], self.names)
-        return make_layout(name)
+def live_floors(layout: str) -> dict[str, str]:
+    """Return the floors that pages may choose, by name: the first one, which may be a file's, and all named layouts."""
+    return {Path(layout).name: layout} | {name: name for name in LAYOUTS}
 
 
 class World:
     """One world and its policy."""
 
-    def __init__(self, setting: WorldSetting, floors: LiveFloors) -> None:
+    def __init__(self, setting: WorldSetting, floors: Mapping[str, str]) -> None:
+        """floors: layouts by the names that settings use (live_floors)."""
         self.floors = floors
         self.made = 0  # simulators so far
         self.begin(setting)
 
     def begin(self, setting: WorldSetting) -> None:
         """Start a new world; if that raises, nothing changes."""
+        check_known("floor", [setting.floor], self.floors)
         base = EnvConfig(num_agents=setting.robots, planner=setting.planner, layout=setting.floor)
         config = config_of(setting.policy, base, setting.given)
-        simulator = Simulator(config, grid=self.floors.load(setting.floor))
+        simulator = Simulator(config, grid=make_layout(self.floors[setting.floor]))
         decide = decider(Experiment(setting.policy, config, setting.seed, episodes=(0,)))
         simulator.reset([setting.seed])
         self.setting, self.simulator, self._decide = setting, simulator, decide

@@ -31,7 +31,7 @@ from train.epibt.sequences import (
 )  # fmt: skip
 from train.evaluation.recorded import record
 from train.evaluation.rollout import Experiment, make_experiment, run
-from train.live.world import LiveFloors, World, WorldSetting
+from train.live.world import World, WorldSetting, live_floors
 from train.reporting.rows import read_rows
 from warehouse_env.config import EnvConfig, FleetPart, RobotSpec
 from warehouse_env.errors import ConfigError
@@ -325,7 +325,7 @@ def test_a_recorded_episode_replays_to_the_bit() -> None:
 
 
 def test_it_drives_a_live_world() -> None:
-    world = World(WorldSetting("epibt", "narrow", ROBOTS, 7, "astar_turns"), LiveFloors("narrow"))
+    world = World(WorldSetting("epibt", "narrow", ROBOTS, 7, "astar_turns"), live_floors("narrow"))
     for _ in range(50):
         world.step()
     totals = world.simulator.robots[0]["totals"]

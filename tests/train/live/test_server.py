@@ -24,7 +24,7 @@ from train.live import messages
 from train.live.drive import WorldRunner
 from train.live.messages import Listeners, note
 from train.live.server import Server
-from train.live.world import Command, LiveFloors, Play
+from train.live.world import Command, Play, live_floors
 from warehouse_env.errors import ConfigError
 from warehouse_env.render.pages import LivePage, live_page
 
@@ -209,7 +209,7 @@ def test_ctrl_c_ends_live_with_one_sentence() -> None:
 def open_live(browser: Any) -> Iterator[Opener]:
     """Yield a function that opens pages of four robots on the open floor and waits for them."""
     runner = WorldRunner(world)
-    about = about_live(LiveFloors("open"), "greedy", 4)
+    about = about_live(live_floors("open"), "greedy", 4)
     with serving(runner, live_page("Live warehouse", 0.1, about)) as server:
         runner.start()
         # the browser logs the error status of refused commands; kernels may have to compile

@@ -7,7 +7,7 @@ import struct
 from collections.abc import Iterator
 from typing import Any
 
-from train.live.world import LiveFloors, World, WorldSetting
+from train.live.world import World, WorldSetting, live_floors
 
 SETTING = WorldSetting("greedy", "open", 4, 7, "astar_turns")
 
@@ -15,7 +15,7 @@ SETTING = WorldSetting("greedy", "open", 4, 7, "astar_turns")
 def world(**changes: Any) -> World:
     """Return a world of four robots with right of way on the open floor, with changes."""
     setting = WorldSetting(**{**SETTING.__dict__, **changes})
-    return World(setting, LiveFloors(setting.floor))
+    return World(setting, live_floors(setting.floor))
 
 
 def messages(stream: bytes) -> Iterator[tuple[dict[str, Any], bytes]]:
