@@ -1,11 +1,10 @@
-"""At every instant of a solution: do two bodies overlap, or a body and a disc? Kernels for check.py.
+"""At every instant of a solution: do two bodies overlap, or a body and a disc? Kernels for jobs.py.
 
 Between two looks at a gap lies no more time than the fastest points of both would need to close it (conservative
 advancement; Mirtich 1996), so that no overlap deeper than the slack is missed, however short.
 """
 
 import math
-from typing import NamedTuple
 
 from train.clmapf.motions import BEGIN, BEND, END, HEADING, LENGTH, X, Y
 from train.evaluation.audit.bodies import gap, outline_of, point_gap
@@ -16,19 +15,8 @@ ALONE = -1  # no arc
 _FINE = 1e-3  # to which least gaps are found
 
 
-class Shape(NamedTuple):
-    """The body and the discs, and how much of an overlap is none."""
-
-    half_length: float
-    half_width: float
-    middle: float  # of the body, ahead of its axle
-    far: float  # from the axle to the front or the tail, whichever is farther
-    disc_radius: float
-    slack: float  # of a gap, which rounding makes
-
-
 @inline
-def _place(arcs, n, t, shape):
+def _place(arcs, n, t, floor):
     """Return the centre of the body on arc n at t [s], or before or after it, its cosine and sine."""
     a = arcs[n]
     seconds = a[END] - a[BEGIN]
@@ -39,18 +27,18 @@ def _place(arcs, n, t, shape):
     heading = a[HEADING] + 2.0 * half
     c, s = math.cos(heading), math.sin(heading)
     x, y = a[X] + chord * math.cos(a[HEADING] + half), a[Y] + chord * math.sin(a[HEADING] + half)
-    return x + shape.middle * c, y + shape.middle * s, c, s
+    return x + floor.middle * c, y + floor.middle * s, c, s
 
 
 @inline
-def _speed(arcs, n, t, shape):
+def _speed(arcs, n, t, floor):
     """Return how fast the fastest point of a body is on an arc at t [s], and until when that holds [s]."""
     a = arcs[n]
     if t < a[BEGIN]:
         return 0.0, a[BEGIN]
     if t >= a[END]:
         return 0.0, math.inf
-    across, along = 1.0 + abs(a[BEND]) * shape.half_width, abs(a[BEND]) * shape.far
+    across, along = 1.0 + abs(a[BEND]) * floor.half_width, abs(a[BEND]) * (floor.half_length + abs(floor.middle))
     return abs(a[LENGTH]) / (a[END] - a[BEGIN]) * math.sqrt(across * across + along * along), a[END]
 
 
@@ -63,40 +51,42 @@ def _arc_at(arcs, n, last, t):
 
 
 @inline
-def _next_look(t, found, least, speed, shape):
+def _next_look(t, found, least, speed, slack):
     """Return until when [s] a gap can become neither an overlap nor the least by more than _FINE."""
-    if found < -shape.slack:
+    if found < -slack:
         return t + _FINE / speed if speed > 0.0 else math.inf
-    sure = found - max(least - _FINE, -2.0 * shape.slack)
+    sure = found - max(least - _FINE, -2.0 * slack)
     return t + sure / speed if speed > 0.0 else math.inf
 
 
 @kernel
-def follow(arcs, own, other, disc, end, least, shape):
-    """Follow a robot past another or past a disc until `end` [s].
+def follow(arcs, own, other, least, floor, slack):
+    """Follow a robot past another or past a disc until they stand.
 
-    own, other: the first and last of a robot's arcs, both included; other: (ALONE, ALONE) for the disc at `disc`;
-    least: the least gap of interest. Returns (when they first overlap or NEVER, the depth, the least gap).
+    own, other: the first and last of a robot's arcs, both included; other: (ALONE, k) for disc k; floor: CarFloor;
+    least: the least gap of interest; slack: of a gap, which rounding makes. Returns (when they first overlap or NEVER,
+    the depth, the least gap).
     """
     first, last = own
     second, second_last = other
+    end = arcs[last, BEGIN] if second == ALONE else max(arcs[last, BEGIN], arcs[second_last, BEGIN])
     t, since, deepest, their, their_until = 0.0, NEVER, 0.0, 0.0, math.inf
     while True:
         first = _arc_at(arcs, first, last, t)
-        x, y, c, s = _place(arcs, first, t, shape)
+        x, y, c, s = _place(arcs, first, t, floor)
         if second == ALONE:
-            dx, dy = disc[0] - x, disc[1] - y
+            dx, dy = floor.discs[second_last, 0] - x, floor.discs[second_last, 1] - y
             ahead, left = dx * c + dy * s, dy * c - dx * s
-            found = point_gap(ahead, left, shape.half_length, shape.half_width) - shape.disc_radius
+            found = point_gap(ahead, left, floor.half_length, floor.half_width) - floor.disc_radius
         else:
             second = _arc_at(arcs, second, second_last, t)
-            found = gap(outline_of((x, y, c, s), shape), outline_of(_place(arcs, second, t, shape), shape))
-            their, their_until = _speed(arcs, second, t, shape)
+            found = gap(outline_of((x, y, c, s), floor), outline_of(_place(arcs, second, t, floor), floor))
+            their, their_until = _speed(arcs, second, t, floor)
         least = min(least, found)
-        if found < -shape.slack:
+        if found < -slack:
             since = t if since == NEVER else since
             deepest = max(deepest, -found)
         if t >= end:
             return since, deepest, least
-        speed, until = _speed(arcs, first, t, shape)
-        t = min(min(until, their_until), min(end, _next_look(t, found, least, speed + their, shape)))
+        speed, until = _speed(arcs, first, t, floor)
+        t = min(min(until, their_until), min(end, _next_look(t, found, least, speed + their, slack)))

@@ -13,7 +13,7 @@ import numpy as np
 
 from train.central.floor import floor_of
 from train.central.together import Together, plan_together
-from train.clmapf.contact import ALONE, NEVER, Shape, follow
+from train.clmapf.contact import ALONE, NEVER, follow
 from train.clmapf.instance import (
     BODY,
     DISC_RADIUS,
@@ -25,7 +25,7 @@ from train.clmapf.instance import (
     why_impossible,
     write_solution,
 )
-from train.clmapf.motions import BEGIN, END, LENGTH, Fault, Motions, body_beyond, motions_of
+from train.clmapf.motions import END, LENGTH, Fault, Motions, body_beyond, motions_of
 from train.evaluation.jobs import Job, Result, Tick
 from train.reporting.report import Table, grouped, number, with_interval
 from train.reporting.rows import Row, mean_interval, wilson_interval
@@ -198,18 +198,11 @@ def check(instance: Instance, schedule: dict[str, States], unit: float = 1.0) ->
         return SolutionCheck(faults, math.nan, math.nan, math.nan, math.nan, math.nan, math.nan, 0.0, unit)
     motions, found = motions_of(instance, schedule, unit)
     slack = max(_LEAST_SLACK, 2.0 * motions.miss)
-    shape = Shape(
-        BODY.half_length, BODY.half_width, 0.5 * (BODY.ahead - BODY.behind), max(BODY.ahead, BODY.behind),
-        DISC_RADIUS, slack,
-    )  # fmt: skip
-    bodies, gap = _bodies(instance, motions, shape)
-    discs, disc_gap = _discs(instance, motions, shape)
+    overlaps, gap, disc_gap = _overlaps(instance, motions, slack)
     ends = list(_arrivals(motions))
     driven = float(abs(motions.arcs[:, LENGTH]).sum())
-    faults = [*found, *bodies, *discs]
-    return SolutionCheck(
-        faults, max(ends), sum(ends), driven, gap, disc_gap, body_beyond(motions, instance), slack, unit
-    )  # fmt: skip
+    faults, beyond = [*found, *overlaps], body_beyond(motions, instance)
+    return SolutionCheck(faults, max(ends), sum(ends), driven, gap, disc_gap, beyond, slack, unit)
 
 
 def _arrivals(motions: Motions) -> Iterator[float]:
@@ -219,25 +212,17 @@ def _arrivals(motions: Motions) -> Iterator[float]:
         yield max(0.0, driving[-1][END]) if driving else 0.0
 
 
-def _bodies(instance: Instance, motions: Motions, shape: Shape) -> tuple[list[Fault], float]:
-    """Return which robots overlap, and the least gap of two."""
-    faults, least, first, arcs = [], _HORIZON, motions.first.tolist(), motions.arcs
-    for i, j in itertools.combinations(range(len(instance.names)), 2):
-        end = max(arcs[first[i + 1] - 1, BEGIN], arcs[first[j + 1] - 1, BEGIN])
-        pair = (first[i], first[i + 1] - 1), (first[j], first[j + 1] - 1)
-        since, depth, least = follow(arcs, *pair, (0.0, 0.0), end, least, shape)
+def _overlaps(instance: Instance, motions: Motions, slack: float) -> tuple[list[Fault], float, float]:
+    """Return which robots overlap each other or discs, the least gap of two robots, and the least one to a disc."""
+    floor = floor_of(instance.width, instance.height, instance.discs, DISC_RADIUS, BODY, 0.0)
+    arcs = [(begin, end - 1) for begin, end in itertools.pairwise(motions.first.tolist())]
+    robots, least = list(zip(instance.names, arcs, strict=True)), {"overlaps": _HORIZON, "overlaps obstacle": _HORIZON}
+    discs = [(str(k), (ALONE, k)) for k in range(len(instance.discs))]
+    pairs = [("overlaps", *pair) for pair in itertools.combinations(robots, 2)]
+    pairs += [("overlaps obstacle", *pair) for pair in itertools.product(robots, discs)]
+    faults = []
+    for kind, (name, own), (other, its) in pairs:
+        since, depth, least[kind] = follow(motions.arcs, own, its, least[kind], floor, slack)
         if since != NEVER:
-            faults.append(Fault("overlaps", instance.names[i], instance.names[j], since, depth))
-    return faults, least
-
-
-def _discs(instance: Instance, motions: Motions, shape: Shape) -> tuple[list[Fault], float]:
-    """Return which robots overlap discs, and the least gap."""
-    faults, least, first, arcs = [], _HORIZON, motions.first.tolist(), motions.arcs
-    for i, name in enumerate(instance.names):
-        own = first[i], first[i + 1] - 1
-        for k, (x, y) in enumerate(instance.discs.tolist()):
-            since, depth, least = follow(arcs, own, (ALONE, ALONE), (x, y), arcs[own[1], END], least, shape)
-            if since != NEVER:
-                faults.append(Fault("overlaps obstacle", name, str(k), since, depth))
-    return faults, least
+            faults.append(Fault(kind, name, other, since, depth))
+    return faults, least["overlaps"], least["overlaps obstacle"]
