@@ -12,7 +12,7 @@ from train.benchmarks.timing import speeds
 from train.books import book_of
 from train.reporting.rows import Row
 from warehouse_env.config import EnvConfig
-from warehouse_env.threads import MOST_THREADS, get_num_threads, set_num_threads
+from warehouse_env.threads import MOST_THREADS, set_num_threads
 from warehouse_env.traffic_spec import read_traffic
 
 Part = Callable[[float], Iterator[Row]]
@@ -154,17 +154,6 @@ def training(seconds: float) -> Iterator[Row]:
         }  # fmt: skip
 
 
-def _restoring(part: Part) -> Part:
-    """Return a part that leaves the number of threads as it was, also if it fails or is left early."""
-
-    def measured(seconds: float) -> Iterator[Row]:
-        before = get_num_threads()
-        try:
-            yield from part(seconds)
-        finally:
-            set_num_threads(before)
-
-    return measured
-
-
-PARTS = {part.__name__: _restoring(part) for part in (simulator, reference, pettingzoo, vec_env, cuda, training, peers)}
+PARTS: dict[str, Part] = {
+    part.__name__: part for part in (simulator, reference, pettingzoo, vec_env, cuda, training, peers)
+}

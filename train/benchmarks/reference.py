@@ -23,7 +23,7 @@ from agents import make_policy, policy_config
 from train.benchmarks.fixed_work import FixedWork, floor
 from train.benchmarks.timing import Timed, in_turns
 from train.reporting.report import Table, number
-from train.reporting.rows import Row, read_rows, select, write_rows
+from train.reporting.rows import Row, read_rows, select
 from warehouse_env import __version__
 from warehouse_env.config import EnvConfig, SensorSpec
 from warehouse_env.errors import WarehouseError
@@ -41,7 +41,7 @@ BESIDE = (64, 16)  # the reference's worlds x robots beside single worlds
 
 ROOT = Path(__file__).parents[2]
 RELEASE = Path(__file__).parent / "release.jsonl"
-RENEW = "warehouse bench --only reference --write-release"
+RENEW = "warehouse bench --only reference --json train/benchmarks/release.jsonl"
 _LEFT = 2 / 3  # of a release's ratio: losing a third is more than machines and minutes differ by
 _NAMES = ("run", "envs", "agents")
 
@@ -141,11 +141,6 @@ def reference_table(rows: Sequence[Row]) -> Table:
     )
     header = ("what", "worlds x robots", "us a robot", "over C", "quartiles")
     return Table("The step beside fixed work", header, cells, note)
-
-
-def write_release(rows: Sequence[Row], path: Path = RELEASE) -> None:
-    """Keep the rows of `reference` as those of the release."""
-    write_rows(path, select(rows, what="reference"))
 
 
 def judge(rows: Sequence[Row], path: Path = RELEASE) -> None:

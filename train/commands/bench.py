@@ -2,7 +2,7 @@
 
 import os
 import platform
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar, Literal, get_args
@@ -28,60 +28,43 @@ class Bench(Checked):
     """Time for each measurement, after its warm-up [s]."""
     json: Path | None = None
     """Write the rows to this file as JSON lines."""
-    append: bool = False
-    """Keep the rows that the file already holds."""
     rows: Path | None = None
     """Measure nothing: print the tables of the rows in this file, as Markdown."""
     check: bool = False
     """Fail if a ratio of the step to the fixed work is a third below that of the release."""
-    write_release: bool = False
-    """Keep the ratios of the step to the fixed work as those of the release."""
     ranges: ClassVar = {"seconds": (0.001, 3600.0)}
 
     def run(self) -> None:
         """Measure and print; a row is written as soon as it is measured."""
         from train.benchmarks.parts import PARTS
-        from train.benchmarks.reference import RELEASE, judge, write_release
+        from train.benchmarks.reference import judge, origin
 
         if self.rows is not None:
             print("\n".join(table.markdown() for table in tables(read_rows(self.rows))))
             return
-        if (self.check or self.write_release) and self.only and "reference" not in self.only:
-            raise ConfigError("--check and --write-release need the part `reference`: name it in --only as well")
+        if self.check and self.only and "reference" not in self.only:
+            raise ConfigError("--check needs the part `reference`: name it in --only as well")
         chosen = [what for what in get_args(What) if what in self.only or (not self.only and what not in _ASKED)]
-        file = RowFile(self.json, keep=self.append)
-        rows = measure(chosen, PARTS, self.seconds, file)
+        source = {**origin(), "version": __version__}
+        machine = {"cores": os.cpu_count(), "machine": platform.machine(), "python": platform.python_version()}
+        file, rows = RowFile(self.json), list[Row]()
+        try:
+            with make_progress() as progress:
+                bar = progress.add_task("", total=len(chosen))
+                for what in chosen:
+                    progress.update(bar, description=what)
+                    for measured in PARTS[what](self.seconds):
+                        rows.append({"what": what, **measured, **source, **machine})
+                        file.add(rows[-1:])
+                        progress.update(bar, description=f"{what}: {len(rows)} rows")
+                    progress.advance(bar)
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt(file.kept()) from None
         for table in tables(rows):
             table.print()
         print(file.written())
         if self.check:
             judge(rows)
-        if self.write_release:
-            write_release(rows)
-            print(f"wrote the release's ratios to {RELEASE}")
-
-
-def measure(
-    chosen: Sequence[str], parts: Mapping[str, Callable[[float], Iterator[Row]]], seconds: float, file: RowFile
-) -> list[Row]:
-    """Run the chosen parts under a progress bar; return all rows, each also added to `file` at once."""
-    from train.benchmarks.reference import origin
-
-    machine = {**origin(), "cores": os.cpu_count(), "machine": platform.machine(), "python": platform.python_version()}
-    rows: list[Row] = []
-    try:
-        with make_progress() as progress:
-            bar = progress.add_task("", total=len(chosen))
-            for what in chosen:
-                progress.update(bar, description=what)
-                for measured in parts[what](seconds):
-                    rows.append({"what": what, **measured, **machine, "version": __version__})
-                    file.add(rows[-1:])
-                    progress.update(bar, description=f"{what}: {len(rows)} rows")
-                progress.advance(bar)
-    except KeyboardInterrupt:
-        raise KeyboardInterrupt(file.kept()) from None
-    return rows
 
 
 def tables(rows: Sequence[Row]) -> list[Table]:
