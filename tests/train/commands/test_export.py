@@ -1,4 +1,4 @@
-"""Test `warehouse export`: the model in onnxruntime against our forward pass, its metadata, and refusals."""
+"""Test `warehouse export`: the model in onnxruntime against our forward pass, and its metadata."""
 
 from __future__ import annotations
 
@@ -14,42 +14,11 @@ from agents import POLICIES, WEIGHTS_FOLDER, LearnedPolicy, Network, PolicyRecor
 from agents.onnx_model import onnx_model
 from agents.weights_folder import Activation
 from train.cli import main
-from train.commands import export
-from train.commands.export import largest_difference
 from warehouse_env.config import EnvConfig
 from warehouse_env.observation import observation_layout
 from warehouse_env.simulation.simulator import Simulator
 
-onnx = pytest.importorskip("onnx")
-
-
-def test_export_writes_a_model(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    target = tmp_path / "new" / "head.onnx"
-    assert main(["export", "--policy", "reinforce", "--onnx", str(target)]) == 0
-    apart = largest_difference(target.read_bytes(), WEIGHTS_FOLDER / "reinforce")
-    assert 0.0 < apart < 1e-5
-    printed = capsys.readouterr().out
-    assert printed.startswith(f"wrote the network of reinforce to {target}: ")
-    assert f"{apart:.1e} of the largest one" in printed
-
-
-def test_differing_model_is_not_written(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """The model's first output is too large by .01."""
-    wrong = onnx_model(WEIGHTS_FOLDER / "ppo")
-    (bias,) = (tensor for tensor in wrong.graph.initializer if tensor.name == "actor.2.bias")
-    values = onnx.numpy_helper.to_array(bias).copy()
-    values[0] += np.float32(0.01)
-    bias.CopyFrom(onnx.numpy_helper.from_array(values, bias.name))
-    monkeypatch.setattr(export, "onnx_model", lambda directory: wrong)
-    assert main(["export", "--onnx", str(tmp_path / "a.onnx")]) == 2
-    shown = capsys.readouterr()
-    assert "a.onnx was not written: its outputs differ from those of" in shown.err
-    assert "more than 1e-05" in shown.err
-    assert list(tmp_path.iterdir()) == []
-
-
+pytest.importorskip("onnx")
 onnxruntime = pytest.importorskip("onnxruntime")
 LEARNED = [name for name, entry in POLICIES.items() if entry.weights is not None]
 
@@ -82,6 +51,17 @@ def test_three_ways_to_run_a_shipped_policy_agree(name: str) -> None:
         x = x @ tensors[f"actor.{k}.weight"].T + tensors[f"actor.{k}.bias"]
         x = np.tanh(x) if k < 2 else x
     np.testing.assert_allclose(x, own, atol=1e-5, rtol=1e-5)
+
+
+def test_export_writes_a_model(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    target, directory = tmp_path / "new" / "head.onnx", WEIGHTS_FOLDER / "reinforce"
+    assert main(["export", "--policy", "reinforce", "--onnx", str(target)]) == 0
+    assert capsys.readouterr().out == f"wrote the network of reinforce to {target}\n"
+    config = policy_config("reinforce", EnvConfig())
+    observation = np.random.default_rng(0).uniform(-1.0, 1.0, (256, observation_layout(config).size))
+    (runtime,) = run(target.read_bytes(), observation.astype(np.float32))
+    own = LearnedPolicy(directory, config).output(observation.astype(np.float32))
+    np.testing.assert_allclose(runtime, own, atol=1e-5 * np.abs(own).max(), rtol=0)
 
 
 def test_model_metadata_states_observation_and_actions() -> None:
