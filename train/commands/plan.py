@@ -1,9 +1,10 @@
 """`warehouse plan`: planners against each other on the tasks of one map -> rows, a table, pictures."""
 
+import itertools
 import re
 import statistics
 import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, ClassVar
@@ -11,11 +12,10 @@ from typing import Annotated, ClassVar
 import numpy as np
 
 from train.commands.layouts import BY_MAP
-from train.evaluation.jobs import Job, Result, Runner, Tick
 from train.evaluation.pictures import plan_pictures
 from train.evaluation.planning_runs import PlanningRun, PlanningTask, is_optimal, make_task, plan_once
 from train.evaluation.rollout import MOST
-from train.reporting.report import Table, grouped, number, require_charts, with_interval
+from train.reporting.report import Table, grouped, make_progress, number, require_charts, with_interval
 from train.reporting.rows import Row, RowFile, mean_interval
 from warehouse_env.checked import Checked
 from warehouse_env.errors import ConfigError, MapError, MapWarning, counted
@@ -71,21 +71,31 @@ class PlanCommand(Checked):
         if self.pictures:
             require_charts()
         kept: list[PlanningRun] = []
-        jobs = [
-            PlanJob(grid, planner, label, task, number, run, self.seed)
-            for label, planner in planners.items()
-            for number, task in enumerate(tasks)
-            for run in range(self.runs)
-        ]
-        with RowFile(self.json) as file, Runner(file, hear=kept.append) as run:
-            rows = run(jobs)
-        table = plan_table(rows)
+        with RowFile(self.json) as file, make_progress() as progress:
+            bar = progress.add_task("planning", total=len(planners) * len(tasks) * self.runs)
+            try:
+                for run in self._runs(grid, planners, tasks):
+                    kept.append(run)
+                    file.add([run.row])
+                    progress.update(bar, advance=1, description=f"{run.planner} · {run.task.name}")
+            except KeyboardInterrupt:
+                raise KeyboardInterrupt(file.kept()) from None
+        table = plan_table([run.row for run in kept])
         table.print()
         write_text(self.out / "table.md", table.markdown())
         if self.pictures:
             plan_pictures(grid, kept, self.out)
         rows_too = "" if self.json is None else f"the rows to {self.json}, "
         print(f"wrote {rows_too}the table{' and the pictures' if self.pictures else ''} to {self.out}")
+
+    def _runs(
+        self, grid: GridMap, planners: Mapping[str, Planner], tasks: Sequence[PlanningTask]
+    ) -> Iterator[PlanningRun]:
+        """Yield all runs; the first plan of each planner may compile and is discarded."""
+        for label, planner in planners.items():
+            planner.plan(grid, tasks[0].start, tasks[0].goal, np.random.default_rng(self.seed))
+            for (place, task), run in itertools.product(enumerate(tasks), range(self.runs)):
+                yield plan_once(grid, planner, task, place, run, self.seed, label)
 
     def _grid(self) -> GridMap:
         if self.scen is not None and self.layout is None:
@@ -109,28 +119,6 @@ class PlanCommand(Checked):
         if named:
             return [make_task(grid, name, task.start, task.goal) for name, task in named.items()]
         return _random_tasks(grid, self.tasks or _RANDOM_TASKS, self.seed)
-
-
-@dataclass(frozen=True)
-class PlanJob(Job):
-    """A run of a planner on a task."""
-
-    grid: GridMap
-    planner: Planner
-    label: str
-    task: PlanningTask
-    number: int  # of the task
-    number_of_run: int
-    seed: int
-
-    titled = "{label} · {task.name}"
-
-    def run(self, tick: Tick) -> Result:
-        """Plan; the first plan of each planner may compile and is discarded. `more` is the run."""
-        if self.number == self.number_of_run == 0:
-            self.planner.plan(self.grid, self.task.start, self.task.goal, np.random.default_rng(self.seed))
-        run = plan_once(self.grid, self.planner, self.task, self.number, self.number_of_run, self.seed, self.label)
-        return Result([run.row], run)
 
 
 def _cell(text: str, option: str) -> Cell:
