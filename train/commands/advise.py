@@ -104,7 +104,7 @@ class Advise(Fleet, Work, RowOptions, OwnSensors):
         places_table(advice).print()
         console = make_console(sys.stdout)
         for text in answer(advice):
-            console.print(text.replace("*", "").replace("`", ""), highlight=False, soft_wrap=not console.is_terminal)
+            console.print(text.replace("*", "").replace("`", ""))
         advice_page(advice, self._understood(grid), write_floor(advice, self.out)).write(page)
         print(
             f"wrote {file.count:,} rows to {file.path} and the page to {page}, with the floor to take away in "

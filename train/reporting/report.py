@@ -17,7 +17,6 @@ from train.reporting.rows import Interval, Row, short_names, values_of
 from warehouse_env.render.chart_style import check_picture
 from warehouse_env.render.extras import load
 
-_PLAIN_WIDTH = 180  # [characters] where the output is no terminal, at the least: tables go to files and pipes whole
 _NUMBER = re.compile(r"[-+]?\d")
 
 
@@ -35,39 +34,26 @@ class Table:
 
         On a terminal that is too narrow for the table, text wraps; if that is not enough, every row becomes a list.
         """
-        file = file or sys.stdout
-        columns = range(len(self.header))
-        widths = [max(1, *map(len, column)) for column in zip(self.header, *self.cells, strict=True)]
-        console = make_console(file, _table_width(widths))
-        if _table_width([self._least(index) for index in columns]) <= console.width:
-            shown = RichTable(title=self.title, title_justify="left", title_style="bold")
-            for index in columns:
-                right, least = self.numeric(index), self._least(index)
-                width = least if right else None
-                shown.add_column(
-                    self.header[index], justify="right" if right else "left", width=width, min_width=least,
-                    overflow="fold",
-                )  # fmt: skip
-            for row in self.cells:
-                shown.add_row(*row)
+        console = make_console(file or sys.stdout)
+        shown = RichTable(title=self.title, title_justify="left", title_style="bold")
+        for index, name in enumerate(self.header):
+            cells, numeric = [row[index] for row in self.cells], self.numeric(index)
+            pieces = [*name.split(), *(cells if numeric else " ".join(cells).split())]  # each on one line
+            least = max(map(len, pieces), default=1)
+            shown.add_column(
+                name, justify="right" if numeric else "left", width=least if numeric else None, min_width=least,
+                overflow="fold",
+            )  # fmt: skip
+        for row in self.cells:
+            shown.add_row(*row)
+        if sum(3 + (column.min_width or 0) for column in shown.columns) < console.width:
             console.print(shown)
         else:
             console.print(self.title, style="bold")
             for row in self.cells:
-                listed = RichTable(show_header=False)
-                listed.add_column(overflow="fold")
-                listed.add_column(overflow="fold")
-                for name, cell in zip(self.header, row, strict=True):
-                    listed.add_row(name, cell)
-                console.print(listed)
+                console.print(*map(": ".join, zip(self.header, row, strict=True)), sep="\n", end="\n\n")
         if self.note:
-            console.print(self.note, highlight=False)
-
-    def _least(self, index: int) -> int:
-        """Return the width at which a column still shows numbers on one line and words whole."""
-        cells = [row[index] for row in self.cells]
-        pieces = cells if self.numeric(index) else [word for cell in cells for word in cell.split()]
-        return max(map(len, (*pieces, *self.header[index].split())), default=1)
+            console.print(self.note)
 
     def markdown(self) -> str:
         """Return the table as Markdown."""
@@ -87,14 +73,9 @@ def no_html(text: str) -> str:
     return text.replace("&", "&amp;").replace("<", "&lt;").replace("|", "\\|")
 
 
-def _table_width(widths: Sequence[int]) -> int:
-    """Return the width of a table [characters] with its rules and spaces."""
-    return sum(widths) + 3 * len(widths) + 1
-
-
-def make_console(file: TextIO, plain: int = 0) -> Console:
-    """Return a console on `file`: as wide as the terminal; where it is none, _PLAIN_WIDTH, or `plain` if wider."""
-    return Console(file=file, width=None if file.isatty() else max(plain, _PLAIN_WIDTH), markup=False)
+def make_console(file: TextIO) -> Console:
+    """Return a console on `file`: as wide as the terminal, endless where it is none, as tables go to files whole."""
+    return Console(file=file, width=None if file.isatty() else sys.maxsize, markup=False, highlight=False)
 
 
 def make_progress() -> Progress:
