@@ -193,9 +193,9 @@ def _change(advice: Advice) -> str:
 
 def storage_text(grid: GridMap, one: Candidate) -> str:
     """Say how much storage a change removes."""
-    lost = storage_lost(grid, one)
-    cells = f"{100 * lost.share:.0f}% of the storage ({lost.cells} shelf cells)"
-    return f"{cells}, and {lost.faces} of {lost.of} pick faces have no shelf left" if lost.faces else cells
+    lost, share, faces, served = storage_lost(grid, one)
+    cells = f"{100 * share:.0f}% of the storage ({lost} shelf cells)"
+    return f"{cells}, and {faces} of {served} pick faces have no shelf left" if faces else cells
 
 
 def effect_text(effect: Effect, aim: Aim = GOALS) -> str:

@@ -31,21 +31,12 @@ class Candidate(NamedTuple):
     opened: NDArray[np.bool_]  # [H, W], cells of shelf that become floor
 
 
-class Storage(NamedTuple):
-    """The storage that a change removes."""
-
-    cells: int  # of shelf
-    share: float  # of all shelf cells
-    faces: int  # pick faces left without a shelf
-    of: int  # pick faces with a shelf before
-
-
-def storage_lost(grid: GridMap, one: Candidate) -> Storage:
-    """Return the shelves, not walls, that are lost."""
+def storage_lost(grid: GridMap, one: Candidate) -> tuple[int, float, int, int]:
+    """Return the lost shelf cells, not walls, their share, the pick faces left without a shelf, and of how many."""
     before, after = shelves(grid.walls), shelves(grid.walls) & ~one.opened
     served, left = (int(beside(racks)[tuple(grid.picks.T)].sum()) for racks in (before, after))
     cells = int(before.sum() - after.sum())
-    return Storage(cells, cells / max(1, int(before.sum())), served - left, served)
+    return cells, cells / max(1, int(before.sum())), served - left, served
 
 
 def aisles(grid: GridMap, cell: Cell) -> list[Candidate]:

@@ -104,7 +104,7 @@ class Trial(Job):
     @property
     def files(self) -> tuple[str, ...]:
         """The policy, the planner and the orders."""
-        return self.policy, self.planner, *filter(None, [self._orders_file])
+        return self.policy, self.planner, self._orders_file
 
     def left(self, rows: Sequence[Row]) -> tuple[Sequence[Row], Self | None]:
         """Return its row, if there is one."""

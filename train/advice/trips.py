@@ -44,16 +44,11 @@ def plan_trips(grid: GridMap, trips: Sequence[Trip]) -> list[NDArray[np.int64]]:
     return [planner.plan(grid, start, goal, rng).cells for start, goal in trips]
 
 
-class RouteTraffic(NamedTuple):
-    """The traffic of a set of routes."""
-
-    visits: NDArray[np.float64]  # [H, W], share of the routes that visit a cell
-    conflicts: float  # expected between all pairs of routes while each robot drives its route once
-
-
-def traffic(routes: Sequence[NDArray[np.int64]], shape: tuple[int, int]) -> RouteTraffic:
+def traffic(routes: Sequence[NDArray[np.int64]], shape: tuple[int, int]) -> tuple[NDArray[np.float64], float]:
     """Return the traffic of one or more routes int64[L, 2], none of which meets itself.
 
+    That is the share of the routes that visit a cell, float64[H, W], and the expected conflicts between all pairs of
+    routes while each robot drives its route once.
     Robots repeat their routes from random times on and drive a cell in a unit of time. Two conflict at a shared stretch
     of cells if they arrive within one unit of each other; on an opposing stretch (paper 001, section 2.3) within its
     length more. Diagonals that cross count like a shared cell. A window w of routes that take T_i and T_j counts
@@ -78,7 +73,7 @@ def traffic(routes: Sequence[NDArray[np.int64]], shape: tuple[int, int]) -> Rout
     crossing = np.where(rows * columns, diagonals[square ^ 1], 0)
     met = float((weight[owner] * (visits[place] - 1)).sum())
     met += float((weight[owner[drives]] * (crossing - same - opposing + long * opposing)).sum())
-    return RouteTraffic(visits.reshape(shape) / len(routes), met)
+    return visits.reshape(shape) / len(routes), met
 
 
 class Bottleneck(NamedTuple):
@@ -93,7 +88,7 @@ class Bottleneck(NamedTuple):
 
 
 def bottlenecks(grid: GridMap, waiting: NDArray[np.float64], visits: NDArray[np.float64]) -> list[Bottleneck]:
-    """Return up to MOST places with the longest waiting [s/h], worst first; visits: see RouteTraffic."""
+    """Return up to MOST places with the longest waiting [s/h], worst first; visits: see `traffic`."""
     found = []
     for row, column, heat in peaks(waiting, MOST, RADIUS):
         around = (slice(max(0, row - RADIUS), row + RADIUS + 1), slice(max(0, column - RADIUS), column + RADIUS + 1))
@@ -106,5 +101,5 @@ def expected_cost(grid: GridMap, trips: Sequence[Trip], robots: int) -> float:
     """Return the cost of a trip in cells: its length, and PRICE for each expected conflict with `robots`."""
     routes = plan_trips(grid, trips)
     length = float(np.mean([path_length(route) for route in routes]))
-    met = 2.0 * traffic(routes, grid.shape).conflicts / len(routes) * robots / len(routes)
+    met = 2.0 * traffic(routes, grid.shape)[1] / len(routes) * robots / len(routes)
     return length + PRICE * met
