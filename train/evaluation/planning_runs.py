@@ -18,6 +18,7 @@ from warehouse_env.planning import Plan, Planner, climb, min_turns, path_length,
 from warehouse_env.planning.plan import validate_line
 
 OPTIMAL = 1e-9  # relative excess of a length that counts as rounding
+_FIGURES = ("length", "gap", "turns", "climb_m", "line_length", "turn_angle", "clearance")  # None without a path
 _FAR = 5.0  # [cells], largest clearance that is measured
 
 
@@ -64,14 +65,11 @@ def plan_once(
         validate(grid, plan.cells, task.start, task.goal)
         if plan.line is not None:
             validate_line(grid, plan.line, task.start, task.goal)
-    length = path_length(plan.cells)
     row: Row = {
         "planner": label or planner.name, "layout": grid.name, "task": task.name, "start": list(task.start),
         "goal": list(task.goal), "run": run, "seed": seed, "success": plan.found,
-        "length": length if plan.found else None, "optimal_length": task.optimal_length,
-        "gap": _gap(length, task.optimal_length) if plan.found else None,
-        "turns": turns(plan.cells) if plan.found else None, "min_turns": task.min_turns,
-        "climb_m": climb(grid, plan.cells) if plan.found else None, **_of_line(grid, plan),
+        "optimal_length": task.optimal_length, "min_turns": task.min_turns,
+        **(_figures(grid, plan, task.optimal_length) if plan.found else dict.fromkeys(_FIGURES)),
         "converged_at": plan.converged_at or None, "iterations": len(plan.best_by_iteration),
         "ms": 1000 * plan.seconds, "cpu_ms": 1000 * worked,  # the latter is the same on a busy machine
         "parameters": planner.key, "version": __version__,
@@ -79,17 +77,13 @@ def plan_once(
     return PlanningRun(task, row["planner"], row, plan)
 
 
-def _of_line(grid: GridMap, plan: Plan) -> Row:
-    """Return the part of a run's row about the line that is driven; None where there is no plan."""
-    if not plan.found:
-        return dict.fromkeys(("line_length", "turn_angle", "clearance"))
-    line = driven(plan)
-    return {"line_length": plan.line_length, "turn_angle": turn_angle(line), "clearance": least_gap(grid, line)}
-
-
-def _gap(length: float, optimal: float) -> float:
-    """Return the relative excess of a path over the shortest; 0 for a path from a cell to itself."""
-    return length / optimal - 1 if optimal else length
+def _figures(grid: GridMap, plan: Plan, optimal: float) -> Row:
+    """Return the values of _FIGURES for a found path."""
+    length, line = path_length(plan.cells), driven(plan)
+    gap = length / optimal - 1 if optimal else length  # 0 from a cell to itself
+    of_cells = length, gap, turns(plan.cells), climb(grid, plan.cells)
+    of_line = plan.line_length, turn_angle(line), least_gap(grid, line)
+    return dict(zip(_FIGURES, (*of_cells, *of_line), strict=True))
 
 
 def is_optimal(row: Row) -> bool:
