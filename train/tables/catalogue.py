@@ -18,10 +18,16 @@ FOLDER = Path(__file__).parent / "studies"
 PAPERS = ("000", "001", "002", "003", "004")
 
 SETTINGS: dict[str, Callable[[], tuple[TableSetting, ...]]] = {made.__name__: made for made in (
-    settings.in_zone, settings.cross_zone, settings.clutter_and_blocks, settings.walker_floors, coordinator.six_agvs,
-    settings.paper002_floors, avoidance.moving_obstacle, settings.traps_and_clutter, settings.more_clutter,
-    settings.floors_of_references, settings.shares_of_obstacles, settings.pairs_on_floors,
-)}  # fmt: skip
+    settings.clutter_and_blocks, settings.walker_floors, coordinator.six_agvs, avoidance.moving_obstacle,
+    settings.traps_and_clutter, settings.more_clutter, settings.floors_of_references, settings.pairs_on_floors,
+)} | {
+    "in_zone": partial(settings.on_paper46, "in_zone_2", "in_zone_1", "in_zone_3", settings.PATH_4),  # as in table 1
+    "cross_zone": partial(settings.on_paper46, "cross_zone_1", "cross_zone_2"),  # as in table 2
+    # 30 x 30 cells with the start (1, 1) and goal (30, 28) of paper 002, counted from 1
+    "paper002_floors": partial(settings.clutter, 30, (0.2, 0.3), 16, ((0, 0), (29, 27))),
+    # the five environments of tables 2 and 3 of paper 004
+    "shares_of_obstacles": lambda: settings.clutter(20, (0.2, 0.25, 0.3, 0.35), 8) + settings.clutter(30, (0.2,), 8),
+}  # fmt: skip
 EXPERIMENTS: dict[str, Experiment] = {
     "each alone": coordinator.on_grid,
     "coordinator": partial(coordinator.on_grid, aside=True, new_route=True),

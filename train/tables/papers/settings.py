@@ -74,24 +74,14 @@ def drawn_map(picture: str, name: str) -> GridMap:
 
 # Paper 000: the four zones of paper46. No path on a grid has the printed length 26.6820 of path 4; these two cells have
 # the next shorter length on our map, 11 + 11 sqrt 2.
-_PATH_4: tuple[Cell, Cell] = ((1, 0), (13, 21))
+PATH_4: tuple[Cell, Cell] = ((1, 0), (13, 21))
 
 
-def _paper46(*ends: str | tuple[Cell, Cell]) -> Settings:
+def on_paper46(*ends: str | tuple[Cell, Cell]) -> Settings:
     """Return "path 1", "path 2" and so on: named tasks of paper46, or a start and a goal there."""
     grid, named = make_layout("paper46"), NAMED_TASKS["paper46"]
     cells = [(named[one].start, named[one].goal) if isinstance(one, str) else one for one in ends]
     return tuple(TableSetting(f"path {k}", (TableTask(grid, *one),)) for k, one in enumerate(cells, start=1))
-
-
-def in_zone() -> Settings:
-    """Return the four tasks within a zone, in the order of table 1."""
-    return _paper46("in_zone_2", "in_zone_1", "in_zone_3", _PATH_4)
-
-
-def cross_zone() -> Settings:
-    """Return the two tasks across zones, in the order of table 2."""
-    return _paper46("cross_zone_1", "cross_zone_2")
 
 
 def clutter_and_blocks() -> Settings:
@@ -138,11 +128,6 @@ def walker_floors() -> Settings:
         *clutter(20, (0.1,), 48),
         TableSetting("narrow", tuple(TableTask(grid, cells[a], cells[b]) for a, b in pairs)),
     )
-
-
-def paper002_floors() -> Settings:
-    """Return random floors of 30 x 30 cells with the paper's start (1, 1) and goal (30, 28), counted from 1."""
-    return clutter(30, (0.2, 0.3), 16, ((0, 0), (29, 27)))
 
 
 _OPEN, _BAR, _BACK = "." * 20, "......#########.....", ".............##....."
@@ -225,11 +210,6 @@ def _with_optimum(setting: str) -> TableSetting:
 def floors_of_references() -> Settings:
     """Return the four settings of table 1 of paper 004."""
     return tuple(map(_with_optimum, OPTIMA))
-
-
-def shares_of_obstacles() -> Settings:
-    """Return the five environments of tables 2 and 3 of paper 004."""
-    return clutter(20, (0.2, 0.25, 0.3, 0.35), 8) + clutter(30, (0.2,), 8)
 
 
 PAIRS = 200
