@@ -77,8 +77,8 @@ class EpisodesJob(Job):
         return watch
 
     def run(self, tick: Tick) -> Result:
-        """Play the episodes; `more` are the notes."""
+        """Play the episodes."""
         if not self.noted:
-            return Result(run(self.experiment, [self.ticking(tick)]), [])
+            return Result(run(self.experiment, [self.ticking(tick)]))
         places = PlaceNotes(self.experiment)
         return Result(run(self.experiment, [self.ticking(tick), places]), places.rows())

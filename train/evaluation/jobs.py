@@ -11,7 +11,7 @@ import random
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache
 from pathlib import Path
-from typing import Any, ClassVar, NamedTuple, Protocol, Self
+from typing import ClassVar, NamedTuple, Protocol, Self
 
 import warehouse_env
 from train.reporting.report import make_progress
@@ -36,10 +36,10 @@ def code_of(*folders: str) -> str:
 
 
 class Result(NamedTuple):
-    """The rows of a job, and other results for the caller."""
+    """The rows of a job, and more rows, for another file."""
 
     rows: list[Row]
-    more: Any = None
+    notes: Sequence[Row] = ()
 
 
 class Job:
@@ -153,16 +153,16 @@ class Runner:
 
     def __init__(
         self, file: RowFile, old: Sequence[Row] = (), workers: Workers | None = None, *, goes_on: str = "",
-        mixed: bool = False, progress: Progress | None = None, hear: Callable[[Any], object] | None = None,
+        mixed: bool = False, progress: Progress | None = None, notes: RowFile | None = None,
     ) -> None:  # fmt: skip
         """Take a file for the rows, and the rows that it holds already.
 
         workers: this process by default. goes_on: how to resume a stopped command. mixed: shuffle the jobs, always the
-        same way, so that the progress bar can estimate the time. progress: a bar on stderr by default. hear: called
-        with `Result.more` of a part before its rows are written.
+        same way, so that the progress bar can estimate the time. progress: a bar on stderr by default. notes: gets
+        those of a part before its rows are written.
         """
         self._file, self._known, self._workers = file, list(old), workers or Here()
-        self._goes_on, self._mixed, self._progress, self._hear = goes_on, mixed, progress, hear
+        self._goes_on, self._mixed, self._progress, self._notes = goes_on, mixed, progress, notes
 
     def __enter__(self) -> Self:
         return self
@@ -188,8 +188,8 @@ class Runner:
         try:
             with _shown(sum(job.size for _, job in parts), self._progress) as moved:
                 for part, result in self._workers.each(numbered, moved):
-                    if self._hear is not None:
-                        self._hear(result.more)
+                    if self._notes is not None:
+                        self._notes.add(result.notes)
                     self._file.add(result.rows)
                     self._known += result.rows
                     done[part] = result.rows

@@ -77,12 +77,11 @@ class RowOptions(Checked):
     ) -> list[Row]:  # fmt: skip
         """Do what is missing of jobs; return all rows, in order. WarehouseError if `page` could not be written then.
 
-        notes: the file for `Result.more`, more rows. mixed: see `Runner`. resumes: see `file`.
+        notes: the file for `Result.notes`. mixed: see `Runner`. resumes: see `file`.
         """
         check_writable(page)
-        hear = None if notes is None else notes.add
         with (
             self.file(resumes) as file,
-            Runner(file, file.old(), self.workers(), goes_on=GOES_ON, mixed=mixed, hear=hear) as run,
+            Runner(file, file.old(), self.workers(), goes_on=GOES_ON, mixed=mixed, notes=notes) as run,
         ):
             return run(jobs)
