@@ -1,12 +1,11 @@
 """Priority inheritance over sequences of motions (EPIBT, arXiv 2511.09193, after PIBT of Okumura et al. 2022).
 
 Every robot always holds a sequence that ends at rest, and no two held sequences touch. In each decision the robots
-choose in turn: those that retreat, then the others by the age of their tasks, the oldest first. Robots that are served
-or parked stand. A robot takes its
-cheapest sequence that is clear of all held ones. If its way along the route is not clear, it also considers arcs. A
-cheaper sequence may push a few robots that have not chosen yet. These then choose next, with its priority, and may push
-others in turn. If one of them finds no sequence, the attempt is undone. A robot that finds none keeps the sequence that
-it holds.
+choose in turn: first those that retreat, then the others, the oldest task first, where a retreat makes a task new.
+Robots that are served or parked stand. A robot takes its cheapest sequence that is clear of all held ones. If its way
+along the route is not clear, it also considers arcs. A cheaper sequence may push a few robots that have not chosen yet.
+These then choose next, with its priority, and may push others in turn. If one of them finds no sequence, the attempt is
+undone. A robot that finds none keeps the sequence that it holds.
 """
 
 from typing import NamedTuple
@@ -40,7 +39,6 @@ _GAP = np.float32(0.005)  # [m] around each body
 _MOVED = np.float32(0.6)  # [m], more than any points of two bodies move between two poses
 _PUSHES = np.float32(0.3)  # [s], price of each push by a robot that is pushed itself
 _GETS_ON = np.float32(0.3)  # [s], least saving over braking for which a robot considers no arcs
-_FIRST = 1 << 32  # [steps], more than the age of any task
 NONE = -1
 
 
@@ -251,8 +249,7 @@ def _choose_for(first, scene, sequences, state):
 @kernel
 def choose_all(scene, sequences, state):
     """Let all robots choose a sequence each: `state.held`."""
-    ages = scene.robots["task"]["age"] + _FIRST * sequences.turns
-    turn = np.argsort(-ages, kind="mergesort")  # of equals the lower first
+    turn = np.argsort(-sequences.ranks, kind="mergesort")  # of equals the lower first
     sequences.known[:] = 0
     for i in range(turn.size):
         estimate(i, KEPT + 1, scene, sequences)

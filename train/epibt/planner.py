@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from train.epibt.inheritance import choose_all, make_choosing
 from train.epibt.manoeuvres import Manoeuvres
-from train.epibt.sequences import LAST, RETREATS, STAGE, Scene, braking_steps, make_sequences, programs
+from train.epibt.sequences import FIRST, STAGE, Scene, braking_steps, make_sequences, programs
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
 from warehouse_env.simulation.simulator import Simulator
@@ -16,7 +16,7 @@ from warehouse_env.simulation.simulator import Simulator
 NAME, SUMMARY = "epibt", "a central planner: priority inheritance over sequences of motions"
 NEEDS: dict[str, Any] = {"action_type": "raw", "traffic": "routes"}  # fields of EnvConfig
 # A robot that has stood within a metre for _PATIENCE [s] begins to retreat with probability _CHANCE in each decision.
-# For _RETREAT decisions it backs out and chooses first. For as many more it chooses last, so that others can push it.
+# For _RETREAT decisions it backs out and chooses first. Then its task counts as new, so that others can push it.
 _PATIENCE, _CHANCE, _RETREAT = 12.0, 0.05, 20
 _BRAKING = 60  # physics steps from the highest speed to rest, at most
 
@@ -59,6 +59,7 @@ class Epibt:
         self._kept = np.zeros((worlds, *self._sequences.kept.shape), np.float32)
         self._left = np.zeros((worlds, robots), np.int32)
         self._backs = np.zeros((worlds, robots), np.int64)  # decisions for which a robot still retreats
+        self._gave_way = np.zeros((worlds, robots), np.int64)  # age of its task when it last retreated [steps]
         most = [(robot.max_acceleration, robot.max_steering_rate) for robot in config.robots]
         self._most = np.array(most, np.float32)
         self._steps = 0  # physics steps so far
@@ -81,12 +82,13 @@ class Epibt:
 
     def _draw_retreats(self, world: int, robots: NDArray[Any], generator: np.random.Generator) -> None:
         """Let some of the robots ROBOT[N] begin to retreat."""
-        backs, drawn = self._backs[world], generator.random(robots.shape)
+        backs, gave_way, age = self._backs[world], self._gave_way[world], robots["task"]["age"]
+        drawn = generator.random(robots.shape)
         backs[:] = np.maximum(backs - 1, 0)
         stood = (robots["clocks"]["standing_time"] > _PATIENCE) & (robots["task"]["alive"] != 0)
-        begins = (backs == 0) & stood & (drawn < _CHANCE)
-        backs[begins] = 2 * _RETREAT
-        self._sequences.turns[:] = np.where(backs > _RETREAT, RETREATS, np.where(backs > 0, LAST, 0))
+        backs[(backs == 0) & stood & (drawn < _CHANCE)] = _RETREAT
+        gave_way[:] = np.where(backs > 0, age, np.where(age < gave_way, 0, gave_way))  # less: its task is new
+        self._sequences.ranks[:] = np.where(backs > 0, FIRST, age - gave_way)
 
     def _decide(self, simulator: Simulator, world: int) -> None:
         """Let the robots of a world choose their next sequences."""

@@ -34,7 +34,7 @@ AHEAD = 3  # the sequence that follows the route as fast and far as possible
 ARC_X, ARC_Y, ARC_SPEED, ARC_STEER, ARC = range(5)  # columns of the arc that a robot drives, and their number
 _COLUMNS = 7  # of a program: the kind, and two of speed [m/s], offset [m] or steering [rad], and number of stages
 X, Y, COS, SIN, SWEEP = range(5)  # columns of a pose: the body's centre and heading
-RETREATS, LAST = 1, -1  # of a robot that backs out and chooses first, and of one that chooses last
+FIRST = 1 << 32  # [steps], rank of a robot that retreats: more than the age of any task
 UNKNOWN, FREE, BLOCKED = range(3)  # whether a sequence keeps off shelves
 
 _STILL, _ROUNDING = np.float32(1e-6), 1e-6  # [m/s] and [steps] that are rounding
@@ -79,7 +79,7 @@ class Sequences(NamedTuple):
     left: NDArray[np.int32]  # [N], their number
     arc: NDArray[np.float32]  # [N, ARC]: where it ends [m], at what speed [m/s] (0: none) and steering [rad]
     known: NDArray[np.int64]  # [N], sequences whose costs are estimated
-    turns: NDArray[np.int64]  # [N], RETREATS, LAST, or 0
+    ranks: NDArray[np.int64]  # [N], FIRST, or the age of the task since the robot last gave way [steps]
 
 
 _PACES = tuple(itertools.product((FASTEST, 0.75), (0.0, -0.35, 0.35, -0.7, 0.7), (_STAGES, 3, 1)))
@@ -92,6 +92,7 @@ def programs() -> NDArray[np.float32]:
     for first in itertools.product((-0.5, 0.6), angles, (1, 2)):
         rows.append((TWO_ARCS, *first))
         rows += ((TWO_ARCS, *first, *then, 3) for then in itertools.product((-0.5, 0.8), angles))
+    rows += ((TWO_ARCS, 0.0, 0.0, 2, speed, 0.0, 3) for speed in (-0.5, 0.8))  # first the wheels turn straight
     table = np.zeros((len(rows), _COLUMNS), np.float32)
     for row, values in zip(table, rows, strict=True):
         row[: len(values)] = values
@@ -273,7 +274,7 @@ def _price(i, k, exactly, scene, sequences):
         if scene.stops:
             cost += _OFF * _to_go(r, scene.routes[i], x, y, heading)
     else:
-        if sequences.turns[i] == RETREATS:
+        if sequences.ranks[i] == FIRST:
             cost = _BACKING * ((x - motion["x"]) * motion["cos"] + (y - motion["y"]) * motion["sin"])
         else:
             cost = _to_go(r, scene.routes[i], x, y, heading)

@@ -238,17 +238,25 @@ def test_a_younger_robot_backs_out_of_a_passage_for_an_older_one() -> None:
     assert not simulator.robots[0]["totals"]["hits_robot"].any()
 
 
-def test_robots_leave_a_dead_end_in_which_the_older_one_drives_at_the_younger_one() -> None:
+@pytest.mark.parametrize(
+    ("gap", "wheels", "ages", "seconds"),
+    [
+        pytest.param(2.0, 0.0, (100, 0), 90.0, id="the older one drives in"),
+        pytest.param(0.95, -60.0, (0, 100), 60.0, id="the younger one, whose wheels are turned, drives in"),
+    ],
+)
+def test_robots_leave_a_dead_end(gap: float, wheels: float, ages: tuple[int, int], seconds: float) -> None:
     occupied = np.ones((5, 24), bool)
     occupied[2, 1:23] = False
     occupied[1:4, 19:23] = False  # a bay at the east end, farther than a robot retreats; the west end is closed
     grid = GridMap(occupied, name="dead_end", picks=[(2, 1), (1, 22)], stations=[(3, 22), (2, 22)])
     simulator = Simulator(_config(2), 1, grid=grid)
-    (older, younger), goals = grid.centre(np.array([(2, 6), (2, 4)])), grid.centre(np.array([(2, 1), (3, 22)]))
-    simulator.reset_to([Assignment(np.array([(*older, np.pi), (*younger, np.pi)]), goals)])
-    simulator.robots[0]["task"]["age"] = 100, 0
+    (x, y), goals = grid.centre(np.array((2, 4))), grid.centre(np.array([(2, 1), (3, 22)]))
+    simulator.reset_to([Assignment(np.array([(x + gap, y, np.pi), (x, y, np.pi)]), goals)])
+    simulator.robots[0]["task"]["age"] = ages
+    simulator.robots[0]["motion"]["steer"] = np.radians(wheels), 0.0
     (planner, generators), arrived = _planner(simulator), np.zeros(2, bool)
-    for _ in range(2400):
+    for _ in range(round(seconds / simulator.config.time_step)):
         simulator.step(planner.act(simulator, generators))
         arrived |= simulator.robots[0]["events"]["arrived"] != 0
         if arrived.all():
