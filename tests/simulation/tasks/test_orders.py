@@ -18,9 +18,7 @@ from warehouse_env.simulation.tasks.ledger import Demand, Ledger
 from warehouse_env.simulation.tasks.orders import (
     ALLOCATORS,
     Order,
-    as_table,
     check_orders,
-    from_table,
     make_allocator,
     read_orders,
     write_orders,
@@ -46,7 +44,6 @@ def test_what_is_written_is_read(tmp_path_factory: pytest.TempPathFactory, order
     path = tmp_path_factory.mktemp("orders") / "o.csv"
     write_orders(path, orders)
     assert read_orders(path) == tuple(sorted(orders, key=lambda order: order.release))
-    assert from_table(as_table(orders)) == tuple(orders)
 
 
 ONE = Order(0.0, ((1, 1), (1, 4)), (9, 1), 600.0, 120.0)

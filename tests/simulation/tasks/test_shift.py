@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from warehouse_env.config import EnvConfig, RobotSpec
+from warehouse_env.errors import WarehouseError
 from warehouse_env.maps.layouts import make_layout
 from warehouse_env.maps.moves import label_regions
 from warehouse_env.routes.goals import face
@@ -203,3 +204,9 @@ def test_an_episode_of_a_file_of_orders_replays_without_the_file(tmp_path: Path)
     path.unlink()
     *_, last = Episode.load(tmp_path / "e.npz").replay()
     assert same(last, recorder.simulator)
+    arrays = dict(np.load(tmp_path / "e.npz"))
+    cells = "[[1, 2]], [1, 2]"
+    for orders in ("[", "[3]", "[[0, [], [1, 2], 9, 1]]", f"[[NaN, {cells}, 9, 1]]", '[[0, [[1, 2.5]], "12", 9, 1]]'):
+        np.savez(tmp_path / "damaged.npz", **arrays | {"orders": np.frombuffer(orders.encode(), np.uint8)})
+        with pytest.raises(WarehouseError, match="no complete episode file"):
+            Episode.load(tmp_path / "damaged.npz")

@@ -7,6 +7,8 @@ import contextlib
 import dataclasses
 import io
 import json
+import math
+import operator
 import warnings
 import zipfile
 from collections.abc import Iterator
@@ -29,7 +31,7 @@ from warehouse_env.simulation.given import listed, whole_seed
 from warehouse_env.simulation.physics.poses import numbers, within_a_turn
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.tasks.assignment import Assignment, begin, check_assignments
-from warehouse_env.simulation.tasks.orders import Order, as_table, from_table
+from warehouse_env.simulation.tasks.orders import Order
 
 FORMAT = 1
 _ALWAYS = ("occupied", "height", "picks", "stations")  # arrays of a GridMap that every file has
@@ -65,7 +67,7 @@ class Episode:
         }  # fmt: skip
         arrays: dict[str, Any] = {name: array for name in _GOING if (array := getattr(grid, name)) is not None}
         if self.orders is not None:
-            arrays["orders"] = np.array(as_table(self.orders), dtype=np.float64)
+            arrays["orders"] = np.frombuffer(json.dumps(self.orders, default=np.generic.item).encode(), np.uint8)
         if self.start is not None:
             arrays |= {"start_pose": self.start.pose, "start_goal": self.start.goal}
         if len(grid.discs):
@@ -96,7 +98,7 @@ class Episode:
         grid = GridMap(floor.pop("occupied"), name=about["map"], **floor)
         seeds, actions, pose = (_array(archive, name, _LARGEST_ARRAY) for name in ("seeds", "actions", "pose"))
         _check_shapes(config, seeds, actions, pose)
-        orders = from_table(_array(archive, "orders").tolist()) if "orders.npy" in members else None
+        orders = _orders(_array(archive, "orders")) if "orders.npy" in members else None
         pose, start = numbers("pose", pose, (-1, -1, -1, 3)), None
         if "start_pose.npy" in members:
             start = Assignment(
@@ -145,6 +147,17 @@ def _array(archive: zipfile.ZipFile, name: str, most: int = _LARGEST_FLOOR) -> N
     if dtype.kind not in "biuf":
         raise WarehouseError(f"its array {name} of {dtype.name} is not of plain numbers")
     return np.frombuffer(file.read(), dtype).reshape(shape, order="F" if by_columns else "C").copy()
+
+
+def _orders(text: NDArray[Any]) -> tuple[Order, ...]:
+    """Return the orders of a file; an error unless they are of finite numbers and whole cells."""
+    orders = []
+    for release, picks, drop, due, weight in json.loads(text.tobytes()):
+        cells = [(operator.index(row), operator.index(column)) for row, column in (*picks, drop)]
+        if len(cells) < 2 or not all(map(math.isfinite, (release, due, weight))):
+            raise WarehouseError("its orders need a pick face and a station each, and finite numbers")
+        orders.append(Order(float(release), tuple(cells[:-1]), cells[-1], float(due), float(weight)))
+    return tuple(orders)
 
 
 def _check_shapes(config: EnvConfig, seeds: NDArray[Any], actions: NDArray[Any], pose: NDArray[Any]) -> None:

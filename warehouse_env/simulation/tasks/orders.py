@@ -11,7 +11,6 @@ the distance from each robot to each order's first pick face.
 
 import csv
 import io
-import math
 import multiprocessing
 import re
 import warnings
@@ -22,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from warehouse_env.errors import ConfigError, MapWarning, WarehouseError, check_known, shown
+from warehouse_env.errors import ConfigError, MapWarning, check_known, shown
 from warehouse_env.files import as_number, complete_file, read_text
 from warehouse_env.maps.grid_map import Cell, GridMap
 
@@ -144,32 +143,6 @@ def _cell(value: str, where: str) -> Cell:
     if found is None:
         raise ConfigError(f"{where}: the cell {shown(value)} must be two whole numbers, such as 12:7")
     return int(found[1]), int(found[2])
-
-
-def as_table(orders: Sequence[Order]) -> list[list[float]]:
-    """Return a row of numbers for each stop of each order, for an episode's file (`from_table` reads it).
-
-    The numbers are the order's number, release, row, column, due time and weight.
-    """
-    return [
-        [k, order.release, *cell, order.due, order.weight]
-        for k, order in enumerate(orders)
-        for cell in (*order.picks, order.drop)
-    ]
-
-
-def from_table(rows: Iterable[Sequence[float]]) -> tuple[Order, ...]:
-    """Return the orders that `as_table` wrote; WarehouseError for anything else."""
-    stops: dict[float, list[Sequence[float]]] = {}
-    for row in rows:
-        stops.setdefault(row[0], []).append(row)
-    orders = []
-    for several in stops.values():
-        if len(several) < 2 or not all(math.isfinite(number) for row in several for number in row):
-            raise WarehouseError("its orders need a pick face and a station each, and finite numbers")
-        cells = [(int(row[2]), int(row[3])) for row in several]
-        orders.append(Order(several[0][1], tuple(cells[:-1]), cells[-1], several[0][4], several[0][5]))
-    return tuple(orders)
 
 
 Allocator = Callable[[NDArray[np.float64]], list[tuple[int, int]]]
