@@ -190,7 +190,7 @@ def _disturb(simulator: Simulator, rng: np.random.Generator) -> None:
     elif kind == 3:
         free = simulator.grid.centre(rng.permutation(simulator.grid.free_cells)[: 2 * shape[1]])
         poses = np.column_stack([free, rng.uniform(-1e3, 1e3, len(free))])
-        simulator.reset_to([Assignment(poses[: shape[1]], poses[shape[1] :])] * shape[0])
+        simulator.reset(None, [Assignment(poses[: shape[1]], poses[shape[1] :])] * shape[0])
     else:
         simulator.reset_world(0, int(rng.integers(9)))
 

@@ -335,7 +335,7 @@ def arrays(draw: st.DrawFn) -> Any:
 
 
 ACTS = (
-    "parallel", "single", "vector", "step", "put", "reset", "reset_world", "seed", "reset_to", "recorder", "options",
+    "parallel", "single", "vector", "step", "put", "reset", "reset_world", "seed", "assignments", "recorder", "options",
 )  # fmt: skip
 
 
@@ -357,8 +357,8 @@ def test_actions_seeds_and_poses(action_type: str, act: str, what: Any) -> None:
         elif act == "put":
             simulator.reset(1)
             simulator.put(what, what if isinstance(what, (int, float)) else np.zeros((2, 2)))
-        elif act == "reset_to":
-            simulator.reset_to([Assignment(what, what)] * 2 if isinstance(what, np.ndarray) else what)
+        elif act == "assignments":
+            simulator.reset(None, [Assignment(what, what)] * 2 if isinstance(what, np.ndarray) else what)
         elif act == "recorder":
             Recorder(simulator, what)
         elif act == "options":
@@ -407,7 +407,7 @@ def test_rows_with_wrong_values_are_not_compared(tmp_path: Path, field: str, val
     ("make", "sentence"),
     [
         (lambda: parse_named(f"{'x' * 5000}:a", "layout", "b"), r"layout x{70,80}.* must be PARAMETER=VALUE"),
-        (lambda: _simulator().reset_to(3), "assignments must be 1 of type Assignment"),  # type: ignore[arg-type]
+        (lambda: _simulator().reset(None, 3), "assignments must be 1 of type Assignment"),  # type: ignore[arg-type]
         (lambda: make_policy("~nobody-of-this-name", EnvConfig()), "unknown policy"),
         (lambda: make_policy("~\0", EnvConfig()), "unknown policy"),
         (lambda: make_policy("~\ud800", EnvConfig()), "unknown policy"),

@@ -182,7 +182,7 @@ def test_a_heading_of_many_turns_is_that_of_the_remainder(turns: int) -> None:
     for more in (0, turns):
         simulator = Simulator(config, 2, grid=make_layout("open"))
         turned = heading + more * 2 * np.pi
-        simulator.reset_to([Assignment([(20.5, 20.5, turned)], [(30.5, 20.5, 1.0 + turned)])] * 2, 0)
+        simulator.reset(0, [Assignment([(20.5, 20.5, turned)], [(30.5, 20.5, 1.0 + turned)])] * 2)
         seen += [simulator.observation.copy(), simulator.state.pose.copy()]
         simulator.put([[(20.5, 20.5, turned)]] * 2, 0.5)
         seen += [simulator.observation.copy(), simulator.state.pose.copy()]

@@ -21,7 +21,9 @@ from warehouse_env.config import EnvConfig
 from warehouse_env.routes.book import RouteBook
 from warehouse_env.simulation.device.memory import field_on_device
 from warehouse_env.simulation.device.simulator import DeviceSimulator
+from warehouse_env.simulation.given import Seeds
 from warehouse_env.simulation.state import OWNER
+from warehouse_env.simulation.tasks.assignment import Assignment
 
 ROUND = 20  # env steps between those after which worlds end, since a reset takes as long as a step
 
@@ -46,9 +48,9 @@ class TrainingDevice(DeviceSimulator):
         self.stuck, self.ends = torch.zeros(()), list[bool]()
         self._jammed = torch.zeros(num_worlds, dtype=torch.bool, pin_memory=self.device.type == "cuda")
 
-    def reset(self, seed: int | Sequence[int] | None = None) -> Tensor:
+    def reset(self, seed: Seeds = None, assignments: Sequence[Assignment] | None = None) -> Tensor:
         """Start all worlds, and spread the ends of their first episodes evenly."""
-        observation = super().reset(seed)
+        observation = super().reset(seed, assignments)
         spread_ends(self.steps, self.config.max_steps)
         self.steps -= self.steps % ROUND
         self._tensors["steps"].copy_(torch.from_numpy(self.steps))

@@ -23,8 +23,10 @@ from train.learning.progress import TrainingTally
 from warehouse_env.config import EnvConfig, RewardWeights
 from warehouse_env.observation import observation_layout
 from warehouse_env.routes.book import RouteBook
+from warehouse_env.simulation.given import Seeds
 from warehouse_env.simulation.senses.rewards import REWARD_TERMS
 from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.simulation.tasks.assignment import Assignment
 
 _COLLISION, _CONTACT = REWARD_TERMS.index("collision"), REWARD_TERMS.index("contact")
 _LATE = 0.25  # of the predicted time: 0.6 s
@@ -96,9 +98,9 @@ class TrainingSimulator(Simulator):
         self._shared, self._jam_seconds, self.fields, self._late = shared, jam_seconds, self.robots, late_braking
         self.stuck, self.ends = 0, list[bool]()
 
-    def reset(self, seed: int | Sequence[int] | None = None) -> NDArray[np.float32]:
+    def reset(self, seed: Seeds = None, assignments: Sequence[Assignment] | None = None) -> NDArray[np.float32]:
         """Start all worlds as `Simulator.reset` does, but spread the ends of their first episodes evenly."""
-        observation = super().reset(seed)
+        observation = super().reset(seed, assignments)
         spread_ends(self.steps, self.config.max_steps)
         return observation
 

@@ -14,7 +14,7 @@ from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning.plan import Planner
 from warehouse_env.routes.book import RouteBook
 from warehouse_env.simulation.simulator import Simulator
-from warehouse_env.simulation.tasks.assignment import Assignment, begin
+from warehouse_env.simulation.tasks.assignment import Assignment
 
 Made = TypeVar("Made")
 
@@ -47,7 +47,7 @@ def build(
 
 def reset(simulator: Any, seed: int | None, options: object, one: bool = False) -> Any:
     """Reset a Simulator or DeviceSimulator as options say (see `assignments_of`), and return the observation."""
-    return begin(simulator, seed, assignments_of(options, [simulator.num_agents] * simulator.num_worlds, one))
+    return simulator.reset(seed, assignments_of(options, [simulator.num_agents] * simulator.num_worlds, one))
 
 
 def robots_of(options: object, most: int) -> int:

@@ -19,7 +19,7 @@ from warehouse_env.envs.rows import write_rows
 from warehouse_env.errors import ActionError, ConfigError, check_count, shown
 from warehouse_env.simulation.given import listed, whole_seed
 from warehouse_env.simulation.simulator import Simulator
-from warehouse_env.simulation.tasks.assignment import Assignment, begin
+from warehouse_env.simulation.tasks.assignment import Assignment
 
 StepResult = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]
 
@@ -96,8 +96,8 @@ class WarehouseVecEnv(VecEnv):
         observation, worlds = self._new_observation(), 0
         for k, block in enumerate(self.blocks):
             drawn = None if seed is None else int(np.random.SeedSequence([seed, k]).generate_state(1)[0])
-            begin(block.simulator, drawn if k else seed, assigned and assigned[worlds:][: block.simulator.num_worlds])
-            worlds += block.simulator.num_worlds
+            first, worlds = worlds, worlds + block.simulator.num_worlds
+            block.simulator.reset(drawn if k else seed, assigned and assigned[first:worlds])
         self._reset_seeds()
         self._begin(slice(None))
         self._padding = []

@@ -12,6 +12,7 @@ from warehouse_env.errors import ConfigError, shown
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.routes.book import RouteBook
 
+Seeds = int | Sequence[int] | None  # of a Simulator's reset, which tells what they mean
 _MOST_SAMPLES = 4096  # substeps of a full stop: minutes of braking
 
 

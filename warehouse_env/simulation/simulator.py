@@ -251,24 +251,17 @@ class Simulator(Portable):
         """Simulated time [s] since the world's reset."""
         return int(self.steps[world]) * self.config.action_repeat * self.config.time_step
 
-    def reset(self, seed: int | Sequence[int] | None = None) -> NDArray[np.float32]:
+    def reset(self, seed: given.Seeds = None, assignments: Sequence[Assignment] | None = None) -> NDArray[np.float32]:
         """Start all worlds anew and return the observation.
 
         seed: an int (world b draws from SeedSequence([seed, b])), one int a world (each then equals a single world
-        reset with that int), or None (each world begins the next episode of its last seed).
+        reset with that int), or None (each world begins the next episode of its last seed). assignments: the robots and
+        first goals of each world, if they are not drawn.
         """
-        return self._reset([None] * self.num_worlds, seed)
-
-    def reset_to(
-        self, assignments: Sequence[Assignment], seed: int | Sequence[int] | None = None
-    ) -> NDArray[np.float32]:
-        """Start all worlds anew as `reset` does, with the robots and first goals of the assignments."""
-        check_assignments(assignments, self.num_worlds, self.num_agents, self.grid)
-        return self._reset(assignments, seed)
-
-    def _reset(self, assignments: Sequence[Assignment | None], seed: int | Sequence[int] | None) -> NDArray[np.float32]:
+        if assignments is not None:
+            check_assignments(assignments, self.num_worlds, self.num_agents, self.grid)
         for world, entropy in enumerate(given.seeds_of(seed, self.num_worlds)):
-            self._reset_world(world, entropy, assignments[world])
+            self._reset_world(world, entropy, assignments[world] if assignments else None)
         self._show()
         self._observe()
         return self.observation

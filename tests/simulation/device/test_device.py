@@ -183,13 +183,13 @@ def test_given_starts_and_goals_are_those_of_the_simulator() -> None:
     here, there = Simulator(config(), 2), DeviceSimulator(config(), 2, device="cpu")
     here.reset(1)
     given = [Assignment(here.state.pose[world], here.state.goal[world].astype(np.int64)) for world in range(2)]
-    assert np.array_equal(here.reset_to(given, 5), there.reset_to(given, 5))
+    assert np.array_equal(here.reset(5, given), there.reset(5, given))
     cruise = np.full((2, ROBOTS), here.cruise_action)
     for _ in range(100):
         assert np.array_equal(here.step(cruise), there.step(torch.from_numpy(cruise)))
     points = [Assignment(here.state.pose[world], here.grid.centre(one.goal)) for world, one in enumerate(given)]
     with pytest.raises(ConfigError, match="goals on a device must be cells"):
-        there.reset_to(points)
+        there.reset(None, points)
 
 
 @pytest.mark.parametrize("name", ["shield", "errors and losses"])

@@ -30,7 +30,7 @@ START = Assignment([(2.5, 5.5, 0.0)], [(6, 9)])
 def simulator(**changes: object) -> Simulator:
     config = EnvConfig(num_agents=1, planner="astar", keep_right=0.0, max_steps=10**6).replace(**changes)
     sim = Simulator(config, grid=room(12, 12))
-    sim.reset_to([START], seed=1)
+    sim.reset(1, [START])
     return sim
 
 
@@ -41,7 +41,7 @@ POINT = (9.3, 5.2)
 @pytest.mark.parametrize("goal", [POINT, (*POINT, 1.0), (*POINT, float("nan"))])
 def test_goals_may_be_points_and_poses_whenever_a_robot_has_arrived(arrival: str, goal: tuple[float, ...]) -> None:
     sim = simulator(arrival=arrival)
-    sim.reset_to([Assignment([(2.5, 5.5, 0.0)], [goal])], seed=1)
+    sim.reset(1, [Assignment([(2.5, 5.5, 0.0)], [goal])])
     last = int(sim.state.route_points[0, 0]) - 1
     np.testing.assert_allclose(sim.routes[0, 0, last], POINT, atol=1e-6)
     assert sim.state.goal[0, 0].tolist() == [6, 9]
@@ -65,7 +65,7 @@ def drive(sim: Simulator, steps: int = 300) -> tuple[float, float]:
 @pytest.mark.parametrize(("heading", "arrives"), [(float("nan"), True), (0.0, False)])
 def test_a_robot_that_stops_at_a_pose_stands_as_exactly_as_with_poses(heading: float, arrives: bool) -> None:
     sim = simulator(arrival="stop")
-    sim.reset_to([Assignment([(8.9, 5.5, 0.0)], [(9.2, 5.5)])], seed=1)
+    sim.reset(1, [Assignment([(8.9, 5.5, 0.0)], [(9.2, 5.5)])])
     sim.robots["task"]["goal_heading"] = heading
     sim.step(np.full((1, 1), sim.config.speed_levels.index(0.0) * len(sim.config.lateral_offsets)))
     assert (len(sim.arrivals) == 1) == arrives
@@ -168,7 +168,7 @@ def arrive(start: Pose, goal: Pose, backs: int = 0, **changes: object) -> tuple[
     """
     config = EnvConfig(num_agents=1, planner="astar", arrival="pose", tasks="one_shot").replace(**changes)
     sim = Simulator(config, grid=WALL)
-    sim.reset_to([Assignment([start], [goal])], seed=1)
+    sim.reset(1, [Assignment([start], [goal])])
     for step in range(900):
         sim.step(np.full((1, 1), 0 if step % 10 < backs else sim.cruise_action))
         if sim.arrivals:
@@ -204,7 +204,7 @@ def test_goals_behind_a_robot_are_reached_at_any_distance(robot: RobotSpec, head
     aside = [(6.0 - d * math.cos(a), 6.0 + d * math.sin(a)) for d in np.arange(0.1, 1.6, 0.1) for a in (-0.17, 0.08)]
     config = EnvConfig(num_agents=1, planner="astar", arrival="pose", tasks="one_shot", robot=robot)
     sim = Simulator(config, len(far + aside), grid=room(12, 12))
-    sim.reset_to([Assignment([(6.0, 6.0, 0.0)], [(*goal, *heading)]) for goal in far + aside], seed=1)
+    sim.reset(1, [Assignment([(6.0, 6.0, 0.0)], [(*goal, *heading)]) for goal in far + aside])
     for _ in range(300):
         sim.step(np.full((sim.num_worlds, 1), sim.cruise_action))
     late = [goal for goal, alive in zip(far + aside, sim.state.alive[:, 0], strict=True) if alive]
@@ -215,7 +215,7 @@ def test_goals_behind_a_robot_are_reached_at_any_distance(robot: RobotSpec, head
 def test_where_a_robot_cannot_turn_round_it_stands_at_a_face_the_way_it_faces(told: tuple[int, int]) -> None:
     """Backwards along an aisle of one cell: the body has its middle in the goal's cell, so its axle is .3 m ahead."""
     sim = Simulator(EnvConfig(num_agents=1, planner="astar", arrival="pose", tasks="one_shot"), grid=drawn(["." * 10]))
-    sim.reset_to([Assignment([(5.0, 0.5, 0.0)], [told])], seed=1)
+    sim.reset(1, [Assignment([(5.0, 0.5, 0.0)], [told])])
     for _ in range(400):
         sim.step(np.full((1, 1), sim.cruise_action))
         if sim.arrivals:
@@ -249,7 +249,7 @@ def bits_of_docking() -> str:
     """A digest of all that a robot does which docks."""
     config = EnvConfig(num_agents=1, planner="astar", arrival="pose", tasks="one_shot")
     sim, digest = Simulator(config, grid=room(8, 8)), hashlib.blake2b()
-    sim.reset_to([Assignment([(2.5, 4.5, 0.3)], [(4.2, 3.1, 2.0)])], seed=1)
+    sim.reset(1, [Assignment([(2.5, 4.5, 0.3)], [(4.2, 3.1, 2.0)])])
     for _ in range(30):
         sim.step(np.full((1, 1), sim.cruise_action))
         digest.update(sim.robots.tobytes() + sim.observation.tobytes())

@@ -267,7 +267,7 @@ def test_a_robot_wedged_beside_a_shelf_gets_out(
     free = np.argwhere(~grid.occupied)
     goal = tuple(free[np.abs(free - goal).sum(axis=1).argmin()].tolist())
     simulator = Simulator(EnvConfig(num_agents=1, planner="astar", action_repeat=2), grid=grid)
-    simulator.reset_to([Assignment(np.array([pose]), np.array([goal]))], [1])
+    simulator.reset([1], [Assignment(np.array([pose]), np.array([goal]))])
     put(simulator, 0, pose)
     cruise = np.full((1, 1), simulator.cruise_action)
     for _ in range(100):  # 20 s

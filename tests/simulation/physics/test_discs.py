@@ -181,7 +181,7 @@ def driver(grid: GridMap, robots: int) -> Simulator:
 
 def test_a_robot_brakes_in_time_and_speeds_up_behind() -> None:
     simulator, way = driver(strip(0.5), 1), []
-    simulator.reset_to([Assignment(np.array([(1.0, 0.5, 0.0)]), np.array([(0, 19)]))], 0)
+    simulator.reset(0, [Assignment(np.array([(1.0, 0.5, 0.0)]), np.array([(0, 19)]))])
     for _ in range(180):
         simulator.step(np.zeros((1, 1, 2)))
         way.append((simulator.state.pose[0, 0, 0], simulator.state.speed[0, 0]))

@@ -82,7 +82,7 @@ def test_draws_are_the_same_in_any_batch_and_in_copies(traffic: Any) -> None:
 def test_goals_of_an_assignment_come_first() -> None:
     simulator = Simulator(CONFIG)
     poses = [(1.5, 2.5 + 3 * k, 0.0) for k in range(4)]
-    simulator.reset_to([Assignment(np.array(poses), np.array([(row, 30) for row in (3, 5, 9, 11)]))], 0)
+    simulator.reset(0, [Assignment(np.array(poses), np.array([(row, 30) for row in (3, 5, 9, 11)]))])
     assert simulator.state.goal[0, :, 0].tolist() == [3, 5, 9, 11]
     assert driven(simulator, 600)[-1][0, :, 0].tolist() == [7] * 4
 

@@ -182,7 +182,7 @@ def simulator(worlds: int = 1, grid: GridMap | None = None, **changes: object) -
 def test_robots_stand_and_go_as_told() -> None:
     sim = simulator(2)
     swapped = Assignment(POSE[::-1], GOAL[::-1])
-    sim.reset_to([Assignment(POSE, GOAL), swapped], seed=1)
+    sim.reset(1, [Assignment(POSE, GOAL), swapped])
     np.testing.assert_allclose(sim.state.pose[0], POSE, atol=1e-6)
     np.testing.assert_allclose(sim.state.pose[1], POSE[::-1], atol=1e-6)
     assert sim.state.goal[0].tolist() == [list(goal) for goal in GOAL]
@@ -208,13 +208,13 @@ def test_robots_stand_and_go_as_told() -> None:
 )
 def test_what_cannot_be_is_an_error(pose: object, goal: object, says: str) -> None:
     with pytest.raises((ConfigError, MapError), match=says):
-        simulator().reset_to([Assignment(pose, goal)])  # type: ignore[arg-type]
+        simulator().reset(None, [Assignment(pose, goal)])  # type: ignore[arg-type]
 
 
 def test_an_assignment_must_fit_worlds_and_robots() -> None:
     for worlds, robots, says in ((2, 2, "2 of type Assignment"), (1, 3, "2 robots does not fit num_agents=3")):
         with pytest.raises(ConfigError, match=says):
-            simulator(worlds, num_agents=robots).reset_to([Assignment(POSE, GOAL)])
+            simulator(worlds, num_agents=robots).reset(None, [Assignment(POSE, GOAL)])
 
 
 ONE_SHOT = EnvConfig(tasks="one_shot")

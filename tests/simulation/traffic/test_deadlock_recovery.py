@@ -141,7 +141,7 @@ def meet(meeting: str) -> Simulator:
     rights = {"traffic": "rules"}
     config = EnvConfig(num_agents=len(starts), action_repeat=2, planner="astar", max_steps=10**6, **rights)
     sim = Simulator(config, grid=WINDING)
-    sim.reset_to([Assignment(np.array(starts), np.array(goals))], 1)
+    sim.reset(1, [Assignment(np.array(starts), np.array(goals))])
     for _ in range(900):
         sim.step(np.full((1, len(starts)), int(sim.cruise_action)))
     return sim
@@ -169,7 +169,7 @@ def simulator_at(x: float, y: float, heading: float, reroute: bool = False) -> S
         num_agents=1, planner="astar", tasks="one_shot", action_repeat=2, traffic="routes" if reroute else "none"
     )
     simulator = Simulator(config, grid=ROOMS)
-    simulator.reset_to([Assignment(np.array([[27.5, 4.5, -1.5]]), np.array([GOAL]))], [1])
+    simulator.reset([1], [Assignment(np.array([[27.5, 4.5, -1.5]]), np.array([GOAL]))])
     put(simulator, 0, (x, y, heading))
     return simulator
 
@@ -230,7 +230,7 @@ def test_an_offset_and_the_way_from_a_cells_centre_are_not_astray(offset: float,
 def test_a_robot_at_a_wide_offset_keeps_its_route() -> None:
     config = EnvConfig(num_agents=1, planner="astar", lateral_offsets=(0.0, 2.5), keep_right=0.0)
     simulator = Simulator(config, grid=room(12, 24))
-    simulator.reset_to([Assignment(np.array([[2.5, 3.5, 0.0]]), np.array([(8, 21)]))], [1])
+    simulator.reset([1], [Assignment(np.array([[2.5, 3.5, 0.0]]), np.array([(8, 21)]))])
     put(simulator, 0, (8.0, 6.0, 0.0))  # 2.5 m to the left of its route along y = 3.5
     simulator.robots["on_route"]["position"] = 5.5
     stop = np.full((1, 1), config.speed_levels.index(0.0) * 2 + 1)

@@ -139,7 +139,7 @@ def test_a_queue_may_set_out_at_once_though_it_stands_close() -> None:
     simulator = Simulator(_config(2), 1, grid=GridMap(np.zeros((5, 14), bool), picks=[(2, 12), (0, 12)]))
     goals = simulator.grid.centre(np.array([(2, 12), (0, 12)]))
     apart = simulator.config.robot.length + 0.02
-    simulator.reset_to([Assignment(np.array([(3.0, 2.5, 0.0), (3.0 + apart, 2.5, 0.0)]), goals)])
+    simulator.reset(None, [Assignment(np.array([(3.0, 2.5, 0.0), (3.0 + apart, 2.5, 0.0)]), goals)])
     table = programs()
     sequences = make_sequences(simulator.config, len(table))
     scene = scene_of(simulator, 0, table)
@@ -225,7 +225,7 @@ def test_a_younger_robot_backs_out_of_a_passage_for_an_older_one() -> None:
     west, east = grid.centre(np.array([(2, 3), (2, 8)]))
     starts = np.array([(*west, 0.0), (*east, np.pi)])  # nose to nose in the aisle
     goals = grid.centre(np.array([(3, 12), (2, 1)]))
-    simulator.reset_to([Assignment(starts, goals)])
+    simulator.reset(None, [Assignment(starts, goals)])
     simulator.robots[0]["task"]["age"] = 100, 0
     (planner, generators), backed = _planner(simulator), 0.0
     for _ in range(600):
@@ -252,7 +252,7 @@ def test_robots_leave_a_dead_end(gap: float, wheels: float, ages: tuple[int, int
     grid = GridMap(occupied, name="dead_end", picks=[(2, 1), (1, 22)], stations=[(3, 22), (2, 22)])
     simulator = Simulator(_config(2), 1, grid=grid)
     (x, y), goals = grid.centre(np.array((2, 4))), grid.centre(np.array([(2, 1), (3, 22)]))
-    simulator.reset_to([Assignment(np.array([(x + gap, y, np.pi), (x, y, np.pi)]), goals)])
+    simulator.reset(None, [Assignment(np.array([(x + gap, y, np.pi), (x, y, np.pi)]), goals)])
     simulator.robots[0]["task"]["age"] = ages
     simulator.robots[0]["motion"]["steer"] = np.radians(wheels), 0.0
     (planner, generators), arrived = _planner(simulator), np.zeros(2, bool)
@@ -272,7 +272,7 @@ def _corner() -> Simulator:
     grid = GridMap(occupied, name="corner", picks=[(0, 8), (5, 4)], stations=[(0, 0), (0, 1)])
     simulator = Simulator(_config(1), 1, grid=grid)
     (x, y), goal = grid.centre(np.array((0, 4))), grid.centre(np.array([(0, 8)]))
-    simulator.reset_to([Assignment(np.array([(x + 0.04, y - 0.4, -1.457)]), goal)])
+    simulator.reset(None, [Assignment(np.array([(x + 0.04, y - 0.4, -1.457)]), goal)])
     return simulator
 
 

@@ -21,7 +21,7 @@ from warehouse_env.simulation.device.live import LiveOnHost
 from warehouse_env.simulation.device.memory import bytes_of, field_on_device, mapped, memory_of, tensor_of
 from warehouse_env.simulation.draws import Draws
 from warehouse_env.simulation.driver.scratch import make_search_scratch
-from warehouse_env.simulation.given import seeds_of
+from warehouse_env.simulation.given import Seeds, seeds_of
 from warehouse_env.simulation.physics.deviation import BODY, place_bodies
 from warehouse_env.simulation.physics.poses import poses, speeds
 from warehouse_env.simulation.record.metrics import episode_rows
@@ -182,21 +182,15 @@ class DeviceSimulator:
             views["go"],
         )  # fmt: skip
 
-    def reset(self, seed: int | Sequence[int] | None = None) -> torch.Tensor:
-        """Start all worlds anew, as `Simulator.reset` does, and return the observation."""
-        return self._reset(seed, [None] * self.num_worlds)
-
-    def reset_to(self, assignments: Sequence[Assignment], seed: int | Sequence[int] | None = None) -> torch.Tensor:
-        """Start all worlds anew as `Simulator.reset_to` does; the goals must be cells."""
-        check_assignments(assignments, self.num_worlds, self.num_agents, self.host.grid)
-        if any(one.goal.dtype.kind == "f" for one in assignments):
-            raise ConfigError("goals on a device must be cells, two whole numbers each; points and poses need the CPU")
-        return self._reset(seed, assignments)
-
-    def _reset(self, seed: object, assignments: Sequence[Assignment | None]) -> torch.Tensor:
+    def reset(self, seed: Seeds = None, assignments: Sequence[Assignment] | None = None) -> torch.Tensor:
+        """Start all worlds anew as `Simulator.reset` does, and return the observation; given goals must be cells."""
+        if assignments is not None:
+            check_assignments(assignments, self.num_worlds, self.num_agents, self.host.grid)
+            if any(one.goal.dtype.kind == "f" for one in assignments):
+                raise ConfigError("goals on a device must be cells, two whole numbers each; others need the CPU")
         for world, entropy in enumerate(seeds_of(seed, self.num_worlds)):
             self._draws.begin(world, entropy)
-        self._begin(list(range(self.num_worlds)), assignments)
+        self._begin(list(range(self.num_worlds)), assignments or [None] * self.num_worlds)
         return self.observation
 
     def reset_worlds(self, worlds: list[int], seeds: Sequence[int] | None = None) -> None:

@@ -30,7 +30,7 @@ from warehouse_env.simulation.actions import ActionDecoder
 from warehouse_env.simulation.given import listed, whole_seed
 from warehouse_env.simulation.physics.poses import numbers, within_a_turn
 from warehouse_env.simulation.simulator import Simulator
-from warehouse_env.simulation.tasks.assignment import Assignment, begin, check_assignments
+from warehouse_env.simulation.tasks.assignment import Assignment, check_assignments
 from warehouse_env.simulation.tasks.orders import Order
 
 FORMAT = 1
@@ -117,7 +117,7 @@ class Episode:
         if extra is not None and plugins.parse(extra, "sensor", SENSORS)[0] not in SENSORS:  # only policies need it
             config = config.replace(sensor=dataclasses.replace(config.sensor, extra=None))
         simulator = Simulator(config, len(self.seeds), grid=self.grid, orders=self.orders)
-        begin(simulator, self.seeds, None if self.start is None else [self.start])
+        simulator.reset(self.seeds, None if self.start is None else [self.start])
         yield simulator
         for actions in self.actions:
             simulator.step(actions)
@@ -196,7 +196,7 @@ class Recorder:
         policy: name or folder of the policy, stored in the episode; start: of a single world.
         """
         self.simulator, self._seeds, self._policy, self._start = simulator, recordable(seeds), policy, start
-        begin(simulator, self._seeds, None if start is None else [start])
+        simulator.reset(self._seeds, None if start is None else [start])
         self._decoder = ActionDecoder(simulator.config)
         self._actions: list[NDArray[Any]] = []
         self._pose = [simulator.state.pose.copy()]

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,11 +45,6 @@ class Assignment:
             exact = self.goal.dtype.kind == "f"
             found.append(Goal(free, ((x, y, *(heading or [math.nan])),) if exact else ()))
         return found
-
-
-def begin(simulator: Any, seed: int | Sequence[int] | None, assignments: Sequence[Assignment] | None) -> Any:
-    """Reset a simulator, to assignments if there are some, and return the observation."""
-    return simulator.reset(seed) if assignments is None else simulator.reset_to(assignments, seed)
 
 
 def check_assignments(assignments: Sequence[Assignment], worlds: int, robots: int, grid: GridMap) -> None:
