@@ -22,7 +22,7 @@ from tests.simulation.safe_stops import assert_all_can_stop
 from tests.simulation.test_determinism import MAP, actions_for
 from tests.simulation.worlds import drawn, give_line, raw, room, stage
 from warehouse_env.config import EnvConfig, SensorSpec
-from warehouse_env.simulation.physics.deviation import OFF_PLAN, planned_config, tube
+from warehouse_env.simulation.physics.deviation import OFF_PLAN, begin_errors, planned_config, tube
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.traffic_spec import ErrorBounds, TrafficSpec, UncertaintySpec
 
@@ -89,7 +89,6 @@ def test_whatever_is_lost_nobody_touches_anything(seed: int, loss: float, burst:
     changes = {"traffic": TrafficSpec(shield=True), "uncertainty": UncertaintySpec(loss=loss, burst=burst)}
     simulator = stage(grid, *crowd(rng, grid, 12, 0.05), **changes)
     simulator.draws.begin(0, [seed])
-    simulator.messages.begin(0)
     for _ in shaken(simulator, rng, 80):
         assert_all_can_stop(simulator)
 
@@ -150,8 +149,7 @@ def test_within_the_bounds_bodies_stay_in_their_tubes_and_touch_nothing(seed: in
     simulator = stage(grid, *crowd(rng, grid, 8, 0.2), **changes)
     simulator._planned[...] = simulator.robots  # `stage` puts the bodies, this what is planned
     simulator.draws.begin(0, [seed])
-    simulator.deviation.begin(0, simulator._planned[0])
-    simulator.messages.begin(0)
+    begin_errors(0, simulator.draws.keys, simulator.deviation.walk, simulator.deviation.bodies, simulator._planned[0])
     most = tube(simulator.config, simulator.config.robot)
     for _ in shaken(simulator, rng, 100):
         assert (off_plan(simulator) < most).all()
@@ -199,7 +197,6 @@ def test_messages_later_than_declared_are_lost(declared: float, drives: bool) ->
     uncertainty = UncertaintySpec(latency=0.3, declared=ErrorBounds(latency=declared))
     simulator = stage(room(6, 20), (5.0, 3.0, 0.0), traffic=SHIELD, uncertainty=uncertainty)
     simulator.draws.begin(0, [1])
-    simulator.messages.begin(0)
     for _ in range(10):
         simulator.step(raw(simulator, (1.0, 0.0)))
     assert (simulator.robots["shield"]["silent"][0, 0] == 0) == drives

@@ -25,14 +25,21 @@ from warehouse_env.simulation.driver.manoeuvre import ARCS
 from warehouse_env.simulation.driver.scratch import MOST, make_search_scratch
 from warehouse_env.simulation.driver.turning import turning_metrics
 from warehouse_env.simulation.physics.buckets import bucket_grid
-from warehouse_env.simulation.physics.deviation import Deviation, errs, planned_config
+from warehouse_env.simulation.physics.deviation import (
+    begin_errors,
+    deviation_of,
+    draw_errors,
+    errs,
+    place_bodies,
+    planned_config,
+)
 from warehouse_env.simulation.physics.floor import floor_of
 from warehouse_env.simulation.physics.people import People
 from warehouse_env.simulation.physics.poses import poses, speeds
 from warehouse_env.simulation.physics.zones import zones_of
 from warehouse_env.simulation.record import metrics
 from warehouse_env.simulation.senses.extra import ExtraSensor
-from warehouse_env.simulation.senses.messages import Messages
+from warehouse_env.simulation.senses.messages import draw_silent, losses_of
 from warehouse_env.simulation.senses.passages import passages_of
 from warehouse_env.simulation.senses.rewards import REWARD_TERMS, weight_vector
 from warehouse_env.simulation.senses.sensing import unit_vectors
@@ -114,8 +121,7 @@ class Simulator(Portable):
         self.draws = Draws(num_worlds)
         parts = self.people.persons, self._limits, self.draws, orders
         self.dispatcher = Dispatcher(planned, routes, self._planned, *parts)
-        self.deviation = Deviation(config, num_worlds, self.draws)
-        self.messages = Messages(config, num_worlds, self.draws)
+        self.deviation, self.losses = deviation_of(config, num_worlds), losses_of(config, num_worlds)
         self._make_arrays(planned)
 
     def _make_arrays(self, planned: EnvConfig) -> None:
@@ -292,15 +298,16 @@ class Simulator(Portable):
         self.truncated[world] = self.terminated[world] = False
         self.people.leave(world)
         self.dispatcher.begin(world, entropy, assignment, self._floor)
-        self.messages.begin(world)
+        self.losses.left[world] = 0
         self.people.begin(world, entropy, robots)
         if self.robots is not self._planned:
-            self.deviation.begin(world, robots)
+            begin_errors(world, self.draws.keys, self.deviation.walk, self.deviation.bodies, robots)
 
     def _show(self) -> None:
         """Update the robots' true poses if they differ from the plan."""
         if self.robots is not self._planned:
-            self.deviation.show(self.robots, self._planned)
+            self.robots[...] = self._planned
+            self.robots["motion"] = self.deviation.bodies["motion"]
 
     def put(self, pose: ArrayLike, speed: ArrayLike) -> NDArray[np.bool_]:
         """Put robots at poses float[B, N, 3] (x [m], y [m], heading [rad]) with speeds float[B, N] [m/s], or one for
@@ -314,7 +321,7 @@ class Simulator(Portable):
         free = put_all(self._planned, self.routes, placed, driven, self._limits, self._floor)
         if self.robots is not self._planned:
             for world in range(self.num_worlds):
-                self.deviation.stand(world, self._planned[world])
+                place_bodies(self.deviation.bodies[world], self._planned[world])
             self._show()
         self._observe()
         return free
@@ -335,9 +342,11 @@ class Simulator(Portable):
         if len(self._commands) > 1:
             self._commands[1:] = self._commands[:-1]
         self.actions.decode(actions, self._commands[0], self._choices)
-        self.messages.draw(self.steps, self._planned)
+        drawn = 0, self.num_worlds, self.draws.keys, self.steps
+        if self.losses.occur:
+            draw_silent(*drawn, self.losses, self._planned)
         if self.robots is not self._planned:
-            self.deviation.draw(self.steps)
+            draw_errors(*drawn, self.deviation.walk, self.deviation.errors)
         arrivals = sum(self._each(self._advance))
         self.people.send_on(self._planned)
         arrived = np.argwhere(self._planned["events"]["arrived"] != 0).tolist() if arrivals else []

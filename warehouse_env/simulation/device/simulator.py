@@ -122,7 +122,7 @@ class DeviceSimulator:
     def _arrays(self) -> dict[str, NDArray[Any] | None]:
         """Return the arrays of the host's world that the device has for each world, by name."""
         host = self.host
-        drawn = {"keys": host.draws.keys, "left": host.messages.losses.left, "drift": host.deviation.walk.drift}
+        drawn = {"keys": host.draws.keys, "left": host.losses.left, "drift": host.deviation.walk.drift}
         booked = {"wanted": host.dispatcher.wanted, "booked": host.dispatcher.booked}
         return host.worlds._asdict() | drawn | host.dispatcher.goals._asdict() | booked
 
@@ -142,7 +142,7 @@ class DeviceSimulator:
         setup = setup._replace(equipment=setup.equipment._replace(weights=weights))
         robots = count * self.num_agents
         self._threads, self._seeing = memory.threads(count), memory.threads(min(robots, SEEING))
-        self._decides, self._loses = self.config.traffic_spec.right_of_way, host.messages.loses
+        self._decides, self._loses = self.config.traffic_spec.right_of_way, host.losses.occur
         self._errs = setup.features.erring is not None
         scratch = make_scratch(host.setup, self.num_agents, self._decides)
         nodes, poses = host.search_setup.nodes, POSES if self._decides else 1
@@ -164,7 +164,7 @@ class DeviceSimulator:
         host, views = self.host, self._views
         bounds = self._memory.constant(host.deviation.walk.bounds)
         return drivers.Noise(
-            views["keys"], views["steps"], host.messages.losses._replace(left=views["left"]), views["robots"],
+            views["keys"], views["steps"], host.losses._replace(left=views["left"]), views["robots"],
             host.deviation.walk._replace(drift=views["drift"], bounds=bounds), views["errors"], views["actual"],
             views["waiting"], views["go"],
         )  # fmt: skip

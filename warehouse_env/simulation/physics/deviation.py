@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.kernel import inline, kernel
-from warehouse_env.simulation.draws import DRIFT, ERROR, Draws, fraction, words
+from warehouse_env.simulation.draws import DRIFT, ERROR, fraction, words
 from warehouse_env.simulation.physics import contact
 from warehouse_env.simulation.physics.contact import SPEED, STEER, X, Y
 from warehouse_env.simulation.physics.kinds import kind_of
@@ -88,47 +88,34 @@ class Walk(NamedTuple):
     drift: NDArray[np.float64]  # [B, N, ERRORS], -1 to 1
 
 
-class Deviation:
-    """The bodies BODY[B, N] of robots that err, and the errors of the next env step.
+class Deviation(NamedTuple):
+    """The robots that err, and their errors in the next env step.
 
-    errors float32[B, repeat, N, ERRORS]: of the believed x, y [m] and heading [rad] after each physics step, and of
-    acceleration and steering in it, as shares. Each drifts within its bound, and jitters.
+    The errors are of the believed x, y [m] and heading [rad] after each physics step, and of acceleration and steering
+    in it, as shares. Each drifts within its bound, and jitters.
     """
 
-    def __init__(self, config: EnvConfig, worlds: int, draws: Draws) -> None:
-        spec = config.uncertainty_spec
-        aside = spec.pose_error / math.sqrt(2.0)
-        bounds = (aside, aside, spec.heading_error, spec.actuation_error, spec.actuation_error)
-        shape = (worlds, config.num_agents if errs(config) else 0)
-        self.bodies = np.zeros(shape, dtype=BODY)
-        self.errors = np.zeros((worlds, config.action_repeat, shape[1], ERRORS), dtype=F)
-        pace = math.sqrt(3.0 * config.time_step / _PERIOD)
-        self.walk = Walk(pace, np.array(bounds, dtype=F), np.zeros((*shape, ERRORS)))
-        self._keys = draws.keys
+    bodies: NDArray[Any]  # BODY[B, N]
+    errors: NDArray[np.float32]  # [B, repeat, N, ERRORS]
+    walk: Walk
 
-    def begin(self, world: int, robots: NDArray[Any]) -> None:
-        """Begin a world's episode: its robots ROBOT[N] are where they believe to be, and their bodies a little off."""
-        begin_errors(world, self._keys, self.walk, self.bodies, robots)
 
-    def stand(self, world: int, robots: NDArray[Any]) -> None:
-        """Place the bodies of a world as their robots ROBOT[N] were put."""
-        place_bodies(self.bodies[world], robots)
-
-    def draw(self, steps: NDArray[np.int64]) -> None:
-        """Draw the errors of the next env step; steps [B]: since the resets."""
-        draw_errors(0, len(steps), self._keys, steps, self.walk, self.errors)
-
-    def show(self, robots: NDArray[Any], planned: NDArray[Any]) -> None:
-        """Make `robots` ROBOT[B, N] equal to `planned`, with the poses and speeds of their bodies."""
-        robots[...] = planned
-        robots["motion"] = self.bodies["motion"]
+def deviation_of(config: EnvConfig, worlds: int) -> Deviation:
+    """Return arrays for the robots of so many worlds; none of robots that do not err."""
+    spec = config.uncertainty_spec
+    aside = spec.pose_error / math.sqrt(2.0)
+    bounds = (aside, aside, spec.heading_error, spec.actuation_error, spec.actuation_error)
+    shape = (worlds, config.num_agents if errs(config) else 0)
+    pace = math.sqrt(3.0 * config.time_step / _PERIOD)
+    walk = Walk(pace, np.array(bounds, dtype=F), np.zeros((*shape, ERRORS)))
+    return Deviation(np.zeros(shape, BODY), np.zeros((worlds, config.action_repeat, shape[1], ERRORS), F), walk)
 
 
 @kernel
 def begin_errors(world, keys, walk, bodies, robots):
     """Begin an episode of bodies BODY[B, N] with errors drawn anew, by the world's robots ROBOT[N].
 
-    keys: of the Draws; walk: a Walk.
+    The robots are where they believe to be, and their bodies a little off. keys: of the Draws; walk: a Walk.
     """
     for i in range(robots.shape[0]):
         error, drift = bodies[world, i], walk.drift[world, i]

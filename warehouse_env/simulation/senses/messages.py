@@ -11,14 +11,14 @@ losses cost time, never a contact. A silent robot
 Losses are drawn before each env step for a purpose of their own (draws.py), so that the same seed has the same tasks.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.config import EnvConfig
 from warehouse_env.kernel import kernel
-from warehouse_env.simulation.draws import LOSS, Draws, fraction, words
+from warehouse_env.simulation.draws import LOSS, fraction, words
 
 
 class Losses(NamedTuple):
@@ -29,31 +29,19 @@ class Losses(NamedTuple):
     lasts: int  # env steps
     left: NDArray[np.int64]  # [B, N], env steps for which each stays silent
 
+    @property
+    def occur(self) -> bool:
+        """Whether any message can be lost."""
+        return self.begins > 0.0 or self.late > 0.0
 
-class Messages:
-    """Draw the silent robots: a mean share `loss` of them, each for `burst` [s] at a time.
 
-    loses: whether any message can be lost.
-    """
-
-    def __init__(self, config: EnvConfig, worlds: int, draws: Draws) -> None:
-        spec = config.uncertainty_spec
-        loss = spec.loss
-        lasts = max(1, round(spec.burst / (config.time_step * config.action_repeat)))  # env steps
-        late = max(spec.latency - spec.bounds.latency, 0.0) / spec.latency if spec.latency else 0.0
-        begins = loss / (loss + lasts * (1.0 - loss))
-        self.loses = begins > 0.0 or late > 0.0
-        self.losses = Losses(begins, late, lasts, np.zeros((worlds, config.num_agents), np.int64))
-        self._keys = draws.keys
-
-    def begin(self, world: int) -> None:
-        """Begin a world's episode."""
-        self.losses.left[world] = 0
-
-    def draw(self, steps: NDArray[np.int64], robots: NDArray[Any]) -> None:
-        """Draw which of robots ROBOT[B, N] are silent in the next env step; steps [B]: since the resets."""
-        if self.loses:
-            draw_silent(0, len(steps), self._keys, steps, self.losses, robots)
+def losses_of(config: EnvConfig, worlds: int) -> Losses:
+    """Return losses by which a mean share `loss` of the robots is silent, each for `burst` [s] at a time."""
+    spec = config.uncertainty_spec
+    lasts = max(1, round(spec.burst / (config.time_step * config.action_repeat)))  # env steps
+    late = max(spec.latency - spec.bounds.latency, 0.0) / spec.latency if spec.latency else 0.0
+    begins = spec.loss / (spec.loss + lasts * (1.0 - spec.loss))
+    return Losses(begins, late, lasts, np.zeros((worlds, config.num_agents), np.int64))
 
 
 @kernel
