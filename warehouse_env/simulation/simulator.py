@@ -48,7 +48,7 @@ from warehouse_env.simulation.tasks.dispatch import ROUTE_BLOCK, Dispatcher
 from warehouse_env.simulation.tasks.orders import Order
 from warehouse_env.simulation.tasks.placement import Limits, put_all
 from warehouse_env.simulation.tasks.tasks import Arrival
-from warehouse_env.simulation.traffic import deadlock_recovery, decision, recovery
+from warehouse_env.simulation.traffic import deadlock_recovery, local_activation, recovery
 from warehouse_env.simulation.traffic.path_ahead import COLUMNS, POSES
 from warehouse_env.simulation.traffic.waits import Jams, jams_of
 from warehouse_env.simulation.worlds import Equipment, Features, Setup, ThreadScratch, Vehicles, Worlds, make_scratch
@@ -378,7 +378,7 @@ class Simulator(Portable):
         Observes worlds without arrivals, unless all robots look for better routes first.
         """
         worlds = self.worlds
-        if self._decides and self._call(decision.assign_right_of_way, begin, end):
+        if self._decides and self._call(local_activation.assign_right_of_way, begin, end):
             deadlock_recovery.resolve_deadlocks(begin, end, worlds, self.search_setup, self._scratch.search)
         observe = 0 if self.dispatcher.all_look else step.OBSERVE
         did: tuple[int, int] = self._call(step.run, begin, end, step.ADVANCE | observe)

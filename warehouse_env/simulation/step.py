@@ -1,6 +1,6 @@
 """The batched step: `run` advances worlds (commands, motions, contacts, progress along the routes) and observes them.
 
-With right of way, `assign_right_of_way` (traffic/decision.py) runs before it, and `resolve_deadlocks`
+With right of way, `assign_right_of_way` (traffic/local_activation.py) runs before it, and `resolve_deadlocks`
 (traffic/deadlock_recovery.py) if wait cycles must be resolved. `seek` (traffic/recovery.py) runs after it if robots
 seek a manoeuvre. These are separate kernels since few runs need them. Each takes one world after another; the Simulator
 hands parts of the batch to threads.

@@ -20,7 +20,7 @@ from warehouse_env.simulation.driver import tracking
 from warehouse_env.simulation.record.waiting import WaitingRecord, why_it_waits
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.state import NOBODY, ROBOT, field_of
-from warehouse_env.simulation.traffic import live, pedestrian_yield, waits
+from warehouse_env.simulation.traffic import live, waits
 from warehouse_env.simulation.traffic.waits import MOVES, SEEKS, STUCK, WAITS, find_wait_cycles
 
 
@@ -102,7 +102,7 @@ def test_the_page_tells_in_order_when_what_happens() -> None:
     seconds = [float(found[0]) for row in rows() if (found := re.match(r"[\d.]+", row[0])) is not None]
     assert seconds == sorted(seconds)
     told = (
-        waits.REFUSED, waits.STANDS, pedestrian_yield.KEPT, waits.URGED, waits.SEEKS_AFTER, waits.PERMANENT,
+        waits.REFUSED, waits.STANDS, waits.KEPT, waits.URGED, waits.SEEKS_AFTER, waits.PERMANENT,
         tracking.HELD,
         waits.STUCK_AFTER, tracking.PATIENCE, waits.ROCKS, live.STOOD_FOR, waits.SHUT_IN_AFTER, waits.DEARER,
         EnvConfig.stuck_after,

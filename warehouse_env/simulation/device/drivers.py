@@ -17,7 +17,7 @@ from warehouse_env.simulation.senses.on_routes import LANES
 from warehouse_env.simulation.senses.plans import Sights
 from warehouse_env.simulation.tasks import beginning, giving
 from warehouse_env.simulation.tasks.giving import TaskArrays
-from warehouse_env.simulation.traffic import deadlock_recovery, decision, recovery
+from warehouse_env.simulation.traffic import deadlock_recovery, local_activation, recovery
 from warehouse_env.simulation.traffic.recovery import SearchSetup
 from warehouse_env.simulation.worlds import Scratch, Setup, Vehicles, Worlds
 
@@ -139,7 +139,7 @@ def draw(thread, threads, noise):
 def decide(thread, threads, batch):
     """Grant the right of way."""
     begin, end = part_of(thread, threads, batch.worlds.steps.shape[0] * batch.go[0])
-    decision.assign_right_of_way(begin, end, batch.worlds, batch.setup, scratch_of(batch.scratch, thread))
+    local_activation.assign_right_of_way(begin, end, batch.worlds, batch.setup, scratch_of(batch.scratch, thread))
 
 
 @register_jitable

@@ -2,7 +2,7 @@
 
 A person takes the shortest path to its goal, rests there, keeps its distance from robots and passes them on the right.
 If there is no way past, it stands, steps back from robots that come too near, and picks another goal after a few
-seconds. Robots make way for people they block (traffic/pedestrian_yield.py). People never walk into robots, so each
+seconds. Robots make way for people they block (traffic/waits.py). People never walk into robots, so each
 contact is the robot's fault. People ignore each other.
 
 Robots see people by lidar. The shield knows where people are, but not where they will go: a robot may drive only if it

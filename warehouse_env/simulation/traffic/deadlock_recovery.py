@@ -1,9 +1,9 @@
 """Deadlock recovery: resolve wait cycles, and free robots that are stuck behind a standing robot.
 
 In a wait cycle, the robot with the least right leaves the paths of the others by a manoeuvre. A robot that waits for
-a permanently standing one searches a way around it. A robot that waits for itself leaves its place to let a person pass
-(pedestrian_yield.py). If a search fails, the robots that wait behind clear the floor there, if necessary the last one
-first. All searches: recovery.py. Which robots search, and when: waits.py.
+a permanently standing one searches a way around it. A robot that waits for itself leaves its place to let a person
+pass. If a search fails, the robots that wait behind clear the floor there, if necessary the last one first. All
+searches: recovery.py. Which robots search, and when: waits.py.
 
 The first searches reach only near room. After waits.SHUT_IN_AFTER of waiting, as in a winding passage, the search has
 no range limit, and the robots behind clear the way that this robot would take without them (driver/room_field.py).
@@ -133,8 +133,8 @@ def _clear_way(i, count, world, setup, scratch):
 def resolve_deadlocks(begin, end, worlds, setup, scratch):
     """Search for the robots that seek or are stuck in the Worlds from `begin` to before `end`.
 
-    Call it right after decision.assign_right_of_way has returned that there are some. Robots search in turn, since each
-    manoeuvre can resolve the wait of others.
+    Call it right after local_activation.assign_right_of_way has returned that there are some. Robots search in turn,
+    since each manoeuvre can resolve the wait of others.
     """
     found = scratch.found
     for b in range(begin, end):

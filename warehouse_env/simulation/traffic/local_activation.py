@@ -1,4 +1,6 @@
-"""Where right of way applies: everywhere, or only around robots that have stood for `right_of_way_after` seconds.
+"""Right of way in a batch of worlds: where it applies, and the grants to all robots before each step.
+
+It applies everywhere, or only around robots that have stood for `right_of_way_after` seconds.
 
 A policy that gives way by itself drives closer, and gets more done, than grants allow. But now and then some of its
 robots block each other permanently. There the rules apply: around wait cycles (waits.py) and robots that wait for a
@@ -7,17 +9,19 @@ that has stood five times as long; and around people whom robots keep from walki
 grows by a metre for each second of standing, and the rules stay active for a while after the last call. Other robots
 drive as commanded; their grants tell the robots under rules what to expect of them.
 
-What was tried instead: docs/measured/trials.md.
+What was tried instead: docs/measured/trials.md. Wait cycles are resolved by a kernel of its own (deadlock_recovery.py):
+it includes the manoeuvre search, which takes long to compile, and few runs need it.
 """
 
 import numpy as np
 
-from warehouse_env.kernel import inline, part
+from warehouse_env.kernel import inline, kernel, part
 from warehouse_env.simulation.driver.line import forget_path
 from warehouse_env.simulation.physics.trigonometry import ONE, ZERO
 from warehouse_env.simulation.state import NOBODY
-from warehouse_env.simulation.traffic.pedestrian_yield import is_kept
-from warehouse_env.simulation.traffic.waits import CALM, CYCLE, LONGER, STANDS, WHO, find_wait_cycles_of
+from warehouse_env.simulation.traffic import right_of_way
+from warehouse_env.simulation.traffic.reservations import ReservationTable
+from warehouse_env.simulation.traffic.waits import CALM, CYCLE, LONGER, STANDS, WHO, find_wait_cycles_of, is_kept, look
 
 SPREAD = np.float32(1.0)  # [m/s] of standing: the radius around a call in which the rules are active ...
 AROUND = np.float32(8.0)  # [m] ... and this far at most
@@ -83,3 +87,28 @@ def activate_rules(robots, persons, routes, commands, found, p, kinds):
         else:
             _release(robots[i], commands[i, 1])
     return anybody
+
+
+@kernel
+def assign_right_of_way(begin, end, worlds, setup, scratch):
+    """Decide on the right of way in the worlds from `begin` to before `end`; return how many robots search a way then.
+
+    Arguments: see step.run.
+    """
+    (params, kinds), order, found, searching = setup.planned, scratch.order, scratch.found, 0
+    p, commands = params[0], worlds.commands[0]
+    seconds = p["time_step"] * np.float32(p["repeat"])
+    for b in range(begin, end):
+        robots, persons, routes = worlds.robots[b], worlds.persons[b], worlds.routes[b]
+        if not activate_rules(robots, persons, routes, commands[b], found, p, kinds):
+            continue
+        first, following, masks, numbers = scratch.meetings
+        numbers[:] = 0
+        table = ReservationTable(worlds.paths[b], first, following, masks, numbers)
+        right_of_way.rank(robots, order)
+        world = right_of_way.Claims(robots, persons, routes, worlds.arcs[b], commands[b], worlds.choices[b], table)
+        right_of_way.decide(world, order, p, kinds, setup.floor)
+        for r in robots:
+            r["traffic"]["pause"] = max(r["traffic"]["pause"] - seconds, ZERO)
+        searching += look(robots, found)
+    return searching

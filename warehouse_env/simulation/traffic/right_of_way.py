@@ -8,7 +8,7 @@ stretch granted to another, as AGVs reserve zones ahead. The end of a grant must
 - A robot waits off the whole path of the robot that it waits for, so no two wait for each other.
 - A grant is kept, unless another robot cannot stop before it any more.
 - It is never beside a person, nor where one will be a second later. So a robot that waits for people blocks nobody. Two
-  robots that keep a person from walking wait for each other, and a single one waits for itself (pedestrian_yield.py).
+  robots that keep a person from walking wait for each other, and a single one waits for itself (waits.py).
 
 If the blocking robot stands or comes the other way, the robot tries its other lateral offsets, in the order of its
 preferences. Robots within 16 m exchange their paths ahead (path_ahead.py), grants, time on the way, whom they wait for,
@@ -39,7 +39,6 @@ from warehouse_env.simulation.traffic.path_ahead import (
     keep_path,
     write_path,
 )  # fmt: skip
-from warehouse_env.simulation.traffic.pedestrian_yield import is_kept, yields_for
 from warehouse_env.simulation.traffic.reservations import (
     ASKED,
     BIT,
@@ -53,7 +52,7 @@ from warehouse_env.simulation.traffic.reservations import (
     enlist,
     meet,
 )  # fmt: skip
-from warehouse_env.simulation.traffic.waits import SLOW, is_urged, refuser
+from warehouse_env.simulation.traffic.waits import SLOW, is_kept, is_urged, refuser, yields_for
 
 AHEAD = 2  # poses requested beyond the stopping distance: 1 m; more would block others for longer
 BESIDE = 6  # poses that must be free beyond these at another offset

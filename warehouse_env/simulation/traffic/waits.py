@@ -12,6 +12,10 @@ The table below holds all times; docs/traffic.md lists them in order. Each robot
 `waiting_time` without driving, `standing_time` within a metre of one place (it may rock there), `stalled_time` without
 a metre of progress along its route, and `contact_time` in touch. The shield adds `vetoed_time`, for which it has
 refused the robot's commands without a break.
+
+Nobody passes a robot in an aisle of one cell, and no robot moves beside a person. So two robots that shut a person in
+wait for each other, a wait cycle that recovery resolves (deadlock_recovery.py). A single robot waits for itself, as
+both do if the cycle persists: it leaves its place.
 """
 
 from typing import Any, NamedTuple
@@ -21,18 +25,22 @@ from numpy.typing import NDArray
 
 from warehouse_env.kernel import inline, kernel, part
 from warehouse_env.simulation.physics.kinds import kind_of
+from warehouse_env.simulation.physics.people import gap_to
 from warehouse_env.simulation.physics.trigonometry import ONE, ZERO
 from warehouse_env.simulation.state import NOBODY
 from warehouse_env.simulation.traffic.in_the_way import first_in_the_way
 
 SLOW = np.float32(0.1)  # [m/s] under which a robot counts as not driving
+KEEPS = np.float32(1.5)  # [m] within which robots keep a person from walking
 
 # Thresholds in seconds, each with its clock.
 REFUSED = np.float32(0.8)  # vetoed: the robot yields to the one that vetoed it
 STANDS = np.float32(0.95)  # waiting: it stands (1 s less rounding); standing: it has halted
+KEPT = np.float32(1.5)  # a person's, who cannot walk on: it counts as kept
 URGED = np.float32(2.0)  # standing: with right of way it goes, even if its policy would stand
 SEEKS_AFTER = np.float32(2.0)  # waiting, in a wait cycle: one of its robots leaves
 PERMANENT = np.float32(2.0)  # waiting: it counts as permanently standing
+LONG_KEPT = np.float32(3.0)  # a person's: each robot that keeps it makes room
 STUCK_AFTER = np.float32(4.0)  # waiting for a permanently standing robot: it goes around that robot
 SHUT_IN_AFTER = np.float32(20.0)  # waiting: its search has no range limit, and the queue behind clears its path
 ROCKS = np.float32(4.95)  # standing: it stands, even if it rocks (5 s less rounding)
@@ -136,6 +144,23 @@ def _may_search(r):
     """Whether a robot may search a manoeuvre: it keeps to its grant, yields, and has not just searched."""
     traffic = r["traffic"]
     return traffic["rules_active"] > ZERO and traffic["yields_to"] != NOBODY and traffic["pause"] <= ZERO
+
+
+@inline
+def is_kept(o):
+    """Whether robots have kept a person from walking for a while."""
+    return o["kept"] > KEPT
+
+
+@inline
+def yields_for(i, o, robots, p, kinds):
+    """Return the robot that robot i waits for beside a kept person: the nearest other one that keeps it, or itself."""
+    nearest, least = i, KEEPS
+    for j in range(robots.shape[0]):
+        gap = gap_to(o["x"], o["y"], robots[j], kind_of(j, p, kinds))
+        if j != i and gap < least:
+            nearest, least = j, gap
+    return i if o["kept"] > LONG_KEPT else nearest
 
 
 @part
