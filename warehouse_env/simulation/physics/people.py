@@ -44,7 +44,7 @@ _TURNS = np.array([
     (np.cos(eighths * np.pi / 8), np.sin(eighths * np.pi / 8)) for eighths in (0, -1, 1, -2, 2, -4, 4, 8, -7, 7, -6, 6)
 ], dtype=np.float32)  # fmt: skip
 _ONWARD = 7  # of them
-_STREAM = 2  # behind the world's own entropy; 1 is that of messages.py
+_STREAM = 2  # behind the world's own entropy
 
 
 class People:

@@ -1,7 +1,6 @@
 """Right of way in a batch of worlds: where it applies, and the grants to all robots before each step.
 
 It applies everywhere, or only around robots that have stood for `right_of_way_after` seconds.
-
 A policy that gives way by itself drives closer, and gets more done, than grants allow. But now and then some of its
 robots block each other permanently. There the rules apply: around wait cycles (waits.py) and robots that wait for a
 parked one, which do not dissolve by themselves; to a robot that stands although it waits for nobody; around any robot
@@ -9,8 +8,8 @@ that has stood five times as long; and around people whom robots keep from walki
 grows by a metre for each second of standing, and the rules stay active for a while after the last call. Other robots
 drive as commanded; their grants tell the robots under rules what to expect of them.
 
-What was tried instead: docs/measured/trials.md. Wait cycles are resolved by a kernel of its own (deadlock_recovery.py):
-it includes the manoeuvre search, which takes long to compile, and few runs need it.
+Wait cycles are resolved by a kernel of its own (deadlock_recovery.py): it includes the manoeuvre search, which takes
+long to compile, and few runs need it. What was tried instead: docs/measured/trials.md.
 """
 
 import numpy as np

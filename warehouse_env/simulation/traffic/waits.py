@@ -36,11 +36,11 @@ KEEPS = np.float32(1.5)  # [m] within which robots keep a person from walking
 # Thresholds in seconds, each with its clock.
 REFUSED = np.float32(0.8)  # vetoed: the robot yields to the one that vetoed it
 STANDS = np.float32(0.95)  # waiting: it stands (1 s less rounding); standing: it has halted
-KEPT = np.float32(1.5)  # a person's, who cannot walk on: it counts as kept
+KEPT = np.float32(1.5)  # kept, a person's clock: robots count as keeping the person from walking
 URGED = np.float32(2.0)  # standing: with right of way it goes, even if its policy would stand
 SEEKS_AFTER = np.float32(2.0)  # waiting, in a wait cycle: one of its robots leaves
 PERMANENT = np.float32(2.0)  # waiting: it counts as permanently standing
-LONG_KEPT = np.float32(3.0)  # a person's: each robot that keeps it makes room
+LONG_KEPT = np.float32(3.0)  # kept: each robot that keeps the person makes room
 STUCK_AFTER = np.float32(4.0)  # waiting for a permanently standing robot: it goes around that robot
 SHUT_IN_AFTER = np.float32(20.0)  # waiting: its search has no range limit, and the queue behind clears its path
 ROCKS = np.float32(4.95)  # standing: it stands, even if it rocks (5 s less rounding)
