@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from warehouse_env.heap import pop, push
 from warehouse_env.kernel import inline, kernel
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
 from warehouse_env.planning.plan import MICRO, tolls
@@ -39,68 +40,32 @@ def octile(rows, columns):
 
 
 @kernel
-def _put(cell, bucket, first, after, before):
-    """Put a cell at the head of a bucket's list."""
-    head = first[bucket]
-    after[cell], before[cell] = head, -1
-    if head >= 0:
-        before[head] = cell
-    first[bucket] = cell
-
-
-@kernel
-def _take(cell, bucket, first, after, before):
-    """Take a cell out of a bucket's list."""
-    ahead, behind = after[cell], before[cell]
-    if behind < 0:
-        first[bucket] = ahead
-    else:
-        after[behind] = ahead
-    if ahead >= 0:
-        before[ahead] = behind
-
-
-@kernel
-def cost_field(steps, dearest, goal_row, goal_column, top, left, bottom, right):
+def cost_field(steps, goal_row, goal_column, top, left, bottom, right):
     """Return the cost to the goal of the cheapest walk within a box, int32[bottom - top, right - left], or UNREACHABLE.
 
-    steps: int32[H, W, 8], what the moves of eq. 26 (paper 000) cost, at most `dearest`; 0 for those not legal. Label
-    setting with buckets as wide as the cheapest move (Dial 1969): cells in the first can no longer improve, and no heap
-    is needed.
+    steps: int32[H, W, 8], what the moves of eq. 26 (paper 000) cost; 0 for those not legal.
     """
     rows, columns = bottom - top, right - left
     cost = np.full(rows * columns, UNREACHABLE, np.int32)
-    count = dearest // UNIT + 2
-    first, after, before = np.full(count, -1, np.int32), np.empty(cost.size, np.int32), np.empty(cost.size, np.int32)
+    most = 8 * cost.size + 1  # each way into a cell is offered once
+    keys, cells = np.empty(most, np.int32), np.empty(most, np.int32)
     goal = (goal_row - top) * columns + goal_column - left
     cost[goal] = 0
-    _put(goal, 0, first, after, before)
-    level, listed = 0, 1
-    while listed > 0:
-        cell = first[level % count]
-        if cell < 0:
-            level += 1
+    size = push(keys, cells, 0, 0, goal)
+    while size > 0:
+        known, cell, size = pop(keys, cells, size)
+        if known > cost[cell]:  # a cheaper way was found since
             continue
-        _take(cell, level % count, first, after, before)
-        listed -= 1
         row, column = cell // columns, cell % columns
         for move in range(8):  # by which one comes here
             r, c = row - MOVES[move, 0], column - MOVES[move, 1]
             if not (0 <= r < rows and 0 <= c < columns and steps[top + r, left + c, move] > 0):
                 continue
-            total = cost[cell] + steps[top + r, left + c, move]
+            total = known + steps[top + r, left + c, move]
             other = r * columns + c
-            known = cost[other]
-            if total >= known:
-                continue
-            cost[other] = total
-            if known == UNREACHABLE:
-                listed += 1
-            elif known // UNIT == total // UNIT:
-                continue
-            else:
-                _take(other, known // UNIT % count, first, after, before)
-            _put(other, total // UNIT % count, first, after, before)
+            if total < cost[other]:
+                cost[other] = total
+                size = push(keys, cells, size, total, other)
     return cost.reshape((rows, columns))
 
 
@@ -124,7 +89,6 @@ class CostToGo:
             steps += np.rint(toll * (UNIT / MICRO)).astype(np.int64)
         self.grid = grid
         self.steps = steps.astype(np.int32)  # [H, W, 8], what each move costs; 0 where it is not legal
-        self._dearest = int(steps.max(initial=UNIT))
         self._fields: OrderedDict[tuple[Cell, Box], NDArray[np.int32]] = OrderedDict()
         self._bytes = 0
 
@@ -156,7 +120,7 @@ class CostToGo:
         key = goal, box
         found = self._fields.get(key)
         if found is None:
-            found = cost_field(self.steps, self._dearest, *goal, *box)
+            found = cost_field(self.steps, *goal, *box)
             self._fields[key] = found
             self._bytes += found.nbytes
             while self._bytes > _KEPT and len(self._fields) > 1:
