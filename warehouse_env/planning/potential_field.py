@@ -137,8 +137,9 @@ def _descend(potential, legal, order, goal, penalty):
     return length
 
 
-@kernel
-def intermediate_point(occupied, cell, goal, tried):
+def intermediate_point(
+    occupied: NDArray[np.bool_], cell: Cell, goal: Cell, tried: NDArray[np.bool_]
+) -> tuple[int, int]:
     """Return the intermediate point of a robot stuck on `cell`; (-1, -1) if there is none.
 
     Paper 002, "local minimum", steps 1-3: through the obstacle goes a perpendicular to the line from the robot to the
@@ -146,18 +147,17 @@ def intermediate_point(occupied, cell, goal, tried):
     first shelf cell that bars the line, else the nearest. Cells of `tried` bool[H, W] and the robot's own are
     skipped, so a robot that is stuck again gets another point.
     """
-    shelf = _blocking_shelf(occupied, cell, goal)
-    if shelf[0] < 0:
-        shelf = _nearest_shelf(occupied, cell)
-    across_row, across_col = float(cell[1] - goal[1]), float(goal[0] - cell[0])
-    size = max(abs(across_row), abs(across_col))
+    shelf, shelves = _blocking_shelf(occupied, cell, goal), np.argwhere(occupied)
+    size = max(abs(goal[0] - cell[0]), abs(goal[1] - cell[1]))
     rows, cols = occupied.shape
-    if shelf[0] < 0 or size == 0.0:
+    if not len(shelves) or size == 0:
         return -1, -1
+    if shelf[0] < 0:
+        shelf = shelves[((shelves - cell) ** 2).sum(axis=1).argmin()]
     for away in range(1, max(rows, cols)):
         for side in (away, -away):
-            row = shelf[0] + int(math.floor(side * across_row / size + 0.5))
-            col = shelf[1] + int(math.floor(side * across_col / size + 0.5))
+            row = int(shelf[0]) + math.floor(side * (cell[1] - goal[1]) / size + 0.5)
+            col = int(shelf[1]) + math.floor(side * (goal[0] - cell[0]) / size + 0.5)
             if not (0 <= row < rows and 0 <= col < cols) or occupied[row, col] or tried[row, col]:
                 continue
             if row != cell[0] or col != cell[1]:
@@ -178,16 +178,3 @@ def _blocking_shelf(occupied, cell, goal):
                 return at_row, at_col
         row, col = to_row, to_col
     return -1, -1
-
-
-@kernel
-def _nearest_shelf(occupied, cell):
-    """The shelf cell with the least straight distance to `cell`; (-1, -1) on an empty floor."""
-    rows, cols = occupied.shape
-    nearest, found = rows * rows + cols * cols, (-1, -1)
-    for row in range(rows):
-        for col in range(cols):
-            squared = (row - cell[0]) ** 2 + (col - cell[1]) ** 2
-            if occupied[row, col] and squared < nearest:
-                nearest, found = squared, (row, col)
-    return found

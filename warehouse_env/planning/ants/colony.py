@@ -127,16 +127,6 @@ def _offset(trip, move):
 
 
 @inline
-def _largest(chance):
-    """Return the first place of the largest of float64[8]."""
-    best = whole(0)
-    for move in range(1, 8):
-        if chance[move] > chance[best]:
-            best = move
-    return best
-
-
-@inline
 def _drawn(chance, left):
     """Return the place of float64[8] at which the sum of the weights up to it exceeds `left`."""
     found = whole(0)
@@ -153,7 +143,7 @@ def _drawn(chance, left):
 def _chosen(chance, total, q0, draw):
     """Return the move of a draw in [0, 1): with probability q0 the largest, else each by its share of the total."""
     if draw < q0:
-        move = _largest(chance)
+        move = np.argmax(chance)
     else:
         if q0 > 0.0:  # known to be at least q0, draw is uniform above it, and so serves again
             draw = (draw - q0) / (1.0 - q0)

@@ -12,12 +12,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from warehouse_env.kernel import kernel
+from warehouse_env.kernel import inline, kernel
 from warehouse_env.maps.grid_map import MOVES
 from warehouse_env.planning.ants.walks import measure, next_best
 from warehouse_env.planning.plan import MICRO
 
 _SQRT2 = math.sqrt(2.0)
+_BY_SIGNS = np.array([(3, 2, 1), (4, 2, 0), (5, 6, 7)])  # indices into MOVES
 
 
 class Runs(NamedTuple):
@@ -125,7 +126,8 @@ def _link_onwards(floor, runs, nodes, i, departures, states):
         diagonal = min(abs(d_row), abs(d_column))
         straight = max(abs(d_row), abs(d_column)) - diagonal
         for order in range(2 if straight > 0 and diagonal > 0 else 1):
-            first, second = _diagonal_move(d_row, d_column), _straight_move(d_row, d_column)
+            steep = abs(d_row) >= abs(d_column)
+            first, second = _move(d_row, d_column), _move(d_row if steep else 0, 0 if steep else d_column)
             steps, more = diagonal, straight
             if order == 1 or diagonal == 0:
                 first, second, steps, more = second, first, straight, diagonal
@@ -147,20 +149,10 @@ def _link_onwards(floor, runs, nodes, i, departures, states):
                 origin[j, second, 0], origin[j, second, 1], origin[j, second, 2] = i, before[first], first
 
 
-@kernel
-def _straight_move(d_row, d_column):
-    """The straight move of an octile link with these differences."""
-    if abs(d_column) > abs(d_row):
-        return 0 if d_column > 0 else 4
-    return 6 if d_row > 0 else 2
-
-
-@kernel
-def _diagonal_move(d_row, d_column):
-    """The diagonal move of an octile link with these differences."""
-    if d_row < 0:
-        return 1 if d_column > 0 else 3
-    return 7 if d_column > 0 else 5
+@inline
+def _move(d_row, d_column):
+    """Return the move whose steps have the signs of these differences."""
+    return _BY_SIGNS[1 + np.sign(d_row), 1 + np.sign(d_column)]
 
 
 @kernel
