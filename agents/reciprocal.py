@@ -51,7 +51,10 @@ class Reciprocal:
     def act(self, observation: Observation, rng: np.random.Generator) -> Action:
         """Return the command nearest to ORCA's velocity for every row; draws nothing (shapes: `Policy.act`)."""
         way = self._surroundings.towards_route(observation, self._numbers.look)
-        return self._command.at_velocity(observation, self.velocity(observation), way)
+        new = self.velocity(observation)
+        along = new[..., 0] * way[..., 0] + new[..., 1] * way[..., 1]
+        across = new[..., 1] * way[..., 0] - new[..., 0] * way[..., 1]  # for a second
+        return self._command.beside(observation, along, across)
 
     def velocity(self, observation: Observation) -> Floats:
         """Return ORCA's velocity in the own frame [m/s], float64[..., 2]."""

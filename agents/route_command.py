@@ -48,15 +48,6 @@ class RouteCommand:
             return self._residual(speed, offset)
         return self._raw(observation, speed, offset)
 
-    def at_velocity(self, observation: Observation, velocity: Floats, way: Floats) -> Action:
-        """Return the actions for wanted velocities [..., 2] in m/s, own frame; way [..., 2]: where the route leads.
-
-        What goes along `way` is the speed, and what goes across, for a second, the offset.
-        """
-        along = velocity[..., 0] * way[..., 0] + velocity[..., 1] * way[..., 1]
-        across = velocity[..., 1] * way[..., 0] - velocity[..., 0] * way[..., 1]
-        return self.beside(observation, along, across)
-
     def _residual(self, speed: Floats, offset: Floats) -> NDArray[np.float32]:
         """Continuous: first 0 at the cruise speed, -1 at min_speed, 1 at max_speed; then the offset, 0 on the route."""
         robot, change = self._config.robot, speed - self.cruise_speed
