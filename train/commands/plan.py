@@ -117,7 +117,7 @@ class PlanCommand(Checked):
             return _scenario_tasks(self.scen, grid, self.tasks, self.seed)
         named = NAMED_TASKS.get(self.layout or _LAYOUT, {}) if self.tasks is None else {}
         if named:
-            return [make_task(grid, name, task.start, task.goal) for name, task in named.items()]
+            return [make_task(grid, name, *cells) for name, cells in named.items()]
         return _random_tasks(grid, self.tasks or _RANDOM_TASKS, self.seed)
 
 

@@ -1,12 +1,11 @@
-"""The named layouts: a catalogue of floors, and tasks on them with known shortest lengths.
+"""The named layouts: a catalogue of floors, and tasks on them.
 
 `LAYOUTS` maps a name to the function that makes the floor; a new layout is one more line there.
 """
 
 import dataclasses
-import math
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,14 +16,6 @@ from warehouse_env.maps.generators import aisles, blocks, open_floor, pillars, r
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.maps.halls.hall import is_hall, read_floor
 from warehouse_env.maps.movingai import read_map
-
-
-class NamedTask(NamedTuple):
-    """A planning task with a known answer; optimal_length [cells] is the shortest by eq. 26 moves, heights ignored."""
-
-    start: Cell
-    goal: Cell
-    optimal_length: float
 
 
 def paper46() -> GridMap:
@@ -76,23 +67,19 @@ LAYOUTS: dict[str, Callable[..., GridMap]] = {
 }  # fmt: skip
 
 
-def _length(straight: int, diagonal: int) -> float:
-    return straight + diagonal * math.sqrt(2.0)
-
-
-# The first three lengths are the best of table 1 of paper 000 (26.3848, 26.9706, 27.5563), the other two of table 2
-# (59.4264, 62.5980).
-NAMED_TASKS: dict[str, dict[str, NamedTask]] = {
+# The shortest paths of the first three are as long as the best of table 1 of paper 000 (26.3848, 26.9706, 27.5563),
+# those of the other two as the best of table 2 (59.4264, 62.5980).
+NAMED_TASKS: dict[str, dict[str, tuple[Cell, Cell]]] = {
     "paper46": {
-        "in_zone_1": NamedTask((22, 1), (5, 18), _length(8, 13)),
-        "in_zone_2": NamedTask((44, 45), (26, 29), _length(10, 12)),
-        "in_zone_3": NamedTask((23, 1), (42, 16), _length(12, 11)),
-        "cross_zone_1": NamedTask((1, 0), (37, 41), _length(17, 30)),
-        "cross_zone_2": NamedTask((43, 1), (2, 39), _length(23, 28)),
+        "in_zone_1": ((22, 1), (5, 18)),
+        "in_zone_2": ((44, 45), (26, 29)),
+        "in_zone_3": ((23, 1), (42, 16)),
+        "cross_zone_1": ((1, 0), (37, 41)),
+        "cross_zone_2": ((43, 1), (2, 39)),
     },
     "paper46_rough": {
-        "broken_corridor": NamedTask((22, 6), (22, 39), _length(33, 0)),
-        "ramp": NamedTask((25, 22), (43, 22), _length(18, 0)),
+        "broken_corridor": ((22, 6), (22, 39)),
+        "ramp": ((25, 22), (43, 22)),
     },
 }
 

@@ -267,7 +267,8 @@ TURNS_OF_THE_PAPER = {"in_zone": 8, "cross_zone": 18}  # tables 1 and 2 of paper
 @pytest.mark.parametrize("task", NAMED_TASKS["paper46"])
 def test_pf_aco_reaches_the_optimum_before_the_traditional_colony(task: str) -> None:
     grid = make_layout("paper46")
-    start, goal, optimum = NAMED_TASKS["paper46"][task]
+    start, goal = NAMED_TASKS["paper46"][task]
+    optimum = grid.distance_to(goal)[start]
     plans = [search("pf_aco", grid, start, goal, seed) for seed in range(4)]
     assert [path_length(plan.cells) for plan in plans] == [optimum] * 4
     assert max(turns(plan.cells) for plan in plans) <= TURNS_OF_THE_PAPER[task[:-2]]
@@ -279,7 +280,8 @@ def test_pf_aco_reaches_the_optimum_before_the_traditional_colony(task: str) -> 
 @pytest.mark.parametrize("task", NAMED_TASKS["paper46_rough"])
 def test_pf_aco_takes_gentle_ground_at_a_small_cost(task: str, local_search: bool) -> None:
     grid = make_layout("paper46_rough")
-    start, goal, optimum = NAMED_TASKS["paper46_rough"][task]
+    start, goal = NAMED_TASKS["paper46_rough"][task]
+    optimum = grid.distance_to(goal)[start]
     shortest = search("astar_turns", grid, start, goal)
     gentle = search("pf_aco", grid, start, goal, local_search=local_search)
     assert climb(grid, shortest.cells) >= 0.4

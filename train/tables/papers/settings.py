@@ -80,7 +80,7 @@ PATH_4: tuple[Cell, Cell] = ((1, 0), (13, 21))
 def on_paper46(*ends: str | tuple[Cell, Cell]) -> Settings:
     """Return "path 1", "path 2" and so on: named tasks of paper46, or a start and a goal there."""
     grid, named = make_layout("paper46"), NAMED_TASKS["paper46"]
-    cells = [(named[one].start, named[one].goal) if isinstance(one, str) else one for one in ends]
+    cells = [named[one] if isinstance(one, str) else one for one in ends]
     return tuple(TableSetting(f"path {k}", (TableTask(grid, *one),)) for k, one in enumerate(cells, start=1))
 
 
