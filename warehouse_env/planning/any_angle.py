@@ -9,7 +9,6 @@ import numpy as np
 from warehouse_env.heap import pop, push
 from warehouse_env.kernel import kernel
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
-from warehouse_env.maps.moves import beyond
 from warehouse_env.planning.base import BasePlanner
 from warehouse_env.planning.graph_search import find_path, unflatten
 from warehouse_env.planning.plan import CostMap, Plan
@@ -93,9 +92,10 @@ def _search(legal, occupied, one_way, start, goal):
 
 
 @kernel
-def _near(shape, line):
-    """Return bool[H, W], the cells on or next to the line int64[K, 2] of cells."""
-    near = np.zeros(shape, np.bool_)
+def _band(legal, line):
+    """Return bool[H, W, 8], the legal moves between cells on or next to the line int64[K, 2] of cells."""
+    rows, cols = legal.shape[0], legal.shape[1]
+    near = np.zeros((rows, cols), np.bool_)
     for k in range(max(1, len(line) - 1)):
         row, col = line[k]
         d_row, d_col = line[min(k + 1, len(line) - 1)] - line[k]
@@ -104,7 +104,13 @@ def _near(shape, line):
             r = row + (2 * d_row * part + parts) // (2 * parts)
             c = col + (2 * d_col * part + parts) // (2 * parts)
             near[max(0, r - 1) : r + 2, max(0, c - 1) : c + 2] = True
-    return near
+    inside = np.zeros_like(legal)
+    for row in range(rows):
+        for col in range(cols):
+            for move in range(8):
+                if near[row, col] and legal[row, col, move]:
+                    inside[row, col, move] = near[row + MOVES[move, 0], col + MOVES[move, 1]]
+    return inside
 
 
 @dataclass(frozen=True)
@@ -135,6 +141,5 @@ class ThetaStar(BasePlanner):
         while flat[-1] != first:
             flat.append(int(vertex[flat[-1]]))
         line = unflatten(np.array(flat[::-1]), cols)
-        near = _near(grid.shape, line)
-        followed = find_path(grid.legal_moves & near[..., None] & beyond(near), None, first, last, True, True)
+        followed = find_path(_band(grid.legal_moves, line), None, first, last, True, True)
         return Plan(unflatten(followed, cols), line=line.astype(np.float64))

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from warehouse_env.errors import ConfigError, MapError, PlanError, shown
+from warehouse_env.kernel import kernel
 from warehouse_env.maps.clearance import crosses, segment_gap
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.maps.moves import beyond
@@ -111,15 +112,20 @@ def tolls(grid: GridMap, gentleness: float = 0.0, cost: NDArray[np.float64] | No
     if climbing:
         toll += np.rint(gentleness * _climbs(grid)).astype(np.int64)
     if grid.surplus is not None:
-        toll += _counted(grid, grid.surplus)
+        _add_cost(toll, grid.legal_moves, grid.surplus)
     if cost is not None:
-        toll += _counted(grid, edge_cost(grid, cost))
+        _add_cost(toll, grid.legal_moves, edge_cost(grid, cost))
     return toll
 
 
-def _counted(grid: GridMap, cost: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Return a cost float64[H, W, 8] of each legal move in millionths of a cell."""
-    return np.where(grid.legal_moves, np.rint(MICRO * cost), 0.0).astype(np.int64)
+@kernel
+def _add_cost(toll, legal, cost):
+    """Add a cost map to the tolls of the legal moves [millionths of a cell]. All [H, W, 8]."""
+    for row in range(legal.shape[0]):
+        for column in range(legal.shape[1]):
+            for move in range(8):
+                if legal[row, column, move]:
+                    toll[row, column, move] += np.int64(np.rint(MICRO * cost[row, column, move]))
 
 
 @lru_cache(maxsize=8)
