@@ -12,6 +12,7 @@ from train.reporting.rows import Row, RowFile, read_rows, select
 from warehouse_env import __version__
 from warehouse_env.checked import Checked
 from warehouse_env.errors import ConfigError
+from warehouse_env.threads import get_num_threads, set_num_threads
 
 What = Literal["simulator", "reference", "pettingzoo", "vec_env", "cuda", "training", "peers"]
 
@@ -47,11 +48,12 @@ class Bench(Checked):
         chosen = [what for what in get_args(What) if what in self.only or (not self.only and what not in _ASKED)]
         source = {**origin(), "version": __version__}
         machine = {"cores": os.cpu_count(), "machine": platform.machine(), "python": platform.python_version()}
-        file, rows = RowFile(self.json), list[Row]()
+        file, rows, threads = RowFile(self.json), list[Row](), get_num_threads()
         try:
             with make_progress() as progress:
                 bar = progress.add_task("", total=len(chosen))
                 for what in chosen:
+                    set_num_threads(threads)  # which the part before may have changed
                     progress.update(bar, description=what)
                     for measured in PARTS[what](self.seconds):
                         rows.append({"what": what, **measured, **source, **machine})

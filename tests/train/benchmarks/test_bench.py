@@ -75,6 +75,21 @@ def test_parts_measure_positive_speeds(what: str) -> None:
     assert all(row["agent_steps_per_s"] > 0 for row in rows)
 
 
+def test_each_part_begins_with_the_number_of_threads_of_the_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    begins = []
+
+    def part(seconds: float) -> Iterator[Row]:
+        begins.append(get_num_threads())
+        set_num_threads(1)
+        yield from ()
+
+    for name in ("pettingzoo", "vec_env"):
+        monkeypatch.setitem(PARTS, name, part)
+    set_num_threads(2)
+    assert main(["bench", "--only", "pettingzoo", "vec_env"]) == 0
+    assert begins == [2, 2]
+
+
 def test_every_trainer_is_measured(monkeypatch: pytest.MonkeyPatch) -> None:
     for name, (kind, changes) in list(RECIPES.items()):
         monkeypatch.setitem(RECIPES, name, (kind, changes | SMALL))
