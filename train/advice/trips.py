@@ -49,6 +49,7 @@ def traffic(routes: Sequence[NDArray[np.int64]], shape: tuple[int, int]) -> tupl
 
     That is the share of the routes that visit a cell, float64[H, W], and the expected conflicts between all pairs of
     routes while each robot drives its route once.
+
     Robots repeat their routes from random times on and drive a cell in a unit of time. Two conflict at a shared stretch
     of cells if they arrive within one unit of each other; on an opposing stretch (paper 001, section 2.3) within its
     length more. Diagonals that cross count like a shared cell. A window w of routes that take T_i and T_j counts
@@ -101,5 +102,6 @@ def expected_cost(grid: GridMap, trips: Sequence[Trip], robots: int) -> float:
     """Return the cost of a trip in cells: its length, and PRICE for each expected conflict with `robots`."""
     routes = plan_trips(grid, trips)
     length = float(np.mean([path_length(route) for route in routes]))
-    met = 2.0 * traffic(routes, grid.shape)[1] / len(routes) * robots / len(routes)
+    _, conflicts = traffic(routes, grid.shape)
+    met = 2.0 * conflicts / len(routes) * robots / len(routes)
     return length + PRICE * met

@@ -81,7 +81,7 @@ class Epibt:
         return np.where(drives, self._kept[:, :, since] / self._most, np.float32(0.0))
 
     def _draw_retreats(self, world: int, robots: NDArray[Any], generator: np.random.Generator) -> None:
-        """Let some of the robots ROBOT[N] begin to retreat."""
+        """Let some of the robots ROBOT[N] begin to retreat, and rank all of them."""
         backs, gave_way, age = self._backs[world], self._gave_way[world], robots["task"]["age"]
         drawn = generator.random(robots.shape)
         backs[:] = np.maximum(backs - 1, 0)

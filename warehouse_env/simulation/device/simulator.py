@@ -187,7 +187,7 @@ class DeviceSimulator:
         if assignments is not None:
             check_assignments(assignments, self.num_worlds, self.num_agents, self.host.grid)
             if any(one.goal.dtype.kind == "f" for one in assignments):
-                raise ConfigError("goals on a device must be cells, two whole numbers each; others need the CPU")
+                raise ConfigError("goals on a device must be cells, two whole numbers each; points, poses need the CPU")
         for world, entropy in enumerate(seeds_of(seed, self.num_worlds)):
             self._draws.begin(world, entropy)
         self._begin(list(range(self.num_worlds)), assignments or [None] * self.num_worlds)
